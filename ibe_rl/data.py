@@ -1,0 +1,276 @@
+"""What crosses the layers: episodes, moments, explanations, and what an environment declares of itself.
+
+This module knows numpy and nothing else of the package. Shapes: ``T`` steps of an episode, ``S`` state
+dimensions, ``d`` numbers in an instruction (1 here), ``H`` steps of a prediction, ``O = S + d + 1`` numbers
+that the policy reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+Array = np.ndarray
+Policy = Callable[[Array], Array]
+"""Observations ``(N, O)`` float32 to actions ``(N,)``, without any exploration."""
+
+
+class ConfigError(ValueError):
+    """A setting that cannot work; the message names the key, the value and what is allowed."""
+
+
+def observe(state: Array, instruction: Array, given: Array) -> Array:
+    """Join what the policy reads, in the order in which every part of the program reads it.
+
+    Args:
+        state: ``(..., S)`` state of the environment.
+        instruction: ``(..., d)`` the instruction, 0 where none was given.
+        given: ``(..., 1)`` 1 where there was an instruction: silence is not "straight down".
+
+    Returns:
+        ``(..., S + d + 1)`` float32.
+    """
+    return np.concatenate([state, instruction, given], axis=-1).astype(np.float32)
+
+
+def read_only(array: Array, shape: tuple[int | None, ...], name: str) -> Array:
+    """Return a read-only view of ``array`` after checking its shape (None matches any length).
+
+    Raises:
+        ValueError: if the shape differs; both shapes are named.
+    """
+    array = np.asarray(array)
+    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
+    if not fits:
+        raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One whole episode: ``T`` actions between ``T + 1`` states.
+
+    Attributes:
+        states: ``(T + 1, S)`` in the environment's observation units, the last one included.
+        actions: ``(T,)`` or ``(T, A)``.
+        rewards: ``(T,)`` as the environment gave them.
+        instructions: ``(T, d)`` the instruction the agent saw when it chose the action, 0 in silence.
+        given: ``(T,)`` bool, False where the instructor said nothing.
+        terminated: True if the environment ended it, False if it was cut off.
+        success: True if the environment's own success rule held at the end.
+        context: what the episode was about (for the lander: which pad).
+    """
+
+    states: Array
+    actions: Array
+    rewards: Array
+    instructions: Array
+    given: Array
+    terminated: bool
+    success: bool
+    context: str
+
+    def __post_init__(self) -> None:
+        steps = len(self.actions)
+        self._freeze("states", (steps + 1, None))
+        self._freeze("actions", (steps,) + (None,) * (np.ndim(self.actions) - 1))
+        self._freeze("rewards", (steps,))
+        self._freeze("instructions", (steps, None))
+        self._freeze("given", (steps,))
+
+    def _freeze(self, name: str, shape: tuple[int | None, ...]) -> None:
+        object.__setattr__(self, name, read_only(getattr(self, name), shape, f"Episode.{name}"))
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    @property
+    def total_reward(self) -> float:
+        """Undiscounted sum of the rewards."""
+        return float(np.sum(self.rewards, dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A point in an episode from which the future can be predicted.
+
+    Attributes:
+        state: ``(S,)``.
+        instruction: ``(d,)`` the instruction at this moment, 0 in silence.
+        given: False where the instructor said nothing.
+        snapshot: all that the environment needs to go on from here, or None; only the environment that
+            made it reads it.
+    """
+
+    state: Array
+    instruction: Array
+    given: bool
+    snapshot: Any = None
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What the agent says at one moment about its next ``horizon_steps`` steps.
+
+    Attributes:
+        expression: ``(d,)`` in [-1, 1], the instructor's own scale (m_t in the paper).
+        phrase: the expression in words.
+        cluster: index of the cluster that the predicted change falls into.
+        delta_state: ``(S,)`` predicted change of the state.
+        horizon_steps: how far ahead, in steps of the environment.
+        confidence: share of the cluster's windows that carried its most frequent instruction, in [0, 1];
+            not calibrated.
+        path: ``(H + 1, S)`` predicted states, the present one first; repeats the last one after an end.
+    """
+
+    expression: Array
+    phrase: str
+    cluster: int
+    delta_state: Array
+    horizon_steps: int
+    confidence: float
+    path: Array
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line or a closed outline to draw: ``points`` ``(P, 2)`` in scene units, y up."""
+
+    points: Array
+    colour: tuple[int, int, int]
+    closed: bool = False
+    radius: float = 0.03
+
+
+@dataclass(frozen=True)
+class Watched:
+    """An episode flown for the viewer, with all that is needed to draw and to explain it.
+
+    Attributes:
+        episode: the episode itself.
+        moments: ``T`` moments, one before each action.
+        background: what stands still.
+        figures: ``T + 1`` lists of the outlines that move, the same number with the same points each.
+    """
+
+    episode: Episode
+    moments: Sequence[Moment]
+    background: Sequence[Shape]
+    figures: Sequence[Sequence[Shape]]
+
+
+@dataclass(frozen=True)
+class Phrases:
+    """The words for one number of an expression.
+
+    Attributes:
+        zero: said while the magnitude is below the first limit of ``degrees``.
+        negative: template with ``{degree}`` for the other expressions below 0.
+        positive: the same above 0.
+        degrees: pairs (lower limit of the magnitude, word put in for ``{degree}``), rising.
+    """
+
+    zero: str
+    negative: str
+    positive: str
+    degrees: Sequence[tuple[float, str]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What an environment declares of its own, so that nothing else has to know it.
+
+    Attributes:
+        name: for titles.
+        state_names: ``S`` names.
+        state_units: ``S`` units.
+        rule: the instructor's rule, states ``(..., S)`` to instructions ``(..., d)``.
+        instruction_values: the values the rule can give, rising.
+        phrases: the words, one entry for each of the ``d`` numbers.
+        context: initial state ``(S,)`` to the name of what the episode is about.
+        contexts: all such names; also the options that ``reset`` takes under ``context_option``.
+        context_option: key of the reset option that fixes the context.
+        success_key: the key in ``info`` that says whether the episode ended well.
+        explained: index of the state dimension that the instructions speak of, used for figures only,
+            never by the explainer.
+        scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, or None.
+        scene_size: width and height of the scene in scene units.
+        scene_name: title of the scene.
+    """
+
+    name: str
+    state_names: tuple[str, ...]
+    state_units: tuple[str, ...]
+    rule: Callable[[Array], Array]
+    instruction_values: tuple[float, ...]
+    phrases: tuple[Phrases, ...]
+    context: Callable[[Array], str]
+    contexts: tuple[str, ...]
+    context_option: str
+    success_key: str
+    explained: int
+    scene_path: Callable[[Array], Array] | None = None
+    scene_size: tuple[float, float] = (1.0, 1.0)
+    max_episode_steps: int = field(default=1000)
+
+    @property
+    def instruction_size(self) -> int:
+        """``d``, the number of numbers in an instruction."""
+        return len(self.phrases)
+
+    @property
+    def observation_size(self) -> int:
+        """``O``, what the policy reads: state, instruction, whether it was given."""
+        return len(self.state_names) + self.instruction_size + 1
+
+
+class Instructor(Protocol):
+    """Whoever tells the agents what to do, ``N`` of them side by side."""
+
+    def reset(self, rows: Array) -> None:
+        """Forget the rows ``(N,)`` bool in which a new episode begins."""
+
+    def instruct(self, states: Array) -> tuple[Array, Array]:
+        """Give each of ``N`` agents its instruction.
+
+        Args:
+            states: ``(N, S)``.
+
+        Returns:
+            instructions ``(N, d)`` float32, 0 where silent, and given ``(N, 1)`` float32, 0 or 1.
+        """
+
+
+class Mapping(Protocol):
+    """f: change of the state to expression, as it was learnt at one refresh."""
+
+    def cluster(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to cluster indices ``(W,)``."""
+
+    def express(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to expressions ``(W, d)`` in [-1, 1]."""
+
+    def confidence(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to confidences ``(W,)`` in [0, 1]."""
+
+
+class Predictor(Protocol):
+    """Where a policy will lead, from given moments."""
+
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
+        """Follow the policy from each moment.
+
+        Args:
+            moments: ``N`` moments.
+            policy: the greedy policy.
+            horizon_steps: ``H``.
+
+        Returns:
+            ``(N, H + 1, S)`` predicted states, the present one first; a prediction that ends early
+            repeats its last state.
+        """

@@ -1,0 +1,120 @@
+"""Windows of n steps: how the state changed, and what the instructor had said when it began."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibe_rl.data import Array, Episode, read_only
+
+
+@dataclass(frozen=True)
+class Windows:
+    """``W`` changes of the state over ``horizon_steps`` steps.
+
+    Attributes:
+        delta: ``(W, S)`` s_{t+n} - s_t (the paper's equation 1), in the environment's observation units.
+        instruction: ``(W, d)`` m*_t at the beginning of the window.
+        given: ``(W,)`` bool, False where the instructor was silent.
+        episode: ``(W,)`` index of the episode in the sequence the windows were cut from.
+        step: ``(W,)`` t, the step at which the window begins.
+        horizon_steps: n.
+    """
+
+    delta: Array
+    instruction: Array
+    given: Array
+    episode: Array
+    step: Array
+    horizon_steps: int
+
+    def __post_init__(self) -> None:
+        count = len(self.delta)
+        shapes = {"delta": (count, None), "instruction": (count, None)}
+        for name in ("delta", "instruction", "given", "episode", "step"):
+            view = read_only(getattr(self, name), shapes.get(name, (count,)), f"Windows.{name}")
+            object.__setattr__(self, name, view)
+
+    def __len__(self) -> int:
+        return len(self.delta)
+
+    def __getitem__(self, rows: Array | slice) -> Windows:
+        columns = (self.delta, self.instruction, self.given, self.episode, self.step)
+        return Windows(*(column[rows] for column in columns), horizon_steps=self.horizon_steps)
+
+
+def delta_states(states: Array, horizon_steps: int, end: str = "drop") -> Array:
+    """Change of the state over the next n steps, from every step of one episode.
+
+    Args:
+        states: ``(T + 1, S)``.
+        horizon_steps: n, at least 1.
+        end: "drop" leaves out the windows that reach past the last state, "clamp" lets them end there.
+
+    Returns:
+        ``(max(T + 1 - n, 0), S)`` for "drop", ``(T, S)`` for "clamp"; row t begins at step t.
+
+    Raises:
+        ValueError: for another ``end`` or a horizon below 1.
+    """
+    if horizon_steps < 1:
+        raise ValueError(f"horizon_steps={horizon_steps}: at least 1")
+    if end == "drop":
+        return states[horizon_steps:] - states[:-horizon_steps]
+    if end == "clamp":
+        last = len(states) - 1
+        return states[np.minimum(np.arange(last) + horizon_steps, last)] - states[:-1]
+    raise ValueError(f"end={end!r}: choose one of drop, clamp")
+
+
+def cut_windows(episodes: Sequence[Episode], horizon_steps: int, end: str = "drop") -> Windows:
+    """Cut every episode into its windows, one beginning at each step.
+
+    Args:
+        episodes: whole episodes of one environment, at least one.
+        horizon_steps: n.
+        end: see ``delta_states``.
+
+    Raises:
+        ValueError: without any episode, or as ``delta_states``.
+    """
+    if not episodes:
+        raise ValueError("cut_windows needs at least one episode")
+    deltas = [delta_states(episode.states, horizon_steps, end) for episode in episodes]
+    counts = [len(delta) for delta in deltas]
+    pairs = list(zip(episodes, counts, strict=True))
+    return Windows(
+        delta=np.concatenate(deltas),
+        instruction=np.concatenate([episode.instructions[:count] for episode, count in pairs]),
+        given=np.concatenate([episode.given[:count] for episode, count in pairs]).astype(bool),
+        episode=np.repeat(np.arange(len(episodes)), counts),
+        step=np.concatenate([np.arange(count) for count in counts]),
+        horizon_steps=horizon_steps,
+    )
+
+
+def top_episodes(total_rewards: Array, fraction: float, contexts: Array | None = None) -> Array:
+    """Find the best episodes.
+
+    Args:
+        total_rewards: ``(E,)``.
+        fraction: x, the share to keep, in (0, 1]; rounded up to whole episodes.
+        contexts: ``(E,)`` names; given, the share is taken within each of them, else over all.
+
+    Returns:
+        ``(E,)`` bool.
+
+    Raises:
+        ValueError: for a fraction outside (0, 1].
+    """
+    if not 0 < fraction <= 1:
+        raise ValueError(f"top_fraction={fraction}: above 0 and at most 1")
+    groups = np.zeros(len(total_rewards)) if contexts is None else np.asarray(contexts)
+    best = np.zeros(len(total_rewards), dtype=bool)
+    for group in np.unique(groups):
+        rows = np.flatnonzero(groups == group)
+        ranked = rows[np.argsort(-np.asarray(total_rewards)[rows], kind="stable")]
+        best[ranked[: int(np.ceil(fraction * len(rows)))]] = True
+    return best

@@ -1,0 +1,189 @@
+"""The paper's mapping: cluster the changes of the state, give each cluster its mean instruction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.cluster import KMeans
+from sklearn.metrics import pairwise_distances_argmin
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import check_is_fitted
+
+from ibe_rl.data import Array, read_only
+from ibe_rl.ibe.vocabulary import normalise
+
+
+class TooLittleData(ValueError):
+    """The windows cannot carry a vocabulary yet; the message says what is missing."""
+
+
+@dataclass(frozen=True)
+class ClusterMapping:
+    """f: change of the state to expression, by the nearest centre.
+
+    Attributes:
+        mean: ``(S,)`` taken off a change, in observation units.
+        weight: ``(S,)`` multiplied with it then: 1 / standard deviation, 0 for a dimension left out.
+        centres: ``(k, S)`` in standardised units.
+        mean_instructions: ``(k, d)`` e^i.
+        expressions: ``(k, d)`` m^i in [-1, 1]; clusters are sorted by the first number of e^i.
+        sizes: ``(k,)`` windows in each cluster when it was learnt.
+        purities: ``(k,)`` share of a cluster's windows that carried its most frequent instruction.
+    """
+
+    mean: Array
+    weight: Array
+    centres: Array
+    mean_instructions: Array
+    expressions: Array
+    sizes: Array
+    purities: Array
+
+    def __post_init__(self) -> None:
+        k, dims = np.shape(self.centres)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "mean": (dims,),
+            "weight": (dims,),
+            "centres": (k, dims),
+            "mean_instructions": (k, None),
+            "expressions": (k, None),
+            "sizes": (k,),
+            "purities": (k,),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), float), shape, name))
+
+    def cluster(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to the indices ``(W,)`` of their clusters."""
+        return pairwise_distances_argmin((np.asarray(delta, float) - self.mean) * self.weight, self.centres)
+
+    def express(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to expressions ``(W, d)``: the paper's equation 2."""
+        return self.expressions[self.cluster(delta)]
+
+    def confidence(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to the purities ``(W,)`` of their clusters; not calibrated."""
+        return self.purities[self.cluster(delta)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, for JSON."""
+        return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """The inverse of ``to_dict``.
+
+        Raises:
+            ValueError: if a value is missing or shapes do not fit.
+        """
+        try:
+            return cls(**{name: np.asarray(values[name], float) for name in cls.__dataclass_fields__})
+        except KeyError as error:
+            raise ValueError(f"the mapping lacks {error}") from None
+
+
+class PaperMapping(BaseEstimator):
+    """IBE's mapping from changes of the state to expressions, as in the paper (section "Mapping ...").
+
+    Standardise, k-means, mean instruction per cluster, min-max between the clusters.
+
+    Args:
+        n_clusters: k, at least 2.
+        normalisation: "minmax" (literal) or "sign" (keeps the sign of each mean instruction).
+        dimensions: indices of the state dimensions to cluster on; None takes all.
+        n_init: k-means starts, the best is kept.
+        max_fit_windows: k-means runs on at most this many windows, drawn at random; sizes and mean
+            instructions are of all of them.
+        random_state: seed of the k-means starts and of the draw.
+
+    Attributes:
+        mapping_: the learnt ``ClusterMapping``.
+        labels_: ``(W,)`` clusters of the windows it was fitted on.
+    """
+
+    def __init__(
+        self,
+        n_clusters: int = 8,
+        normalisation: str = "minmax",
+        dimensions: Sequence[int] | None = None,
+        n_init: int = 4,
+        max_fit_windows: int = 20_000,
+        random_state: int | None = None,
+    ):
+        self.n_clusters = n_clusters
+        self.normalisation = normalisation
+        self.dimensions = dimensions
+        self.n_init = n_init
+        self.max_fit_windows = max_fit_windows
+        self.random_state = random_state
+
+    def fit(self, delta: Array, instruction: Array) -> Self:
+        """Learn the vocabulary.
+
+        Args:
+            delta: ``(W, S)`` changes of the state from the best episodes.
+            instruction: ``(W,)`` or ``(W, d)`` the instruction at the beginning of each window; windows
+                without one must be left out.
+
+        Raises:
+            TooLittleData: with fewer distinct windows than clusters.
+            ValueError: if ``n_clusters`` is below 2 or the lengths differ.
+        """
+        if self.n_clusters < 2:
+            raise ValueError(f"n_clusters={self.n_clusters}: at least 2")
+        delta = np.asarray(delta, float)
+        instruction = np.asarray(instruction, float).reshape(len(instruction), -1)
+        if len(delta) != len(instruction):
+            raise ValueError(f"{len(delta)} windows but {len(instruction)} instructions")
+        centres, mean, weight = self._split(delta)
+        self.mapping_ = self._name(delta, instruction, centres, mean, weight)
+        self.labels_ = self.mapping_.cluster(delta)
+        return self
+
+    def predict(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to expressions ``(W, d)``."""
+        check_is_fitted(self)
+        return self.mapping_.express(delta)
+
+    def _split(self, delta: Array) -> tuple[Array, Array, Array]:
+        """Standardise and cluster; return centres, mean and weight as ``ClusterMapping`` holds them."""
+        if not len(delta):
+            raise TooLittleData(f"0 distinct windows for n_clusters={self.n_clusters}")
+        random = np.random.default_rng(self.random_state)
+        scaler = StandardScaler().fit(delta)
+        weight = 1 / scaler.scale_
+        if self.dimensions is not None:
+            weight[~np.isin(np.arange(delta.shape[1]), self.dimensions)] = 0
+        rows = random.permutation(len(delta))[: self.max_fit_windows]
+        standard = (delta[rows] - scaler.mean_) * weight
+        distinct = len(np.unique(standard, axis=0))
+        if distinct < self.n_clusters:
+            raise TooLittleData(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
+        kmeans = KMeans(self.n_clusters, n_init=self.n_init, random_state=int(random.integers(2**31)))
+        return kmeans.fit(standard).cluster_centers_, scaler.mean_, weight
+
+    def _name(self, delta: Array, instruction: Array, centres: Array, mean: Array, weight: Array) -> ClusterMapping:
+        """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and normalise."""
+        labels = pairwise_distances_argmin((delta - mean) * weight, centres)
+        members = [instruction[labels == i] for i in range(len(centres))]
+        means = np.array([rows.mean(axis=0) if len(rows) else instruction.mean(axis=0) for rows in members])
+        order = np.argsort(means[:, 0], kind="stable")
+        return ClusterMapping(
+            mean,
+            weight,
+            centres[order],
+            mean_instructions=means[order],
+            expressions=normalise(means, self.normalisation)[order],
+            sizes=np.array([len(members[i]) for i in order]),
+            purities=np.array([_purity(members[i]) for i in order]),
+        )
+
+
+def _purity(instructions: Array) -> float:
+    if not len(instructions):
+        return 0.0
+    return float(np.unique(instructions, axis=0, return_counts=True)[1].max() / len(instructions))

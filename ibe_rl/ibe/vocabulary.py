@@ -1,0 +1,55 @@
+"""From mean instructions to expressions, and from expressions to words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ibe_rl.data import Array, Phrases
+
+NORMALISATIONS = ("minmax", "sign")
+
+
+def normalise(mean_instructions: Array, how: str = "minmax") -> Array:
+    """Normalise the mean instructions between the clusters (the paper: "normalize e^i ... to be m^i").
+
+    Args:
+        mean_instructions: ``(k, d)`` e^i.
+        how: "minmax" spreads each column over [-1, 1], all 0 where its values are equal; "sign" divides
+            it by its largest magnitude and so keeps every sign, all 0 where that is 0.
+
+    Returns:
+        ``(k, d)`` m^i in [-1, 1].
+
+    Raises:
+        ValueError: for another ``how``.
+    """
+    if how == "minmax":
+        low, high = mean_instructions.min(axis=0), mean_instructions.max(axis=0)
+        spread, centred = high - low, 2 * mean_instructions - high - low
+    elif how == "sign":
+        spread, centred = np.abs(mean_instructions).max(axis=0), mean_instructions
+    else:
+        raise ValueError(f"normalisation={how!r}: choose one of {', '.join(NORMALISATIONS)}")
+    return np.clip(np.divide(centred, spread, out=np.zeros_like(centred), where=spread > 0), -1, 1)
+
+
+def phrase(expression: Array, vocabulary: Sequence[Phrases]) -> str:
+    """Say an expression ``(d,)`` in the words of the environment.
+
+    >>> falling = Phrases("straight down", "{degree}left", "{degree}right", ((0.2, "slightly "), (0.5, "")))
+    >>> phrase(np.array([0.3]), [falling]), phrase(np.array([-0.9]), [falling])
+    ('slightly right', 'left')
+    """
+    return " and ".join(_words(float(value), words) for value, words in zip(expression, vocabulary, strict=True))
+
+
+def _words(value: float, words: Phrases) -> str:
+    degree = None
+    for limit, word in words.degrees:
+        if abs(value) >= limit:
+            degree = word
+    if degree is None:
+        return words.zero
+    return (words.positive if value > 0 else words.negative).format(degree=degree)
