@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.data import Array, Episode
-from ibe_rl.ibe import ClusterMapping, PaperMapping, TooLittleData, Windows, cut_windows, top_episodes
+from ibe_rl.ibe import ClusterMapping, PaperMapping, TooLittleDataError, Windows, cut_windows, top_episodes
 from ibe_rl.log import TrajectoryLog
 
 

@@ -99,7 +99,7 @@ class LunarLanderPads(game.LunarLander):
         return observation, {"landed": False}
 
     def _moved_terrain(self) -> Array:
-        """gymnasium's terrain, pushed along until its flat part lies under the pad."""
+        """The terrain of the game, pushed along until its flat part lies under the pad."""
         if self._flat:
             return np.full(CHUNKS, self.terrain[CHUNKS // 2])
         return np.roll(self.terrain, round(PAD_X[self.pad] * (CHUNKS // 2)))

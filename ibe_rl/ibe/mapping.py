@@ -17,7 +17,7 @@ from ibe_rl.data import Array, read_only
 from ibe_rl.ibe.vocabulary import normalise
 
 
-class TooLittleData(ValueError):
+class TooLittleDataError(ValueError):
     """The windows cannot carry a vocabulary yet; the message says what is missing."""
 
 
@@ -130,7 +130,7 @@ class PaperMapping(BaseEstimator):
                 without one must be left out.
 
         Raises:
-            TooLittleData: with fewer distinct windows than clusters.
+            TooLittleDataError: with fewer distinct windows than clusters.
             ValueError: if ``n_clusters`` is below 2 or the lengths differ.
         """
         if self.n_clusters < 2:
@@ -152,7 +152,7 @@ class PaperMapping(BaseEstimator):
     def _split(self, delta: Array) -> tuple[Array, Array, Array]:
         """Standardise and cluster; return centres, mean and weight as ``ClusterMapping`` holds them."""
         if not len(delta):
-            raise TooLittleData(f"0 distinct windows for n_clusters={self.n_clusters}")
+            raise TooLittleDataError(f"0 distinct windows for n_clusters={self.n_clusters}")
         random = np.random.default_rng(self.random_state)
         scaler = StandardScaler().fit(delta)
         weight = 1 / scaler.scale_
@@ -162,7 +162,7 @@ class PaperMapping(BaseEstimator):
         standard = (delta[rows] - scaler.mean_) * weight
         distinct = len(np.unique(standard, axis=0))
         if distinct < self.n_clusters:
-            raise TooLittleData(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
+            raise TooLittleDataError(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
         kmeans = KMeans(self.n_clusters, n_init=self.n_init, random_state=int(random.integers(2**31)))
         return kmeans.fit(standard).cluster_centers_, scaler.mean_, weight
 

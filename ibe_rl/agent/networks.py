@@ -1,0 +1,61 @@
+"""The networks of the agents, and the average of their weights that is explained and evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torchrl.modules import MLP
+
+from ibe_rl.data import Array
+
+
+def make_network(inputs: int, hidden: Sequence[int], outputs: int, activation: type[nn.Module], last_gain: float) -> MLP:
+    """An MLP with orthogonal weights; ``last_gain`` scales those of the last layer."""
+    network = MLP(in_features=inputs, out_features=outputs, num_cells=list(hidden), activation_class=activation)
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
+    for layer in layers:
+        nn.init.orthogonal_(layer.weight, last_gain if layer is layers[-1] else 2**0.5)
+        nn.init.zeros_(layer.bias)
+    return network
+
+
+class GreedyPolicy:
+    """The action with the highest output of an exponential average of a network's weights.
+
+    The average wavers less between updates than the weights themselves; with a decay of 0 it is the weights.
+
+    Args:
+        network: observations ``(N, O)`` to one output per action ``(N, A)``; not changed.
+        decay: share of the average that stays at each ``follow``.
+    """
+
+    def __init__(self, network: nn.Module, decay: float):
+        self._average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(decay))
+
+    def follow(self, network: nn.Module) -> None:
+        """Move the average towards the network's present weights."""
+        self._average.update_parameters(network)
+
+    @torch.no_grad()
+    def __call__(self, observations: Array) -> Array:
+        """Observations ``(N, O)`` float32 to actions ``(N,)`` int64."""
+        outputs: Tensor = self._average.module(torch.from_numpy(observations))
+        actions: Array = outputs.argmax(-1).numpy()
+        return actions.astype(np.int64)
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """The averaged weights and how many updates they have followed."""
+        return dict(self._average.state_dict())
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        """The inverse of ``state_dict``."""
+        self._average.load_state_dict(state)
+
+
+def linear(start: float, end: float, progress: float) -> float:
+    """Go in a straight line from ``start`` (progress 0) to ``end`` (progress 1 and later)."""
+    return start + (end - start) * min(max(progress, 0.0), 1.0)

@@ -1,0 +1,86 @@
+"""Experience: TorchRL's collector over batched environments, in one process or several."""
+
+from __future__ import annotations
+
+import multiprocessing.resource_tracker
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torchrl.collectors import BaseCollector, Collector
+from torchrl.envs import EnvBase
+
+from ibe_rl.agent import Agent
+from ibe_rl.config import CollectConfig, EnvConfig
+from ibe_rl.data import Array, Task
+from ibe_rl.env.make import make_env
+from ibe_rl.instruct import make_instructor
+
+SEEDS_PER_RUN = 100_000
+"""Training seeds of a run: ``seed * SEEDS_PER_RUN`` and up; all stay below ``EVALUATION_SEED``."""
+EVALUATION_SEED = 2_000_000_000
+
+
+def env_of_worker(worker: int, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int) -> EnvBase:
+    """Make a worker's environments; runs in the worker's own process."""
+    torch.set_num_threads(1)
+    first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
+    torch.manual_seed(first)  # the exploring policy draws from this one
+    return make_env(env.id, env.kwargs, collect.envs_per_process, make_instructor(kind, task), first)
+
+
+@contextmanager
+def interrupts_stay_here() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach: the training process gets it and stops them in order."""
+    multiprocessing.resource_tracker.ensure_running()  # it would unblock the signal again
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def make_collector(agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int) -> BaseCollector:
+    """Make the collector; ``kind`` is the instructor's."""
+    rows = collect.processes * collect.envs_per_process
+    factories = [
+        partial(env_of_worker, worker, env, collect, task, kind, seed) for worker in range(collect.processes)
+    ]
+    many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
+    with interrupts_stay_here():
+        return Collector(
+            factories if collect.processes > 1 else factories[0],
+            agent.policy,
+            frames_per_batch=rows * collect.steps_per_batch,
+            total_frames=-1,
+            **(many if collect.processes > 1 else {}),
+        )
+
+
+def batches(collector: BaseCollector) -> Iterator[TensorDictBase]:
+    """Yield batches ``[N, T]`` without end, each collected with the weights as they are when it is asked for."""
+    for batch in collector:
+        yield batch.reshape(-1, batch.shape[-1])
+        collector.update_policy_weights_()
+
+
+def steps_of(batch: TensorDictBase, success_key: str) -> dict[str, Array]:
+    """Plain arrays ``(N, T, ...)`` of a batch ``[N, T]``, as the log takes them."""
+    after = batch["next"]
+    columns = {
+        "state": batch["state"],
+        "action": batch["action"],
+        "reward": after["reward"].squeeze(-1),
+        "instruction": batch["instruction"],
+        "given": batch["instruction_given"].squeeze(-1).bool(),
+        "next_state": after["state"],
+        "done": after["done"].squeeze(-1),
+        "terminated": after["terminated"].squeeze(-1),
+        "success": after[success_key].reshape(batch.shape),
+        "episode": batch["collector", "traj_ids"],
+    }
+    return {name: column.numpy() for name, column in columns.items()}

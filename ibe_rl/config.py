@@ -1,0 +1,214 @@
+"""Every setting: its name, type, default, limits and meaning. The files in configs/ only pick and override.
+
+A field's metadata holds its limits; ``check`` refuses what is outside before anything is built. See all
+values of a run with ``python train.py --cfg job``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from ibe_rl.data import ConfigError
+
+MAX_SEED = 9_999
+
+
+def setting(default: Any, *, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()) -> Any:
+    """A field with limits; ``low`` and ``high`` are themselves allowed."""
+    return field(default=default, metadata={"low": low, "high": high, "choices": tuple(choices)})
+
+
+@dataclass
+class EnvConfig:
+    """A registered gymnasium environment that declares a task (see ``ibe_rl.data.Task``)."""
+
+    id: str = MISSING
+    kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
+
+
+@dataclass
+class CollectConfig:
+    """How experience is gathered."""
+
+    processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself
+    envs_per_process: int = setting(64, low=1, high=4096)
+    steps_per_batch: int = setting(128, low=1, high=100_000)  # of each environment
+
+
+@dataclass
+class LogConfig:
+    """The log of whole episodes."""
+
+    capacity_frames: int = setting(1_000_000, low=10_000)  # the oldest episodes make room; about 60 bytes a frame
+
+
+@dataclass
+class AgentConfig:
+    """What all agents share."""
+
+    hidden: list[int] = field(default_factory=lambda: [128, 128])
+    gamma: float = setting(0.999, low=0.0, high=1.0)
+    learning_rate: float = setting(1e-3, low=0.0, high=1.0)
+    reward_scale: float = setting(0.05, low=1e-9)  # rewards are multiplied with it, for the learner only
+
+
+@dataclass
+class PPOConfig(AgentConfig):
+    """Proximal policy optimisation; learning rate and entropy bonus fall linearly to 0 over the run."""
+
+    gae_lambda: float = setting(0.98, low=0.0, high=1.0)
+    clip: float = setting(0.2, low=1e-6, high=1.0)
+    epochs: int = setting(6, low=1)
+    minibatch_size: int = setting(1024, low=2)
+    entropy: float = setting(0.01, low=0.0)
+    value_weight: float = setting(0.5, low=0.0)
+    max_grad_norm: float = setting(0.5, low=1e-9)
+    average_decay: float = setting(0.9, low=0.0, high=0.9999)  # of the weights that are explained, a batch
+
+
+@dataclass
+class DQNConfig(AgentConfig):
+    """Deep Q-learning with a slowly following target network, the paper's kind of agent."""
+
+    gamma: float = setting(0.99, low=0.0, high=1.0)
+    learning_rate: float = setting(5e-4, low=0.0, high=1.0)
+    buffer_frames: int = setting(300_000, low=1_000)
+    minibatch_size: int = setting(256, low=1)
+    frames_per_update: int = setting(16, low=1)
+    learn_after_frames: int = setting(16_000, low=0)
+    epsilon_end: float = setting(0.05, low=0.0, high=1.0)
+    epsilon_share: float = setting(0.3, low=0.0, high=1.0)  # of the run over which epsilon falls from 1
+    target_rate: float = setting(0.005, low=1e-9, high=1.0)
+    max_grad_norm: float = setting(10.0, low=1e-9)
+    average_decay: float = setting(0.9, low=0.0, high=0.9999)
+
+
+@dataclass
+class InstructorConfig:
+    """Who instructs: ``oracle`` follows the environment's rule at every step, ``silent`` never says anything."""
+
+    kind: str = setting("oracle", choices=("oracle", "silent"))
+
+
+@dataclass
+class MappingConfig:
+    """How the vocabulary is learnt (docs/PAPER.md gives the reason of each default)."""
+
+    horizon_steps: int = setting(60, low=1)
+    top_fraction: float = setting(0.25, low=1e-9, high=1.0)
+    top_within: str = setting("all", choices=("all", "context"))
+    n_clusters: int = setting(8, low=2)
+    normalisation: str = setting("minmax", choices=("minmax", "sign"))
+    window_end: str = setting("drop", choices=("drop", "clamp"))
+    dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster on; empty: all
+    n_init: int = setting(4, low=1)
+    max_fit_windows: int = setting(20_000, low=100)  # k-means sees at most so many, drawn at random
+
+
+@dataclass
+class PredictorConfig:
+    """How the future is predicted: in the environment's own engine, from a snapshot."""
+
+    future_instruction: str = setting("hold", choices=("hold", "rule"))
+    moments_at_once: int = setting(128, low=1)
+
+
+@dataclass
+class ViewerConfig:
+    """``live`` records and serves the recording, ``file`` records only, ``off`` does neither."""
+
+    mode: str = setting("live", choices=("live", "file", "off"))
+    grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
+    web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
+
+
+@dataclass
+class TrainConfig:
+    """``train.py``."""
+
+    seed: int = setting(0, low=0, high=MAX_SEED)
+    total_frames: int = setting(1_500_000, low=1)  # rounded up to whole batches
+    run_dir: str = MISSING
+    refresh_every_frames: int = setting(150_000, low=1)
+    eval_every_frames: int = setting(300_000, low=1)
+    eval_episodes: int = setting(100, low=1, high=10_000)
+    env: EnvConfig = MISSING
+    collect: CollectConfig = field(default_factory=CollectConfig)
+    log: LogConfig = field(default_factory=LogConfig)
+    agent: AgentConfig = MISSING
+    instructor: InstructorConfig = MISSING
+    mapping: MappingConfig = MISSING
+    predictor: PredictorConfig = MISSING
+    viewer: ViewerConfig = MISSING
+
+
+@dataclass
+class ExplainConfig:
+    """``explain.py``."""
+
+    run: str | None = None  # None: the newest below runs/
+    task: str = setting("episode", choices=("episode",))
+    seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
+    context: str | None = None  # such as the pad; None draws one
+    predictor: PredictorConfig = MISSING
+    output: str | None = None  # where the recording goes; None: into the run's folder
+
+
+def register() -> None:
+    """Tell hydra the schemas; the files in configs/ refer to them by these names."""
+    store = ConfigStore.instance()
+    store.store(name="train_schema", node=TrainConfig)
+    store.store(name="explain_schema", node=ExplainConfig)
+    groups: dict[str, type] = {
+        "env/schema": EnvConfig,
+        "agent/ppo_schema": PPOConfig,
+        "agent/dqn_schema": DQNConfig,
+        "instructor/schema": InstructorConfig,
+        "mapping/schema": MappingConfig,
+        "predictor/schema": PredictorConfig,
+        "viewer/schema": ViewerConfig,
+    }
+    for path, node in groups.items():
+        group, name = path.split("/")
+        store.store(group=group, name=name, node=node)
+
+
+def check(config: Any) -> None:
+    """Refuse values outside their limits.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    for key, value, limits in _settings(config, ""):
+        allowed = _allowed(limits)
+        if value is not None and allowed and not _fits(value, limits):
+            raise ConfigError(f"{key}={value}: allowed is {allowed}")
+
+
+def _settings(config: Any, prefix: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    for item in fields(config):
+        value = getattr(config, item.name)
+        if is_dataclass(value):
+            yield from _settings(value, f"{prefix}{item.name}.")
+        else:
+            yield f"{prefix}{item.name}", value, dict(item.metadata)
+
+
+def _fits(value: Any, limits: dict[str, Any]) -> bool:
+    if limits["choices"]:
+        return value in limits["choices"]
+    low, high = limits["low"], limits["high"]
+    return (low is None or value >= low) and (high is None or value <= high)
+
+
+def _allowed(limits: dict[str, Any]) -> str:
+    if limits.get("choices"):
+        return "one of " + ", ".join(limits["choices"])
+    parts = [f"at least {limits['low']:g}"] if limits.get("low") is not None else []
+    parts += [f"at most {limits['high']:g}"] if limits.get("high") is not None else []
+    return " and ".join(parts)
