@@ -1,0 +1,27 @@
+"""Does what was said happen?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ibe_rl.data import Episode, Explanation, Mapping, Phrases
+from ibe_rl.ibe import delta_states, phrase
+
+
+def came_true(episode: Episode, said: Sequence[Explanation], mapping: Mapping, vocabulary: Sequence[Phrases]) -> float:
+    """Share of an episode's moments whose spoken phrase is the phrase of what then happened.
+
+    What happened is measured over the same horizon, to the end of the episode where that is shorter, and put
+    into words by the same mapping.
+
+    Args:
+        episode: ``T`` steps.
+        said: ``T`` explanations, one before each step.
+        mapping: the mapping they were made with.
+        vocabulary: the words they were made with.
+    """
+    realised = delta_states(episode.states, said[0].horizon_steps, end="clamp")
+    happened = [phrase(expression, vocabulary) for expression in mapping.express(realised)]
+    return float(np.mean([one.phrase == other for one, other in zip(said, happened, strict=True)]))

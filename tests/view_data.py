@@ -1,0 +1,106 @@
+"""Episodes of the real lander, a vocabulary learnt from them and what would be said: data for the view's tests."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.box2d.lunar_lander import heuristic
+
+import ibe_rl  # noqa: F401 - registers the environment
+from ibe_rl.data import Array, Episode, Explanation, Moment, Task, Watched
+from ibe_rl.env import LANDER_ID
+from ibe_rl.env.lander_task import LANDER_TASK, X
+from ibe_rl.ibe import PaperMapping, cut_windows, phrase, top_episodes
+from ibe_rl.refresh import Refresh
+
+TASK: Task = LANDER_TASK
+HORIZON_STEPS = 60
+
+
+@cache
+def _lander() -> Any:
+    return gymnasium.make(LANDER_ID).unwrapped
+
+
+def fly(seed: int, wander: float = 0.0, max_steps: int = 400) -> Watched:
+    """Fly one episode by gymnasium's rule of thumb, aimed ``wander`` half widths beside the pad at first."""
+    env, random = _lander(), np.random.default_rng(seed)
+    state, _ = env.reset(seed=seed)
+    states, actions, rewards, figures = [state], [], [], [env.figure()]
+    aim, done, info = random.normal(0, wander) if wander else 0.0, False, {}
+    while not done and len(actions) < max_steps:
+        seen = state[:8].copy()
+        seen[X] -= state[8] + aim * max(0.0, float(state[1]))
+        action = heuristic(env, seen)
+        state, reward, done, _, info = env.step(action)
+        for column, value in zip((states, actions, rewards, figures), (state, action, reward, env.figure()), strict=True):
+            column.append(value)
+    return _watched(np.array(states), actions, rewards, figures, bool(info.get("landed")), env.background())
+
+
+def _watched(states: Array, actions: Any, rewards: Any, figures: Any, success: bool, background: Any) -> Watched:
+    steps = len(actions)
+    given = np.ones(steps, bool)
+    given[steps // 2 : steps // 2 + 15] = False  # the instructor falls silent for a while
+    instructions = TASK.rule(states[:-1]) * given[:, None]
+    episode = Episode(
+        states, np.array(actions), np.array(rewards), instructions, given, True, success, TASK.context(states[0])
+    )
+    moments = [Moment(states[t], instructions[t], bool(given[t])) for t in range(steps)]
+    return Watched(episode, moments, background, figures)
+
+
+@cache
+def flights(count: int = 12) -> tuple[Watched, ...]:
+    return tuple(fly(seed, wander=0.4) for seed in range(count))
+
+
+@cache
+def refreshed(frame: int = 50_000, count: int = 12, n_clusters: int = 8) -> Refresh:
+    """What a refresh at ``frame`` would have learnt from the first ``count`` flights."""
+    episodes = [watched.episode for watched in flights(count)]
+    best = top_episodes(np.array([episode.total_reward for episode in episodes]), 0.5)
+    top = [episode for episode, is_best in zip(episodes, best, strict=True) if is_best]
+    others = [episode for episode, is_best in zip(episodes, best, strict=True) if not is_best]
+    windows = cut_windows(top, HORIZON_STEPS)
+    fitted = PaperMapping(n_clusters, random_state=frame).fit(windows.delta, windows.instruction)
+    return Refresh(
+        frame=frame,
+        mapping=fitted.mapping_,
+        top=windows,
+        others=cut_windows(others, HORIZON_STEPS),
+        episodes_logged=len(episodes),
+        episodes_used=len(top),
+        episodes_by_context=Counter(episode.context for episode in top),
+        windows_by_context=Counter(top[i].context for i in windows.episode),
+        windows_by_instruction=Counter(f"{value:+g}" for value in windows.instruction[:, 0]),
+    )
+
+
+def explain(watched: Watched, refresh: Refresh, seed: int = 0) -> list[Explanation]:
+    """Explain every step from the real future, bent a little as a predictor would bend it."""
+    states, random = watched.episode.states, np.random.default_rng(seed)
+    steps = len(watched.moments)
+    ahead = np.minimum(np.arange(steps)[:, None] + np.arange(HORIZON_STEPS + 1), steps)
+    paths = states[ahead].copy()
+    bend = random.normal(0, 0.05, (steps // 20 + 1, 1, 2)).repeat(20, axis=0)[:steps]
+    paths[:, :, :2] += bend * np.linspace(0, 1, HORIZON_STEPS + 1)[:, None]
+    delta = paths[:, -1] - paths[:, 0]
+    mapping = refresh.mapping
+    expressions, clusters, confidence = mapping.express(delta), mapping.cluster(delta), mapping.confidence(delta)
+    return [
+        Explanation(
+            expression=expressions[t],
+            phrase=phrase(expressions[t], TASK.phrases),
+            cluster=int(clusters[t]),
+            delta_state=delta[t],
+            horizon_steps=HORIZON_STEPS,
+            confidence=float(confidence[t]),
+            path=paths[t],
+        )
+        for t in range(steps)
+    ]
