@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing.resource_tracker
-import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -19,6 +16,7 @@ from ibe_rl.config import CollectConfig, EnvConfig
 from ibe_rl.data import Array, Task
 from ibe_rl.env.make import make_env
 from ibe_rl.instruct import make_instructor
+from ibe_rl.signals import interrupts_stay_here
 
 SEEDS_PER_RUN = 100_000
 """Training seeds of a run: ``seed * SEEDS_PER_RUN`` and up; all stay below ``EVALUATION_SEED``."""
@@ -31,17 +29,6 @@ def env_of_worker(worker: int, env: EnvConfig, collect: CollectConfig, task: Tas
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     torch.manual_seed(first)  # the exploring policy draws from this one
     return make_env(env.id, env.kwargs, collect.envs_per_process, make_instructor(kind, task), first)
-
-
-@contextmanager
-def interrupts_stay_here() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach: the training process gets it and stops them in order."""
-    multiprocessing.resource_tracker.ensure_running()  # it would unblock the signal again
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def make_collector(agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int) -> BaseCollector:
@@ -84,3 +71,15 @@ def steps_of(batch: TensorDictBase, success_key: str) -> dict[str, Array]:
         "episode": batch["collector", "traj_ids"],
     }
     return {name: column.numpy() for name, column in columns.items()}
+
+
+class Every:
+    """A clock: true once in every ``frames`` frames, at the first batch that reaches them."""
+
+    def __init__(self, frames: int):
+        self._frames, self._passed = frames, 0
+
+    def __call__(self, frames: int) -> bool:
+        """Whether a multiple has been reached since the last call."""
+        before, self._passed = self._passed, frames // self._frames
+        return self._passed > before

@@ -51,6 +51,7 @@ class LogConfig:
 class AgentConfig:
     """What all agents share."""
 
+    kind: str = MISSING
     hidden: list[int] = field(default_factory=lambda: [128, 128])
     gamma: float = setting(0.999, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
@@ -61,6 +62,7 @@ class AgentConfig:
 class PPOConfig(AgentConfig):
     """Proximal policy optimisation; learning rate and entropy bonus fall linearly to 0 over the run."""
 
+    kind: str = setting("ppo", choices=("ppo",))
     gae_lambda: float = setting(0.98, low=0.0, high=1.0)
     clip: float = setting(0.2, low=1e-6, high=1.0)
     epochs: int = setting(6, low=1)
@@ -75,6 +77,7 @@ class PPOConfig(AgentConfig):
 class DQNConfig(AgentConfig):
     """Deep Q-learning with a slowly following target network, the paper's kind of agent."""
 
+    kind: str = setting("dqn", choices=("dqn",))
     gamma: float = setting(0.99, low=0.0, high=1.0)
     learning_rate: float = setting(5e-4, low=0.0, high=1.0)
     buffer_frames: int = setting(300_000, low=1_000)
@@ -94,11 +97,11 @@ class InstructorConfig:
 
     kind: str = setting("oracle", choices=("oracle", "silent"))
 
-
 @dataclass
 class MappingConfig:
     """How the vocabulary is learnt (docs/PAPER.md gives the reason of each default)."""
 
+    kind: str = setting("paper", choices=("paper",))
     horizon_steps: int = setting(60, low=1)
     top_fraction: float = setting(0.25, low=1e-9, high=1.0)
     top_within: str = setting("all", choices=("all", "context"))
@@ -185,7 +188,7 @@ def check(config: Any) -> None:
         ConfigError: naming the key, the value and what is allowed.
     """
     for key, value, limits in _settings(config, ""):
-        allowed = _allowed(limits)
+        allowed = _allowed(limits) if limits else ""
         if value is not None and allowed and not _fits(value, limits):
             raise ConfigError(f"{key}={value}: allowed is {allowed}")
 

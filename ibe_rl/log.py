@@ -42,12 +42,13 @@ class TrajectoryLog:
 
     Attributes:
         frames: steps seen so far, those of unfinished episodes included.
+        episodes_ended: whole episodes seen so far, those that made room included.
         index: records of the episodes kept, oldest first (see ``INDEX``).
     """
 
     def __init__(self, folder: Path, capacity_frames: int, contexts: Sequence[str]):
         self.folder, self.capacity_frames, self.contexts = folder, capacity_frames, tuple(contexts)
-        self.frames = 0
+        self.frames = self.episodes_ended = 0
         self._columns: dict[str, Array] = {}
         self._open: dict[int, list[dict[str, Array]]] = {}
         self._kept: deque[Any] = deque()
@@ -113,6 +114,7 @@ class TrajectoryLog:
             self.frames,
         )
         self._kept.append(record)
+        self.episodes_ended += 1
         return record
 
     def _make_room(self, rows: int) -> int:
@@ -161,6 +163,7 @@ class TrajectoryLog:
         for column in self._columns.values():
             column.flush()  # type: ignore[attr-defined]  # a memmap, made in _column
         about = {"capacity_frames": self.capacity_frames, "contexts": self.contexts, "frames": self.frames}
+        about |= {"episodes_ended": self.episodes_ended}
         write_json(self.folder / "log.json", about)
         write_atomically(self.folder / "episodes.npy", lambda stream: np.save(stream, self.index))
 
@@ -174,7 +177,7 @@ class TrajectoryLog:
         try:
             about = json.loads((folder / "log.json").read_text())
             log = cls(folder, int(about["capacity_frames"]), [str(name) for name in about["contexts"]])
-            log.frames = int(about["frames"])
+            log.frames, log.episodes_ended = int(about["frames"]), int(about["episodes_ended"])
             log._kept = deque(np.load(folder / "episodes.npy", allow_pickle=False).astype(INDEX).tolist())
             log._columns = {
                 name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in COLUMNS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -79,31 +80,39 @@ def find_run(run: str | None, below: Path) -> Path:
 
 
 class MetricsTable:
-    """``metrics.csv``: one row at a time, each on disk before the next; columns are fixed at the first row.
+    """``metrics.csv``: one row at a time, each on disk before the next; use as a context manager.
 
     Args:
         path: the file.
-        columns: names, ``frames`` first.
+        later: columns that the first row may lack; the others are the first row's.
     """
 
-    def __init__(self, path: Path, columns: Iterable[str]):
+    def __init__(self, path: Path, later: Iterable[str] = ()):
         self._stream = path.open("w", newline="")
-        self._writer = csv.DictWriter(self._stream, list(columns), restval="", extrasaction="raise")
-        self._writer.writeheader()
+        self._later = tuple(later)
+        self._writer: csv.DictWriter[str] | None = None
+
+    def __enter__(self) -> MetricsTable:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
 
     def write(self, row: Mapping[str, float]) -> None:
-        """Append a row; columns not in it stay empty.
+        """Append a row; columns that it lacks stay empty.
 
         Raises:
             ValueError: for a name that is no column.
         """
+        if self._writer is None:
+            columns = [*row, *(name for name in self._later if name not in row)]
+            self._writer = csv.DictWriter(self._stream, columns, restval="")
+            self._writer.writeheader()
         self._writer.writerow({name: _short(value) for name, value in row.items()})
         self._stream.flush()
 
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
-
 
 def _short(value: float) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)

@@ -77,7 +77,7 @@ def refreshed(frame: int = 50_000, count: int = 12, n_clusters: int = 8) -> Refr
         episodes_used=len(top),
         episodes_by_context=Counter(episode.context for episode in top),
         windows_by_context=Counter(top[i].context for i in windows.episode),
-        windows_by_instruction=Counter(f"{value:+g}" for value in windows.instruction[:, 0]),
+        windows_by_instruction=Counter(f"{value + 0.0:+g}" for value in windows.instruction[:, 0]),
     )
 
 

@@ -1,0 +1,45 @@
+"""Weights on disk; loading them runs no code from the file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ibe_rl.data import ConfigError
+from ibe_rl.run_folder import write_atomically
+
+LATEST = "latest.pt"
+
+
+def save_policy(folder: Path, frames: int, state: dict[str, torch.Tensor]) -> Path:
+    """Keep the greedy policy's weights of an evaluation."""
+    path = folder / f"policy_{frames:012d}.pt"
+    write_atomically(path, lambda stream: torch.save(state, stream))
+    return path
+
+
+def save_latest(folder: Path, state: dict[str, Any]) -> None:
+    """Replace the full state of the learner by the present one."""
+    write_atomically(folder / LATEST, lambda stream: torch.save(state, stream))
+
+
+def policies(folder: Path) -> dict[int, Path]:
+    """Frames to files of the policies kept, in rising order."""
+    found = {int(match[1]): path for path in folder.glob("*.pt") if (match := re.match(r"policy_(\d+)\.pt", path.name))}
+    return dict(sorted(found.items()))
+
+
+def load(path: Path) -> Any:
+    """Read a checkpoint: tensors and plain values only.
+
+    Raises:
+        ConfigError: if the file is missing, damaged, or holds anything that would have to run code.
+    """
+    try:
+        return torch.load(path, weights_only=True)
+    except Exception as error:  # torch raises a dozen types for damaged files
+        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ConfigError(f"{path}: not a readable checkpoint ({first})") from None

@@ -1,0 +1,112 @@
+"""From a command line to a checked config, and from an error to one line."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hydra
+import yaml
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from hydra.types import RunMode
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from ibe_rl import config as schemas
+from ibe_rl.data import ConfigError
+
+
+def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
+    """Compose the config ``name``, check it and call ``script`` with it; print an expected error as one line.
+
+    Args:
+        script: takes the composed config as its dataclass.
+        configs: the folder of the hydra files.
+        name: the root config in it.
+    """
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
+    schemas.register()
+    started = False
+
+    @hydra.main(version_base="1.3", config_path=str(configs), config_name=name)
+    def main(composed: Any) -> None:
+        values = OmegaConf.to_object(composed)
+        schemas.check(values)
+        nonlocal started
+        started = True
+        script(values)
+
+    try:
+        main()
+    except (ConfigError, HydraException, OmegaConfBaseException) as error:
+        sys.exit(f"error: {one_line(error)}")
+    except OSError as error:
+        if started:
+            raise
+        sys.exit(f"error: run_dir={error.filename}: allowed is a folder that can be written to ({error.strerror})")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def is_sweep() -> bool:
+    """True while one of several runs of a hydra multirun is under way."""
+    return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
+
+
+def output_folder(run_dir: str) -> Path:
+    """The folder of this run: ``run_dir``, or in a sweep the one that hydra makes in it."""
+    return Path(HydraConfig.get().runtime.output_dir if is_sweep() else run_dir)
+
+
+def save_config(values: Any, folder: Path) -> None:
+    """Write the composed config and the overrides the way hydra does."""
+    OmegaConf.save(OmegaConf.structured(values), folder / "config.yaml")
+    OmegaConf.save(HydraConfig.get().overrides.task, folder / "overrides.yaml")
+
+
+def load_config(path: Path, schema: type) -> Any:
+    """Read a saved config back; values only, nothing in it is run.
+
+    Raises:
+        ConfigError: if the file does not fit the schema.
+    """
+    try:
+        saved = OmegaConf.load(path)
+        agent = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig}[saved.agent.kind]
+        typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent())), saved)
+        return OmegaConf.to_object(typed)
+    except (OmegaConfBaseException, yaml.YAMLError, AttributeError, KeyError, OSError, ValueError) as error:
+        raise ConfigError(f"{path}: not the config of a run of this version ({one_line(error)})") from None
+
+
+def one_line(error: BaseException) -> str:
+    """Say what was wrong in one line: the key, the value and what is allowed."""
+    if isinstance(error, MissingConfigException):
+        return _unknown_choice(str(error))
+    cause = error.__cause__ or error
+    text = str(cause)
+    unknown = re.search(r"Key '(\w+)' not in '(\w+)'", text)
+    if unknown:
+        return _unknown_key(unknown[1], unknown[2], getattr(cause, "full_key", None))
+    key = getattr(cause, "full_key", None)
+    first = text.strip().splitlines()[0] if text.strip() else type(error).__name__
+    if isinstance(error, OverrideParseException):
+        return f"{error.override}: {first}"
+    return f"{key}: {first}" if key else first
+
+
+def _unknown_key(key: str, owner: str, full_key: str | None) -> str:
+    fields = getattr(getattr(schemas, owner, None), "__dataclass_fields__", {})
+    return f"{full_key or key}: no such setting; allowed are {', '.join(fields)}"
+
+
+def _unknown_choice(text: str) -> str:
+    wanted = re.search(r"Could not find '([\w/]+)/([\w.-]+)'", text) or re.search(r"'([\w/]+)/([\w.-]+)'", text)
+    options = [line.strip() for line in text.splitlines() if line.startswith("\t")]
+    allowed = ", ".join(sorted(option for option in options if "schema" not in option and "/" not in option))
+    return f"{wanted[1]}={wanted[2]}: allowed is one of {allowed}" if wanted else text.splitlines()[0]

@@ -1,0 +1,214 @@
+"""From episodes, refreshes and explanations to what the view shows of them: coordinates, colours and words.
+
+Numpy only; the view draws what this module returns. Scene points have y down, as screens do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as Dict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibe_rl.data import Array, Explanation, Shape, Task
+from ibe_rl.ibe import ClusterMapping, Windows
+
+BLUE, GREY, ORANGE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
+"""Expressions from -1 over 0 to +1, told apart also without red or green."""
+TRAIL_POINTS = 64
+SCATTER_POINTS = 600
+BINS = 41
+FEW = 5
+
+
+def colours(values: Array) -> Array:
+    """Numbers ``(N,)`` in [-1, 1] to colours ``(N, 3)`` uint8 from blue over grey to orange."""
+    values = np.clip(np.asarray(values, float), -1, 1)[:, None]
+    ends = np.where(values < 0, BLUE, ORANGE)
+    return (GREY + np.abs(values) * (ends - np.array(GREY))).round().astype(np.uint8)
+
+
+def flipped(points: Array, height: float) -> Array:
+    """Points ``(..., 2)`` with y up to y down, in a scene of this height in scene units."""
+    return np.stack([points[..., 0], height - points[..., 1]], axis=-1).astype(np.float32)
+
+
+def strip(shape: Shape, points: int, height: float) -> Array:
+    """The line along a shape, y down, closed if the shape is: ``(points, 2)``, its end repeated to fill them."""
+    corners = np.concatenate([shape.points, shape.points[:1]]) if shape.closed else np.asarray(shape.points)
+    return flipped(corners[np.minimum(np.arange(points), len(corners) - 1)], height)
+
+
+def strip_length(shapes: Sequence[Shape]) -> int:
+    """Points in the longest line along one of these shapes."""
+    return max(len(shape.points) + shape.closed for shape in shapes)
+
+
+def moving_strips(figures: Sequence[Sequence[Shape]], height: float) -> Array:
+    """Outlines of all steps: ``T`` lists of ``F`` shapes to lines ``(T, F, P, 2)``, y down."""
+    length = strip_length(figures[0])
+    pick = [np.minimum(np.arange(length), len(s.points) - 1 + s.closed) % len(s.points) for s in figures[0]]
+    lines = [np.stack([shapes[i].points for shapes in figures])[:, rows] for i, rows in enumerate(pick)]
+    return flipped(np.stack(lines, axis=1), height)
+
+
+def trails(path: Array) -> Array:
+    """The way behind each step: a path ``(T + 1, 2)`` to lines ``(T + 1, P, 2)`` that end at their step."""
+    stride = max(1, -(-len(path) // TRAIL_POINTS))
+    marks = np.arange(0, len(path) + stride, stride)
+    return path[np.minimum(marks, np.arange(len(path))[:, None])]
+
+
+def ahead(path: Array, steps: int) -> Array:
+    """The way before each step: a path ``(T + 1, 2)`` to lines ``(T, steps + 1, 2)``, the end repeated."""
+    last = len(path) - 1
+    return path[np.minimum(np.arange(last)[:, None] + np.arange(steps + 1), last)]
+
+
+def kept(predicted: Array, every: int) -> list[Array]:
+    """Predictions that stay in the picture, to be held against what came of them.
+
+    Args:
+        predicted: ``(T, P, 2)`` one a step.
+        every: one in so many stays, the first one included.
+
+    Returns:
+        for each of the steps 0, every, 2 every, ... all that stay by then, ``(n, P, 2)``.
+    """
+    staying = predicted[::every]
+    return [staying[: i + 1] for i in range(len(staying))]
+
+
+def changes(words: Sequence[object]) -> list[int]:
+    """Indices at which a sequence differs from the entry before, the first one included."""
+    return [i for i, word in enumerate(words) if i == 0 or word != words[i - 1]]
+
+
+def short(phrases: Sequence[str]) -> list[str]:
+    """Leave out the words that all phrases begin with.
+
+    >>> short(["going up", "going down"])
+    ['up', 'down']
+    """
+    split = [phrase.split() for phrase in phrases]
+    shared = 0
+    while len({tuple(words[: shared + 1]) for words in split}) == 1 and all(len(words) > shared + 1 for words in split):
+        shared += 1
+    return [" ".join(words[shared:]) for words in split]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of the scatter: a state dimension and which changes of it lie inside the picture.
+
+    Attributes:
+        dimension: index of the state dimension.
+        low: change at the lower edge, in observation units, at most 0.
+        high: change at the upper edge, at least 0.
+        title: name and unit.
+    """
+
+    dimension: int
+    low: float
+    high: float
+    title: str
+
+    def place(self, changes: Array | Sequence[float]) -> Array:
+        """Changes in observation units to positions in [-1, 1]; what lies farther out is put on the edge."""
+        return np.clip((np.asarray(changes, float) - self.low) / (self.high - self.low) * 2 - 1, -1, 1)
+
+    def ticks(self) -> list[float]:
+        """A round number on each side of 0 where there is room for one."""
+        size = (self.high - self.low) / 2
+        power = 10.0 ** np.floor(np.log10(size))
+        tick = max(power * factor for factor in (0.2, 0.5, 1, 2, 5) if power * factor <= 0.9 * size)
+        return [value for value in (-tick, tick) if self.low <= value <= self.high]
+
+
+def second_dimension(mapping: ClusterMapping, explained: int, delta: Array) -> int:
+    """The dimension that separates the centres best in standardised units, beside the explained one.
+
+    Dimensions whose changes ``delta`` ``(W, S)`` take few values, such as flags, come last: their points lie on
+    top of each other.
+    """
+    spread = mapping.centres.var(axis=0)
+    few = [len(np.unique(column)) <= FEW for column in delta.T]
+    spread = np.where(few, spread - spread.max() - 1, spread)
+    spread[explained] = -np.inf
+    return int(np.argmax(spread))
+
+
+def label_row(points: Array, y: float) -> Array:
+    """Places ``(k, 2)`` for the labels of points ``(k, 2)``: in the points' order from left to right, evenly spaced."""
+    order = np.argsort(np.argsort(points[:, 0], kind="stable"))
+    x = (order + 0.5) / len(points) * 2 - 1
+    return np.stack([x, np.full(len(points), y)], axis=-1)
+
+
+def axis(task: Task, dimension: int, delta: Array, symmetric: bool) -> Axis:
+    """Fit one axis to changes ``(W, S)``: 0 and 99 % of them lie inside; symmetric puts 0 in the middle."""
+    name, unit = task.state_names[dimension], task.state_units[dimension]
+    low, high = np.quantile(np.append(delta[:, dimension], 0.0), [0.005, 0.995]).tolist()
+    if symmetric or low == high:
+        high = max(abs(low), abs(high)) or 1.0
+        low = -high
+    return Axis(dimension, min(low, 0.0), max(high, 0.0), f"Δ{name} ({unit})")
+
+
+def centres(mapping: ClusterMapping) -> Array:
+    """Centres ``(k, S)`` as changes of the state in observation units; the mean where a dimension is left out."""
+    used = mapping.weight > 0
+    return mapping.mean + np.divide(mapping.centres, mapping.weight, out=np.zeros_like(mapping.centres), where=used)
+
+
+def sample(windows: Windows, count: int = SCATTER_POINTS) -> Array:
+    """Changes ``(<= count, S)`` of evenly spaced windows."""
+    rows = np.linspace(0, len(windows) - 1, min(count, len(windows))).astype(int)
+    return windows.delta[rows]
+
+
+def histogram(best: Array, others: Array) -> tuple[Array, float, Array, Array]:
+    """Densities of two sets of changes over the same bins.
+
+    Args:
+        best: ``(W,)`` changes in the best episodes.
+        others: ``(V,)`` changes in other episodes.
+
+    Returns:
+        middles ``(B,)`` of the bins, their width, and both densities ``(B,)``, 0 everywhere without data.
+    """
+    both = np.concatenate([best, others])
+    limit = float(np.quantile(np.abs(both), 0.995)) if len(both) else 0.0
+    edges = np.linspace(-1, 1, BINS + 1) * (limit or 1.0)
+    width = edges[1] - edges[0]
+    densities = [np.histogram(values, edges)[0] / max(1, len(values)) / width for values in (best, others)]
+    return (edges[:-1] + edges[1:]) / 2, float(width), densities[0], densities[1]
+
+
+def counts(of: Dict[str, int]) -> str:
+    """Names and numbers in one line.
+
+    >>> counts({"left": 1200, "right": 3})
+    'left 1,200, right 3'
+    """
+    return ", ".join(f"{name} {number:,}" for name, number in of.items())
+
+
+def vocabulary_table(mapping: ClusterMapping, phrases: Sequence[str], spoken: int | None = None) -> str:
+    """The clusters as a markdown table, the one just spoken in bold."""
+    rows = ["| # | says | windows | mean m* | in words |", "|--:|--:|--:|--:|:--|"]
+    for i, phrase in enumerate(phrases):
+        expression, mean = (" ".join(f"{x:+.2f}" for x in row[i]) for row in (mapping.expressions, mapping.mean_instructions))
+        cells = [f"→ {i}" if i == spoken else str(i), expression, f"{int(mapping.sizes[i]):,}", mean, phrase]
+        rows.append("| " + " | ".join(f"**{cell}**" if i == spoken else cell for cell in cells) + " |")
+    return "\n".join(rows)
+
+
+def said_lines(instructed: str, explanation: Explanation) -> str:
+    """What both say at one step, in markdown."""
+    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
+    return (
+        f"Instructor: **{instructed}**  \n"
+        f"Agent: **{explanation.phrase}** ({number}), confidence {explanation.confidence:.0%}"
+    )

@@ -1,0 +1,89 @@
+"""What the person in front of the terminal sees: a bar while it runs, lines at refreshes, a table at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from ibe_rl.data import Array
+from ibe_rl.refresh import Refresh
+
+
+class TrainingProgress:
+    """A progress bar over frames with rate, return, success and the last phrase; use as a context manager.
+
+    Args:
+        total_frames: where the bar ends.
+    """
+
+    def __init__(self, total_frames: int):
+        self._console = Console(highlight=False, soft_wrap=True)
+        self._bar = Progress(
+            BarColumn(bar_width=20),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]:>7,.0f} frames/s  return {task.fields[reward]:7.1f}"),
+            TextColumn("success {task.fields[success]:4.0%}  {task.fields[phrase]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+        )
+        start = {"rate": 0.0, "reward": float("nan"), "success": 0.0, "phrase": ""}
+        self._total = total_frames
+        self._task = self._bar.add_task("", total=total_frames, **start)
+
+    def __enter__(self) -> TrainingProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._bar.stop()
+
+    def batch(self, frames: int, frames_per_s: float, row: Mapping[str, float]) -> None:
+        """Move the bar; ``row`` is the row of metrics.csv."""
+        values = {"reward": row["train/return_mean"], "success": row["train/success_rate"]}
+        self._bar.update(self._task, completed=min(frames, self._total), rate=frames_per_s, **values)
+
+    def say(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._console.print(line, markup=False)
+
+    def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float) -> None:
+        """Report a refresh and what the watched episode ended on."""
+        self._bar.update(self._task, phrase=f"“{phrase}”")
+        expressions = " ".join(f"{value:+.2f}" for value in refresh.mapping.expressions[:, 0])
+        self.say(
+            f"refresh {number} at {refresh.frame:,} frames: {refresh.episodes_used} of {refresh.episodes_logged} episodes "
+            f"({_counts(refresh.episodes_by_context)}), {len(refresh.top):,} windows "
+            f"({_counts(refresh.windows_by_context)}; instruction {_counts(refresh.windows_by_instruction)})\n"
+            f"  expressions {expressions}; {came_true:.0%} of the watched episode's explanations came true"
+        )
+
+    def skipped(self, frames: int, reason: str) -> None:
+        """Report a refresh that could not be made."""
+        self.say(f"refresh skipped at {frames:,} frames: {reason}")
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count:,}" for name, count in counts.items())
+
+
+def closing_table(summary: Mapping[str, Any]) -> None:
+    """Print the summary of a run as a table."""
+    table = Table("what", "value", title="the run in numbers")
+    for key in ("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"):
+        table.add_row(key, f"{summary[key]:,.3g}" if isinstance(summary[key], float) else f"{summary[key]:,}")
+    table.add_row("refreshes_skipped", f"{summary['refreshes_skipped']:,}")
+    for name, seconds in summary["time_s"].items():
+        table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
+    Console().print(table)
+
+
+def recent_mean(values: Array, count: int) -> float:
+    """Mean of the newest ``count`` of ``values``; not a number while there is none."""
+    return float(np.mean(values[-count:])) if len(values) else float("nan")

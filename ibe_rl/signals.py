@@ -1,0 +1,46 @@
+"""Stopping in order: a signal asks the loop to end after the batch at hand."""
+
+from __future__ import annotations
+
+import multiprocessing.resource_tracker
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+class StopRequest:
+    """False until Ctrl-C or SIGTERM arrives; a second one ends the process at once.
+
+    Use as a context manager in the main thread; the handlers before are put back on leaving.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def __bool__(self) -> bool:
+        return self._asked
+
+    def __enter__(self) -> StopRequest:
+        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+
+
+@contextmanager
+def interrupts_stay_here() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach: the process that started them gets it and stops them in order."""
+    multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock the signal again
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

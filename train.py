@@ -1,0 +1,283 @@
+"""Train an agent that explains itself while it learns, in the words it was taught with.
+
+    environment → batch → agent
+                    └───→ log → vocabulary → explanations → rerun
+
+    python train.py                                  PPO on the lander, served live
+    python train.py agent=dqn seed=3 viewer=file
+    python train.py -m seed=0,1,2                    three runs
+    python train.py --cfg job                        every setting
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+from torchrl import timeit
+
+from ibe_rl.agent import Agent, make_agent
+from ibe_rl.checkpoint import save_latest, save_policy
+from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
+from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
+from ibe_rl.config import TrainConfig
+from ibe_rl.data import Instructor, Predictor, Task
+from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.explainer import explain
+from ibe_rl.ibe import TooLittleDataError
+from ibe_rl.instruct import make_instructor
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.metrics import came_true
+from ibe_rl.play import play, watch
+from ibe_rl.predict import Simulator
+from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
+from ibe_rl.refresh import check_mapping, learn_vocabulary, save_refresh
+from ibe_rl.run_folder import (
+    CHECKPOINTS,
+    METRICS,
+    RECORDING,
+    REFRESHES,
+    SUMMARY,
+    TRAJECTORIES,
+    MetricsTable,
+    create_run_folder,
+    write_json,
+)
+from ibe_rl.signals import StopRequest
+from ibe_rl.relay import Relay, choose_ports
+from ibe_rl.stream import NoRecorder, Recorder
+
+LATER_COLUMNS = (
+    "eval/return_mean",
+    "eval/success_rate",
+    "ibe/came_true",
+    "ibe/episodes",
+    "ibe/windows",
+    "ibe/skipped",
+)
+"""Columns of metrics.csv that only some rows fill."""
+WATCH_SEED = EVALUATION_SEED + 50_000
+TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
+PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
+
+
+def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -> dict[str, Any]:
+    """Run the loop; returns the summary.
+
+    Args:
+        cfg: the composed and checked config.
+        folder: of the run, empty.
+        stop: becomes true when the run shall end early.
+        owned: closes what has been opened, in any case.
+    """
+    start = time.perf_counter()
+    timeit.erase()
+    with timeit("setup"):
+        parts = build(cfg, folder, owned)
+        collector = make_collector(parts.agent, cfg.env, cfg.collect, parts.task, cfg.instructor.kind, cfg.seed)
+        owned.callback(collector.shutdown)
+    agent, log = parts.agent, parts.log
+    refresh_due, evaluation_due = Every(cfg.refresh_every_frames), Every(cfg.eval_every_frames)
+    last = False
+
+    for batch in timed("collect", batches(collector)):  # environment → batch
+        with timeit("learn"):
+            losses = agent.update(batch)  # batch → learner
+        with timeit("log"):
+            log.add(steps_of(batch, parts.task.success_key), parts.task.context)  # batch → episodes
+        last = bool(stop) or log.frames >= cfg.total_frames
+        row = training_row(log, losses)
+        if refresh_due(log.frames):
+            row |= refresh_and_explain(cfg, parts)  # episodes → vocabulary → words → rerun
+        if evaluation_due(log.frames) or last:
+            row |= evaluate(cfg, parts)
+        with timeit("stream"):
+            parts.table.write(row | times())
+            parts.recorder.batch(log.frames, row)
+            parts.progress.batch(log.frames, log.frames / (time.perf_counter() - start), row)
+        if last:
+            break
+    with timeit("stream"):
+        parts.recorder.close()
+    return summarise(cfg, parts, row, time.perf_counter() - start, stopped=bool(stop))
+
+
+@dataclass
+class Parts:
+    """What the loop works with; none of the parts knows another."""
+
+    task: Task
+    agent: Agent
+    instructor: Instructor
+    predictor: Predictor
+    log: TrajectoryLog
+    recorder: Recorder | NoRecorder
+    watched_env: gymnasium.Env[Any, Any]
+    evaluation_envs: list[gymnasium.Env[Any, Any]]
+    progress: TrainingProgress
+    table: MetricsTable
+    folder: Path
+    refreshes: int = 0
+    skipped: int = 0
+
+
+def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
+    """Make the parts from their settings."""
+    torch.set_num_threads(1)
+    torch.manual_seed(cfg.seed)
+    make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
+    env = make_one()
+    task = task_of(env)
+    recording = cfg.viewer.mode != "off"
+    recorder = Recorder(folder / RECORDING, task, folder.name) if recording else NoRecorder()
+    owned.callback(recorder.close)
+    ahead = cfg.predictor
+    return Parts(
+        task=task,
+        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames),
+        instructor=make_instructor(cfg.instructor.kind, task),
+        predictor=Simulator(make_one, task.rule, ahead.future_instruction, ahead.moments_at_once, cfg.seed),
+        log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
+        recorder=recorder,
+        watched_env=env,
+        evaluation_envs=[make_one() for _ in range(min(cfg.eval_episodes, 100))],
+        progress=owned.enter_context(TrainingProgress(cfg.total_frames)),
+        table=owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS)),
+        folder=folder,
+    )
+
+
+def timed(name: str, batches: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
+    """Count the time spent waiting for each batch under ``name``."""
+    while True:
+        with timeit(name):
+            batch = next(batches)
+        yield batch
+
+
+def times() -> dict[str, float]:
+    """Seconds spent so far, one ``time/`` column each."""
+    seconds = timeit.todict(percall=False)
+    return {f"time/{name}": seconds.get(name, 0.0) for name in TIMES}
+
+
+def training_row(log: TrajectoryLog, losses: dict[str, float]) -> dict[str, float]:
+    """The columns that every row of metrics.csv has; means are over the newest 100 episodes."""
+    index = log.index
+    means = {
+        "train/return_mean": recent_mean(index["total_reward"], 100),
+        "train/success_rate": recent_mean(index["success"], 100),
+        "train/episode_steps": recent_mean(index["steps"], 100),
+    }
+    return {"frames": log.frames} | means | {f"train/{name}": loss for name, loss in losses.items()}
+
+
+def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
+    """Learn the vocabulary anew, fly one greedy episode and explain its every step with it."""
+    frames, task, policy = parts.log.frames, parts.task, parts.agent.greedy
+    try:
+        with timeit("refresh"):
+            refresh = learn_vocabulary(parts.log, cfg.mapping, task, cfg.seed)
+            save_refresh(parts.folder / REFRESHES, refresh, cfg.mapping, task)
+    except TooLittleDataError as reason:
+        parts.skipped += 1
+        parts.recorder.skipped(frames, str(reason))
+        parts.progress.skipped(frames, str(reason))
+        return {"ibe/skipped": parts.skipped}
+    parts.refreshes += 1
+    with timeit("explain"):
+        watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + parts.refreshes)
+        horizon = cfg.mapping.horizon_steps
+        said = explain(watched.moments, policy, parts.predictor, refresh.mapping, horizon, task.phrases)
+        true = came_true(watched.episode, said, refresh.mapping, task.phrases)
+    with timeit("stream"):
+        parts.recorder.refresh(refresh)
+        parts.recorder.watched(frames, watched, said)
+        parts.progress.refreshed(parts.refreshes, refresh, said[-1].phrase, true)
+    return {"ibe/came_true": true, "ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
+
+
+def evaluate(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
+    """Fly the greedy policy on seeds that are never trained on, and keep its weights."""
+    with timeit("eval"):
+        seeds = range(EVALUATION_SEED, EVALUATION_SEED + cfg.eval_episodes)
+        episodes = play(parts.evaluation_envs, parts.agent.greedy, parts.instructor, seeds)
+    with timeit("checkpoint"):
+        save_policy(parts.folder / CHECKPOINTS, parts.log.frames, parts.agent.greedy.state_dict())
+        save_latest(parts.folder / CHECKPOINTS, {"agent": parts.agent.state_dict(), "frames": parts.log.frames})
+        parts.log.flush()
+    success = float(np.mean([episode.success for episode in episodes]))
+    return {"eval/return_mean": float(np.mean([e.total_reward for e in episodes])), "eval/success_rate": success}
+
+
+def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: float, stopped: bool) -> dict[str, Any]:
+    """What summary.json holds."""
+    return {
+        "frames": parts.log.frames,
+        "wall_s": wall_s,
+        "frames_per_s": parts.log.frames / wall_s,
+        "episodes": parts.log.episodes_ended,
+        "success_rate": row["eval/success_rate"],
+        "return_mean": row["eval/return_mean"],
+        "evaluation_episodes": cfg.eval_episodes,
+        "refreshes": parts.refreshes,
+        "refreshes_skipped": parts.skipped,
+        "stopped_early": stopped,
+        "time_s": {name.removeprefix("time/"): seconds for name, seconds in times().items()},
+        "seed": cfg.seed,
+        "agent": cfg.agent.kind,
+        "mapping": cfg.mapping.kind,
+        "versions": {name: version(name) for name in PACKAGES},
+    }
+
+
+def main(cfg: TrainConfig) -> None:
+    """Refuse what cannot work before anything is made, then train, and say how to look at it again."""
+    env = make_gym(cfg.env.id, cfg.env.kwargs)
+    check_mapping(cfg.mapping, task_of(env))
+    ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    folder = create_run_folder(output_folder(cfg.run_dir))
+    save_config(cfg, folder / ".hydra")
+    with StopRequest() as stop:
+        with ExitStack() as owned:
+            if ports:
+                serve(folder / RECORDING, ports, owned)
+            summary = train(cfg, folder, stop, owned)
+            write_json(folder / SUMMARY, summary)
+        closing_table(summary)
+        say_how_to_open(cfg, folder)
+    if stop and is_sweep():
+        raise KeyboardInterrupt  # the runs that were to follow are not wanted either
+
+
+def serve(recording: Path, ports: Ports, owned: ExitStack) -> None:
+    """Start the process that serves the recording while it grows; without it training goes on all the same."""
+    try:
+        relay = Relay(recording, ports)
+    except RuntimeError as reason:
+        print(f"warning: no live view, the recording is written all the same: {reason}")
+        return
+    owned.callback(relay.close)
+    print(f"live view: {relay.address}\n  on another machine, forward it first: {relay.port_forward()}")
+
+
+def say_how_to_open(cfg: TrainConfig, folder: Path) -> None:
+    """Print how to look at the run again."""
+    print(f"the run is in {folder}")
+    if cfg.viewer.mode != "off":
+        print(f"  its recording again:  rerun {folder / RECORDING}")
+    print(f"  one episode in words: python explain.py run={folder}")
+
+
+if __name__ == "__main__":
+    run_script(main, Path(__file__).parent / "configs", "train")
