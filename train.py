@@ -1,12 +1,12 @@
 """Train an agent that explains itself while it learns, in the words it was taught with.
 
-    environment → batch → agent
-                    └───→ log → vocabulary → explanations → rerun
+environment → batch → agent
+                └───→ log → vocabulary → explanations → rerun
 
-    python train.py                                  PPO on the lander, served live
-    python train.py agent=dqn seed=3 viewer=file
-    python train.py -m seed=0,1,2                    three runs
-    python train.py --cfg job                        every setting
+python train.py                                  PPO on the lander, served live
+python train.py agent=dqn seed=3 viewer=file
+python train.py -m seed=0,1,2                    three runs
+python train.py --cfg job                        every setting
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ from ibe_rl.play import play, watch
 from ibe_rl.predict import Simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
 from ibe_rl.refresh import check_mapping, learn_vocabulary, save_refresh
+from ibe_rl.relay import Ports, Relay, choose_ports
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     METRICS,
@@ -54,7 +55,6 @@ from ibe_rl.run_folder import (
     write_json,
 )
 from ibe_rl.signals import StopRequest
-from ibe_rl.relay import Relay, choose_ports
 from ibe_rl.stream import NoRecorder, Recorder
 
 LATER_COLUMNS = (

@@ -31,12 +31,12 @@ def env_of_worker(worker: int, env: EnvConfig, collect: CollectConfig, task: Tas
     return make_env(env.id, env.kwargs, collect.envs_per_process, make_instructor(kind, task), first)
 
 
-def make_collector(agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int) -> BaseCollector:
+def make_collector(
+    agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int
+) -> BaseCollector:
     """Make the collector; ``kind`` is the instructor's."""
     rows = collect.processes * collect.envs_per_process
-    factories = [
-        partial(env_of_worker, worker, env, collect, task, kind, seed) for worker in range(collect.processes)
-    ]
+    factories = [partial(env_of_worker, worker, env, collect, task, kind, seed) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     with interrupts_stay_here():
         return Collector(

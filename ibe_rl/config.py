@@ -97,6 +97,7 @@ class InstructorConfig:
 
     kind: str = setting("oracle", choices=("oracle", "silent"))
 
+
 @dataclass
 class MappingConfig:
     """How the vocabulary is learnt (docs/PAPER.md gives the reason of each default)."""
@@ -159,6 +160,7 @@ class ExplainConfig:
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # such as the pad; None draws one
     predictor: PredictorConfig = MISSING
+    viewer: ViewerConfig = MISSING
     output: str | None = None  # where the recording goes; None: into the run's folder
 
 

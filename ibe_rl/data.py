@@ -8,7 +8,7 @@ that the policy reads.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -198,9 +198,9 @@ class Task:
         success_key: the key in ``info`` that says whether the episode ended well.
         explained: index of the state dimension that the instructions speak of, used for figures only,
             never by the explainer.
-        scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, or None.
+        max_episode_steps: where the environment cuts an episode off.
+        scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
-        scene_name: title of the scene.
     """
 
     name: str
@@ -214,9 +214,9 @@ class Task:
     context_option: str
     success_key: str
     explained: int
+    max_episode_steps: int
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
-    max_episode_steps: int = field(default=1000)
 
     @property
     def instruction_size(self) -> int:
@@ -233,7 +233,7 @@ class Instructor(Protocol):
     """Whoever tells the agents what to do, ``N`` of them side by side."""
 
     def reset(self, rows: Array) -> None:
-        """Forget the rows ``(N,)`` bool in which a new episode begins."""
+        """Begin a new episode in the rows that are True of ``(N,)`` bool; its length says how many agents there are."""
 
     def instruct(self, states: Array) -> tuple[Array, Array]:
         """Give each of ``N`` agents its instruction.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +89,7 @@ class TrajectoryLog:
     def _pieces(self, steps: dict[str, Array]) -> Iterable[dict[str, Array]]:
         """Cut one environment's steps ``(T, ...)`` at the ends of episodes; yield those that became whole."""
         cuts = [0, *(np.flatnonzero(steps["done"]) + 1).tolist(), len(steps["done"])]
-        for start, stop in zip(cuts, cuts[1:], strict=False):
+        for start, stop in pairwise(cuts):
             if start == stop:
                 continue
             piece = {name: column[start:stop] for name, column in steps.items()}

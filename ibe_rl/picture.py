@@ -8,11 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibe_rl.data import Array, Explanation, Shape, Task
-from ibe_rl.ibe import ClusterMapping, Windows
+from ibe_rl.data import Array, Explanation, Phrases, Shape, Task
+from ibe_rl.ibe import ClusterMapping, Windows, phrase
+
+if TYPE_CHECKING:
+    from ibe_rl.refresh import Refresh
 
 BLUE, GREY, ORANGE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions from -1 over 0 to +1, told apart also without red or green."""
@@ -142,7 +146,7 @@ def second_dimension(mapping: ClusterMapping, explained: int, delta: Array) -> i
 def label_row(points: Array, y: float) -> Array:
     """Places ``(k, 2)`` for the labels of points ``(k, 2)``: in the points' order from left to right, evenly spaced."""
     order = np.argsort(np.argsort(points[:, 0], kind="stable"))
-    x = (order + 0.5) / len(points) * 2 - 1
+    x = 1.25 * ((order + 0.5) / len(points) * 2 - 1)  # beyond the axes: the panel is wider than they are
     return np.stack([x, np.full(len(points), y)], axis=-1)
 
 
@@ -195,14 +199,26 @@ def counts(of: Dict[str, int]) -> str:
     return ", ".join(f"{name} {number:,}" for name, number in of.items())
 
 
-def vocabulary_table(mapping: ClusterMapping, phrases: Sequence[str], spoken: int | None = None) -> str:
-    """The clusters as a markdown table, the one just spoken in bold."""
+def vocabulary_table(mapping: ClusterMapping, words: Sequence[Phrases], spoken: int | None = None) -> str:
+    """The clusters as a markdown table, the one just spoken marked."""
     rows = ["| # | says | windows | mean m* | in words |", "|--:|--:|--:|--:|:--|"]
-    for i, phrase in enumerate(phrases):
-        expression, mean = (" ".join(f"{x:+.2f}" for x in row[i]) for row in (mapping.expressions, mapping.mean_instructions))
-        cells = [f"→ {i}" if i == spoken else str(i), expression, f"{int(mapping.sizes[i]):,}", mean, phrase]
+    for i, (expression, mean) in enumerate(zip(mapping.expressions, mapping.mean_instructions, strict=True)):
+        numbers = [" ".join(f"{value:+.2f}" for value in row) for row in (expression, mean)]
+        size = f"{int(mapping.sizes[i]):,}"
+        cells = [f"→ {i}" if i == spoken else str(i), numbers[0], size, numbers[1], phrase(expression, words)]
         rows.append("| " + " | ".join(f"**{cell}**" if i == spoken else cell for cell in cells) + " |")
     return "\n".join(rows)
+
+
+def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> str:
+    """A vocabulary and what it stands on, in markdown."""
+    return (
+        f"{vocabulary_table(refresh.mapping, words, spoken)}\n\n"
+        f"Best {refresh.episodes_used:,} of {refresh.episodes_logged:,} episodes: "
+        f"{counts(refresh.episodes_by_context)}  \n"
+        f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
+        f"by instruction: {counts(refresh.windows_by_instruction)}"
+    )
 
 
 def said_lines(instructed: str, explanation: Explanation) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Shape, Task, Watched, observe
+from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Shape, Watched, observe
 from ibe_rl.env.make import task_of
 
 
@@ -18,7 +18,9 @@ class _Flight:
     def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None):
         self.env, self.task = env, task_of(env)
         state, _ = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
-        self.states, self.actions, self.rewards = [state], [], []
+        self.states: list[Array] = [state]
+        self.actions: list[Any] = []
+        self.rewards: list[float] = []
         self.instructions: list[Array] = []
         self.given: list[bool] = []
         self.done = self.terminated = self.success = False

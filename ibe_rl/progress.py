@@ -33,21 +33,23 @@ class TrainingProgress:
             TimeRemainingColumn(),
             console=self._console,
         )
-        start = {"rate": 0.0, "reward": float("nan"), "success": 0.0, "phrase": ""}
         self._total = total_frames
-        self._task = self._bar.add_task("", total=total_frames, **start)
+        self._task = self._bar.add_task("", total=total_frames, rate=0.0, reward=float("nan"), success=0.0, phrase="")
 
     def __enter__(self) -> TrainingProgress:
         self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._bar.stop()
 
     def batch(self, frames: int, frames_per_s: float, row: Mapping[str, float]) -> None:
         """Move the bar; ``row`` is the row of metrics.csv."""
-        values = {"reward": row["train/return_mean"], "success": row["train/success_rate"]}
-        self._bar.update(self._task, completed=min(frames, self._total), rate=frames_per_s, **values)
+        reward, success = row["train/return_mean"], row["train/success_rate"]
+        shown = min(frames, self._total)
+        self._bar.update(self._task, completed=shown, rate=frames_per_s, reward=reward, success=success)
 
     def say(self, line: str) -> None:
         """Print a line above the bar."""
@@ -58,8 +60,8 @@ class TrainingProgress:
         self._bar.update(self._task, phrase=f"“{phrase}”")
         expressions = " ".join(f"{value:+.2f}" for value in refresh.mapping.expressions[:, 0])
         self.say(
-            f"refresh {number} at {refresh.frame:,} frames: {refresh.episodes_used} of {refresh.episodes_logged} episodes "
-            f"({_counts(refresh.episodes_by_context)}), {len(refresh.top):,} windows "
+            f"refresh {number} at {refresh.frame:,} frames: "
+            f"{refresh.episodes_used} of {refresh.episodes_logged} episodes ({_counts(refresh.episodes_by_context)}), {len(refresh.top):,} windows "
             f"({_counts(refresh.windows_by_context)}; instruction {_counts(refresh.windows_by_instruction)})\n"
             f"  expressions {expressions}; {came_true:.0%} of the watched episode's explanations came true"
         )

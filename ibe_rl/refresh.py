@@ -80,7 +80,9 @@ def learn_vocabulary(log: TrajectoryLog, config: MappingConfig, task: Task, seed
     index, contexts = log.index, log.context_names
     if not len(index):
         raise TooLittleDataError("no episode has ended yet")
-    best = top_episodes(index["total_reward"], config.top_fraction, contexts if config.top_within == "context" else None)
+    best = top_episodes(
+        index["total_reward"], config.top_fraction, contexts if config.top_within == "context" else None
+    )
     episodes = log.read(np.flatnonzero(best))
     top = cut_windows(episodes, config.horizon_steps, config.window_end)
     top = top[np.asarray(top.given)]

@@ -44,7 +44,9 @@ def create_run_folder(path: Path) -> Path:
         ConfigError: if it holds a run already, or cannot be written to.
     """
     if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
-        raise ConfigError(f"run_dir={path}: holds a run already, and nothing logged is overwritten; name another folder")
+        raise ConfigError(
+            f"run_dir={path}: holds a run already, and nothing logged is overwritten; name another folder"
+        )
     try:
         for name in (CHECKPOINTS, TRAJECTORIES, REFRESHES, ".hydra"):
             (path / name).mkdir(parents=True, exist_ok=True)

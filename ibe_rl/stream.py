@@ -51,6 +51,28 @@ class _Place:
         ]
 
 
+class NoRecorder:
+    """Takes what a ``Recorder`` takes and writes nothing."""
+
+    def batch(self, frames: int, values: Mapping[str, float]) -> None:
+        """Do nothing."""
+
+    def refresh(self, refresh: Refresh) -> None:
+        """Do nothing."""
+
+    def skipped(self, frames: int, reason: str) -> None:
+        """Do nothing."""
+
+    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation]) -> None:
+        """Do nothing."""
+
+    def flush(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 class Recorder:
     """Writes one run to one file.
 
@@ -71,7 +93,7 @@ class Recorder:
         self._curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
         self._sent_at = time.monotonic()
         self._vocabulary: Refresh | None = None
-        self._shades: dict[str, Array] = {SILENCE: np.array(view.SILENT, np.uint8)}
+        self._shades: dict[str, Array] = {}  # of each phrase, as it was first said
         self._open = True
 
     def batch(self, frames: int, values: Mapping[str, float]) -> None:
@@ -82,7 +104,7 @@ class Recorder:
             values: metric to value; any may be missing, those that are not finite are left out.
         """
         for key, value in values.items():
-            if math.isfinite(value):
+            if key != view.FRAMES and math.isfinite(value):
                 self._curves[key].append((frames, value))
         if time.monotonic() - self._sent_at > HOLD_S:
             self._send_curves()
@@ -93,8 +115,8 @@ class Recorder:
         self._vocabulary = refresh
         place = self._at(refresh.frame)
         self._set_time(place)
-        self._log_clusters(refresh)
-        self._log_bars(refresh)
+        view.log_clusters(self._recording, self._task, refresh)
+        view.log_bars(self._recording, self._task, refresh)
         self._recording.log("now", rr.TextDocument(self._standing(None), media_type="text/markdown"))
         line = f"{refresh.frame:,} frames: vocabulary learnt anew from {refresh.episodes_used:,} episodes"
         self._log_line(line, view.GREEN)
@@ -165,33 +187,6 @@ class Recorder:
     def _log_line(self, text: str, colour: tuple[int, int, int]) -> None:
         self._recording.log("log", rr.TextLog(text, level="INFO", color=colour))
 
-    def _log_clusters(self, refresh: Refresh) -> None:
-        mapping, delta = refresh.mapping, picture.sample(refresh.top)
-        across = picture.axis(self._task, self._task.explained, delta, symmetric=True)
-        second = picture.second_dimension(mapping, self._task.explained, delta)
-        up = picture.axis(self._task, second, delta, symmetric=False)
-        shades = picture.colours(mapping.expressions[:, 0])
-        view.log_axes(self._recording, across, up)
-        points = view.scatter(across, up, delta)
-        dots = rr.Points2D(points, colors=shades[mapping.cluster(delta)], radii=rr.Radius.ui_points(1.3))
-        self._recording.log("vocabulary/windows", dots)
-        labels = [f"{expression:+.2f}" for expression in mapping.expressions[:, 0]]
-        view.log_centres(self._recording, view.scatter(across, up, picture.centres(mapping)), shades, labels)
-
-    def _log_bars(self, refresh: Refresh) -> None:
-        expressions = refresh.mapping.expressions[:, 0]
-        for name, bars, colour in (
-            ("negative", np.minimum(expressions, 0), picture.BLUE),
-            ("positive", np.maximum(expressions, 0), picture.ORANGE),
-        ):
-            self._recording.log(f"expression/{name}", rr.BarChart(bars, color=colour))
-        changes = (windows.delta[:, self._task.explained] for windows in (refresh.top, refresh.others))
-        middles, width, best, others = picture.histogram(*changes)
-        widths = np.full(len(middles), width, np.float32)
-        for name, density, shade in (("others", others, (130, 130, 140, 150)), ("best", best, (*view.GREEN, 150))):
-            chart = rr.BarChart(density, abscissa=middles, widths=widths, color=shade)
-            self._recording.log(f"change/{name}", chart)
-
     def _instructed(self, instruction: Array, given: bool) -> str:
         if not given:
             return SILENCE
@@ -239,7 +234,7 @@ class Recorder:
 
     def _send_told(self, place: _Place, instructed: Sequence[str]) -> None:
         rows = picture.changes(instructed)
-        top = np.tile(np.float32([self._task.scene_size[0] / 2, 0]), (len(rows), 1))
+        top = np.tile([self._task.scene_size[0] / 2, 0.0], (len(rows), 1))
         labels = [f"told: {instructed[i]}" for i in rows]
         self._send("scene/told", place.columns(rows), rr.Points2D.columns(positions=top, labels=labels))
 
@@ -257,15 +252,14 @@ class Recorder:
     def _send_lanes(self, place: _Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         for one in said:
             self._shades.setdefault(one.phrase, picture.colours(one.expression[:1])[0])
-        words = [*picture.short([w for w in self._shades if w != SILENCE])]
-        labels = dict(zip([w for w in self._shades if w != SILENCE], words, strict=True)) | {SILENCE: SILENCE}
+        words = list(self._shades)
+        states = rr.StateConfiguration(
+            values=[SILENCE, *words],
+            labels=[SILENCE, *picture.short(words)],
+            colors=np.array([view.SILENT, *self._shades.values()], np.uint8),
+        )
         for lane, spoken in (("instructor", instructed), ("agent", [one.phrase for one in said])):
-            config = rr.StateConfiguration(
-                values=list(self._shades),
-                labels=[labels[w] for w in self._shades],
-                colors=np.stack(list(self._shades.values())),
-            )
-            self._recording.log(f"says/{lane}", config, static=True)
+            self._recording.log(f"says/{lane}", states, static=True)
             rows = picture.changes(spoken)
             times = place.columns([*rows, len(spoken)])
             self._send(f"says/{lane}", times, rr.StateChange.columns(state=[*(spoken[i] for i in rows), ""]))
@@ -282,18 +276,8 @@ class Recorder:
         self._send("now", place.columns(rows), columns)
 
     def _standing(self, spoken: int | None) -> str:
-        """The vocabulary as a table and what it stands on, the cluster just spoken in bold."""
-        refresh = self._vocabulary
-        if refresh is None:
-            return ""
-        phrases = [phrase(expression, self._task.phrases) for expression in refresh.mapping.expressions]
-        return (
-            f"{picture.vocabulary_table(refresh.mapping, phrases, spoken)}\n\n"
-            f"From the best {refresh.episodes_used:,} of {refresh.episodes_logged:,} episodes "
-            f"({picture.counts(refresh.episodes_by_context)}), {len(refresh.top):,} windows of "
-            f"{refresh.top.horizon_steps} steps ({picture.counts(refresh.windows_by_context)}; "
-            f"by instruction {picture.counts(refresh.windows_by_instruction)})"
-        )
+        """The vocabulary in markdown, the cluster just spoken marked; nothing before the first one."""
+        return "" if self._vocabulary is None else picture.standing(self._vocabulary, self._task.phrases, spoken)
 
     def _send_spoken(self, place: _Place, watched: Watched, said: Sequence[Explanation]) -> None:
         rows = picture.changes([one.phrase for one in said])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -12,10 +13,13 @@ from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 from ibe_rl import picture
 from ibe_rl.data import Array, Shape, Task
 
+if TYPE_CHECKING:
+    from ibe_rl.refresh import Refresh
+
 FRAMES, WATCHED_STEP = "frames", "watched_step"
 INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
 TRAIL, REALLY = (150, 140, 200), (235, 235, 240)
-GREEN, PINK, SILENT = (132, 224, 96), (244, 114, 182), (70, 70, 78)
+GREEN, PINK, SILENT, OTHERS = (132, 224, 96), (244, 114, 182), (70, 70, 78), (130, 130, 140)
 BACKGROUND, AXIS = (13, 14, 20), (150, 150, 160)
 SCATTER_HEIGHT = 0.45
 """Of the scatter in units of its half width, for a panel that is broader than high."""
@@ -35,7 +39,7 @@ CURVES = {
 def blueprint(task: Task) -> rrb.Blueprint:
     """Lay out all panels; the view opens on the newest data and follows it."""
     return rrb.Blueprint(
-        rrb.Horizontal(_left(task), _middle(task), _right(task), column_shares=[38, 32, 30]),
+        rrb.Horizontal(_left(task), _middle(), _right(task), column_shares=[38, 32, 30]),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TopPanel(state="hidden"),
@@ -54,7 +58,7 @@ def _left(task: Task) -> rrb.Container:
     return rrb.Vertical(_scene(task), curves, row_shares=[60, 40])
 
 
-def _middle(task: Task) -> rrb.Container:
+def _middle() -> rrb.Container:
     recent = rrb.TimeRange(
         start=rrb.TimeRangeBoundary.cursor_relative(seq=-WINDOW_STEPS),
         end=rrb.TimeRangeBoundary.cursor_relative(seq=5),
@@ -138,7 +142,10 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
             static(f"curves/{key}", rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[3]))
     numbers = range(task.instruction_size)
     shades = np.linspace(1, 0.5, task.instruction_size)[:, None]
-    for name, colour, mode in (("instruction", INSTRUCTION, "StepAfter"), ("explanation", EXPLANATION, "Linear")):
+    for name, colour, mode in (
+        ("instruction", INSTRUCTION, rr.components.InterpolationMode.StepAfter),
+        ("explanation", EXPLANATION, rr.components.InterpolationMode.Linear),
+    ):
         lines = rr.SeriesLines(
             colors=(shades * colour).astype(np.uint8),
             names=[name if task.instruction_size == 1 else f"{name} {i + 1}" for i in numbers],
@@ -146,12 +153,15 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
             interpolation_mode=mode,
         )
         static(f"signal/{name}", lines)
-    static("scene/trail", rr.LineStrips2D.from_fields(colors=[TRAIL], radii=[rr.Radius.ui_points(1.5)]))
-    static("scene/really", rr.LineStrips2D.from_fields(colors=[REALLY], radii=[rr.Radius.ui_points(0.8)]))
-    static("scene/says", rr.Points2D.from_fields(radii=[rr.Radius.ui_points(4)], show_labels=True, draw_order=55.0))
-    static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTION], radii=[rr.Radius.ui_points(1)], show_labels=True))
-    static("scene/said", rr.LineStrips2D.from_fields(colors=[[*EXPLANATION, 110]], radii=[rr.Radius.ui_points(0.8)]))
-    static("scene/predicted", rr.Points2D.from_fields(colors=[EXPLANATION], radii=[rr.Radius.ui_points(2.5)], draw_order=50.0))
+    static("scene/trail", rr.LineStrips2D.from_fields(colors=[TRAIL], radii=rr.Radius.ui_points(1.5)))
+    static("scene/really", rr.LineStrips2D.from_fields(colors=[REALLY], radii=rr.Radius.ui_points(0.8)))
+    static("scene/says", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4), show_labels=True, draw_order=55.0))
+    static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTION], radii=rr.Radius.ui_points(1), show_labels=True))
+    static("scene/said", rr.LineStrips2D.from_fields(colors=[[*EXPLANATION, 110]], radii=rr.Radius.ui_points(0.8)))
+    static(
+        "scene/predicted",
+        rr.Points2D.from_fields(colors=[EXPLANATION], radii=rr.Radius.ui_points(2.5), draw_order=50.0),
+    )
 
 
 def look(shapes: Sequence[Shape]) -> rr.LineStrips2D:
@@ -196,3 +206,31 @@ def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, lab
     recording.log("vocabulary/leaders", leaders)
     names = rr.Points2D(places, colors=shades, labels=labels, radii=rr.Radius.ui_points(2), show_labels=True)
     recording.log("vocabulary/names", names)
+
+
+def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
+    """Draw windows of the best episodes and the clusters, by the first number of their expressions."""
+    mapping, delta = refresh.mapping, picture.sample(refresh.top)
+    across = picture.axis(task, task.explained, delta, symmetric=True)
+    second = picture.second_dimension(mapping, task.explained, delta)
+    up = picture.axis(task, second, delta, symmetric=False)
+    log_axes(recording, across, up)
+    expressions = mapping.expressions[:, 0]
+    shades = picture.colours(expressions)
+    points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
+    recording.log("vocabulary/windows", rr.Points2D(points, colors=shades[mapping.cluster(delta)], radii=size))
+    labels = [f"{expression:+.2f}" for expression in expressions]
+    log_centres(recording, scatter(across, up, picture.centres(mapping)), shades, labels)
+
+
+def log_bars(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
+    """Draw the expressions, and how the explained dimension changed in the best and in other episodes."""
+    expressions = refresh.mapping.expressions[:, 0]
+    recording.log("expression/negative", rr.BarChart(np.minimum(expressions, 0), color=picture.BLUE))
+    recording.log("expression/positive", rr.BarChart(np.maximum(expressions, 0), color=picture.ORANGE))
+    best, others = (windows.delta[:, task.explained] for windows in (refresh.top, refresh.others))
+    middles, width, *densities = picture.histogram(best, others)
+    widths = np.full(len(middles), width, np.float32)
+    for name, density, colour in zip(("best", "others"), densities, (GREEN, OTHERS), strict=True):
+        chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
+        recording.log(f"change/{name}", chart)

@@ -37,7 +37,9 @@ def fly(seed: int, wander: float = 0.0, max_steps: int = 400) -> Watched:
         seen[X] -= state[8] + aim * max(0.0, float(state[1]))
         action = heuristic(env, seen)
         state, reward, done, _, info = env.step(action)
-        for column, value in zip((states, actions, rewards, figures), (state, action, reward, env.figure()), strict=True):
+        for column, value in zip(
+            (states, actions, rewards, figures), (state, action, reward, env.figure()), strict=True
+        ):
             column.append(value)
     return _watched(np.array(states), actions, rewards, figures, bool(info.get("landed")), env.background())
 

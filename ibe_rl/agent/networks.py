@@ -13,7 +13,9 @@ from torchrl.modules import MLP
 from ibe_rl.data import Array
 
 
-def make_network(inputs: int, hidden: Sequence[int], outputs: int, activation: type[nn.Module], last_gain: float) -> MLP:
+def make_network(
+    inputs: int, hidden: Sequence[int], outputs: int, activation: type[nn.Module], last_gain: float
+) -> MLP:
     """An MLP with orthogonal weights; ``last_gain`` scales those of the last layer."""
     network = MLP(in_features=inputs, out_features=outputs, num_cells=list(hidden), activation_class=activation)
     layers = [layer for layer in network if isinstance(layer, nn.Linear)]

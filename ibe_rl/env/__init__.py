@@ -2,7 +2,7 @@
 
 import gymnasium
 
-from ibe_rl.data import Task
+from ibe_rl.env.lander_task import LANDER_TASK
 
 LANDER_ID = "ibe_rl/LunarLanderPads-v0"
 
@@ -10,8 +10,8 @@ if LANDER_ID not in gymnasium.registry:
     gymnasium.register(
         id=LANDER_ID,
         entry_point="ibe_rl.env.lander:LunarLanderPads",
-        max_episode_steps=1000,
+        max_episode_steps=LANDER_TASK.max_episode_steps,
         reward_threshold=200,
     )
 
-__all__ = ["LANDER_ID", "Task"]
+__all__ = ["LANDER_ID", "LANDER_TASK"]

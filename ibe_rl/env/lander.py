@@ -69,6 +69,10 @@ class LunarLanderPads(game.LunarLander):
     """
 
     task = LANDER_TASK
+    lander: Any
+    prev_shaping: Any
+    wind_idx: Any
+    torque_idx: Any
 
     def __init__(self, pad: str = "random", flat: bool = False, flags: bool = True, **kwargs: Any):
         super().__init__(**kwargs)
@@ -76,8 +80,10 @@ class LunarLanderPads(game.LunarLander):
         self._flat, self._flags = flat, flags
         self.pad = "center"
         self._pad_random = np.random.default_rng()
-        low, high = self.observation_space.low, self.observation_space.high
-        self.observation_space = spaces.Box(np.append(low, np.float32(-1)), np.append(high, np.float32(1)))
+        theirs: Any = self.observation_space
+        self.observation_space = spaces.Box(
+            np.append(theirs.low, np.float32(-1)), np.append(theirs.high, np.float32(1))
+        )
 
     @staticmethod
     def _checked(pad: str, allowed: Sequence[str]) -> str:
@@ -112,11 +118,11 @@ class LunarLanderPads(game.LunarLander):
             return  # with the pad in the centre the world stays exactly gymnasium's
         self.terrain = heights
         self.world.DestroyBody(self.moon)
-        self.moon = self.world.CreateStaticBody(shapes=game.edgeShape(vertices=[(0, 0), (WIDTH, 0)]))
-        self.moon.color1 = self.moon.color2 = (0.0, 0.0, 0.0)
+        moon: Any = self.world.CreateStaticBody(shapes=game.edgeShape(vertices=[(0, 0), (WIDTH, 0)]))
+        self.moon = moon
         self.sky_polys = []
         for left, right in pairwise(self._corners()):
-            self.moon.CreateEdgeFixture(vertices=[left, right], density=0, friction=0.1)
+            moon.CreateEdgeFixture(vertices=[left, right], density=0, friction=0.1)
             self.sky_polys.append([left, right, (right[0], HEIGHT), (left[0], HEIGHT)])
 
     def _corners(self) -> list[tuple[float, float]]:
@@ -161,7 +167,7 @@ class LunarLanderPads(game.LunarLander):
             pad=self.pad,
             shaping=(float(self.prev_shaping), self._gap),
             wind=(self.wind_idx, self.torque_idx) if self.enable_wind else (0, 0),
-            generator=self.np_random.bit_generator.state,
+            generator=dict(self.np_random.bit_generator.state),
         )
 
     def restore(self, snapshot: LanderSnapshot, noise: np.random.Generator | None = None) -> None:

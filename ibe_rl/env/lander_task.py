@@ -14,6 +14,7 @@ from gymnasium.envs.box2d import lunar_lander as game
 from ibe_rl.data import Array, Phrases, Task
 
 PAD_X: dict[str, float] = {"left": -0.6, "center": 0.0, "right": 0.6}
+MAX_EPISODE_STEPS = 1000
 FLAG_DISTANCE = 0.2
 """From the middle of the pad to each flag, as in gymnasium's game."""
 
@@ -60,7 +61,7 @@ LANDER_TASK = Task(
             zero="falling straight down",
             negative="falling {degree}to the left",
             positive="falling {degree}to the right",
-            degrees=((0.2, "slightly "), (0.5, ""), (0.8, "far ")),
+            degrees=((0.15, "slightly "), (0.4, "moderately "), (0.75, "")),
         ),
     ),
     context=pad_of,
@@ -68,6 +69,7 @@ LANDER_TASK = Task(
     context_option="pad",
     success_key="landed",
     explained=X,
+    max_episode_steps=MAX_EPISODE_STEPS,
     scene_path=scene_path,
     scene_size=(WIDTH, HEIGHT),
 )

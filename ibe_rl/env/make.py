@@ -25,7 +25,9 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
     """
     if env_id not in gymnasium.registry:
         ours = ", ".join(name for name in gymnasium.registry if name.startswith("ibe_rl/"))
-        raise ConfigError(f"env.id={env_id}: not registered with gymnasium; allowed is one that declares a task: {ours}")
+        raise ConfigError(
+            f"env.id={env_id}: not registered with gymnasium; allowed is one that declares a task: {ours}"
+        )
     try:
         env = gymnasium.make(env_id, disable_env_checker=True, **kwargs)
     except (TypeError, ValueError) as error:

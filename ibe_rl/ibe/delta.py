@@ -42,7 +42,7 @@ class Windows:
 
     def __getitem__(self, rows: Array | slice) -> Windows:
         columns = (self.delta, self.instruction, self.given, self.episode, self.step)
-        return Windows(*(column[rows] for column in columns), horizon_steps=self.horizon_steps)
+        return Windows(*(column[rows] for column in columns), self.horizon_steps)
 
 
 def delta_states(states: Array, horizon_steps: int, end: str = "drop") -> Array:

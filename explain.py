@@ -1,0 +1,117 @@
+"""Let a trained agent explain itself: fly one episode and say, step by step, what it is about to do.
+
+python explain.py                                the newest run below runs/
+python explain.py run=runs/NAME seed=3 context=left
+python explain.py run=runs/NAME viewer=live      and look at it in the browser
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.table import Table
+
+from ibe_rl.command_line import run_script
+from ibe_rl.config import ExplainConfig
+from ibe_rl.data import ConfigError, Explanation, Watched
+from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.explainer import explain
+from ibe_rl.ibe import delta_states, phrase
+from ibe_rl.instruct import make_instructor
+from ibe_rl.metrics import came_true
+from ibe_rl.play import watch
+from ibe_rl.predict import Simulator
+from ibe_rl.relay import Relay, choose_ports
+from ibe_rl.run_folder import find_run
+from ibe_rl.stream import Recorder
+
+
+def main(cfg: ExplainConfig) -> None:
+    """Explain one episode in the terminal and in a recording."""
+    torch.set_num_threads(1)
+    run = load_run(find_run(cfg.run, Path("runs")))
+    allowed = run.task.contexts
+    if cfg.context is not None and cfg.context not in allowed:
+        raise ConfigError(f"context={cfg.context}: allowed is one of {', '.join(allowed)}, or none to draw one")
+    ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    watched, said = fly(run, cfg)
+    tell(run, watched, said)
+    if cfg.viewer.mode == "off":
+        return
+    recording = record(run, cfg, watched, said)
+    print(f"recording: {recording}\n  open it with: rerun {recording}")
+    if ports:
+        serve_while_looked_at(Relay(recording, ports))
+
+
+def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
+    """Fly the episode, then explain its every step."""
+    instructor = make_instructor(run.config.instructor.kind, run.task)
+    watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
+    ahead = cfg.predictor
+    predictor = Simulator(run.make_env, run.task.rule, ahead.future_instruction, ahead.moments_at_once, cfg.seed)
+    said = explain(watched.moments, run.policy, predictor, run.mapping, run.horizon_steps, run.task.phrases)
+    return watched, said
+
+
+def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None:
+    """Print what was said, one row for each stretch of steps with the same words."""
+    episode, words = watched.episode, run.task.phrases
+    happened = run.mapping.express(delta_states(episode.states, run.horizon_steps, end="clamp"))
+    rows = [
+        (phrase(moment.instruction, words) if moment.given else "(nothing)", one.phrase, phrase(outcome, words))
+        for moment, one, outcome in zip(watched.moments, said, happened, strict=True)
+    ]
+    title = f"{run.task.name}: {episode.context}, {len(episode)} steps, return {episode.total_reward:.1f}, "
+    table = Table(title=title + ("success" if episode.success else "no success"), title_justify="left")
+    for column in ("steps", "the instructor says", "the agent says it will be", "expression", "confidence", "it was"):
+        table.add_column(column)
+    for (told, spoken, outcome), group in groupby(range(len(rows)), key=lambda step: rows[step]):
+        steps = list(group)
+        expression = np.mean([said[step].expression for step in steps], axis=0)
+        values = " ".join(f"{value:+.2f}" for value in expression)
+        confidence = np.mean([said[step].confidence for step in steps])
+        table.add_row(f"{steps[0]}-{steps[-1]}", told, spoken, values, f"{confidence:.0%}", outcome)
+    console = Console()
+    console.print(table)
+    share = came_true(episode, said, run.mapping, words)
+    console.print(
+        f"{share:.0%} of what it said about its next {run.horizon_steps} steps came true. Policy of frame "
+        f"{run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}.",
+        highlight=False,
+    )
+
+
+def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence[Explanation]) -> Path:
+    """Write the recording of the episode; returns where."""
+    name = f"episode_seed{cfg.seed}_{watched.episode.context}"
+    path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    except OSError as error:
+        raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
+    recorder = Recorder(path, run.task, name)
+    recorder.watched(run.policy_frame, watched, said)
+    recorder.close()
+    return path
+
+
+def serve_while_looked_at(relay: Relay) -> None:
+    """Serve the recording until Enter or Ctrl-C; without a terminal nobody can look, so only say where it was."""
+    try:
+        print(f"live view: {relay.address}\n  on another machine, forward it first: {relay.port_forward()}")
+        if sys.stdin.isatty():
+            input("Enter ends it. ")
+    finally:
+        relay.close()
+
+
+if __name__ == "__main__":
+    run_script(main, Path(__file__).parent / "configs", "explain")

@@ -1,0 +1,89 @@
+"""Open a run folder: its settings, its greedy policy, its vocabulary. No code from the folder runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from ibe_rl.agent import GreedyPolicy, make_agent
+from ibe_rl.checkpoint import load, policies
+from ibe_rl.command_line import load_config
+from ibe_rl.config import TrainConfig, check
+from ibe_rl.data import ConfigError, Task
+from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.ibe import ClusterMapping
+from ibe_rl.refresh import load_mapping
+from ibe_rl.run_folder import CHECKPOINTS, CONFIG, REFRESHES
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """What a run left behind.
+
+    Attributes:
+        folder: where it lies.
+        config: what it was trained with.
+        task: the environment's own.
+        policy: the greedy policy of the last evaluation.
+        policy_frame: training frames when it was kept.
+        mapping: the vocabulary of the last refresh before that.
+        mapping_frame: training frames when it was learnt.
+        horizon_steps: n, the one the vocabulary was learnt with.
+    """
+
+    folder: Path
+    config: TrainConfig
+    task: Task
+    policy: GreedyPolicy
+    policy_frame: int
+    mapping: ClusterMapping
+    mapping_frame: int
+    horizon_steps: int
+
+    def make_env(self) -> gymnasium.Env[Any, Any]:
+        """One more environment as the run had them."""
+        return make_gym(self.config.env.id, self.config.env.kwargs)
+
+
+def load_run(folder: Path) -> TrainedRun:
+    """Open the run in ``folder`` as it last was.
+
+    Raises:
+        ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
+    """
+    config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
+    check(config)
+    env = make_gym(config.env.id, config.env.kwargs)
+    task = task_of(env)
+    frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
+    agent = make_agent(config.agent, task.observation_size, env.action_space, config.total_frames)
+    try:
+        agent.greedy.load_state_dict(load(path))
+    except (RuntimeError, AttributeError, TypeError) as error:
+        raise ConfigError(f"{path}: not a policy of this run ({str(error).splitlines()[0]})") from None
+    mapping, horizon, learnt = _last_mapping(folder, frame)
+    if mapping.mean.shape != (len(task.state_names),):
+        raise ConfigError(
+            f"{folder}: its vocabulary is for {len(mapping.mean)} state dimensions, not {len(task.state_names)}"
+        )
+    return TrainedRun(folder, config, task, agent.greedy, frame, mapping, learnt, horizon)
+
+
+def _last_mapping(folder: Path, frame: int) -> tuple[ClusterMapping, int, int]:
+    """The newest refresh that is no newer than the policy."""
+    found = {int(path.stem): path for path in (folder / REFRESHES).glob("*.json") if path.stem.isdecimal()}
+    usable = {learnt: path for learnt, path in sorted(found.items()) if learnt <= frame}
+    _, path = _last(usable, folder, f"vocabulary from before its policy of frame {frame:,}")
+    try:
+        return load_mapping(path)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def _last(found: dict[int, Path], folder: Path, what: str) -> tuple[int, Path]:
+    if not found:
+        raise ConfigError(f"run={folder}: it has no {what}")
+    return list(found.items())[-1]

@@ -1,0 +1,279 @@
+"""Serve a recording live in rerun's web viewer, while it grows or afterwards, from a process of its own.
+
+    python -m ibe_rl.relay RECORDING_OR_RUN_FOLDER [--grpc-port N] [--web-port N]
+
+The trainer writes a file; the relay follows that file and pipes it into the rerun server. Whatever hangs or
+dies on the way to the browser, the trainer is not waiting for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import getpass
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Self
+from urllib.parse import quote
+
+from ibe_rl.data import ConfigError
+from ibe_rl.run_folder import RECORDING
+
+HOST = "127.0.0.1"
+GRPC_PORT, WEB_PORT = 9876, 9090
+POLL_S = 0.1
+CHUNK_BYTES = 1 << 18
+DRAIN_S = 2.0
+"""How long the rest of the recording may take to reach the server once the relay is asked to end."""
+PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
+LOG = "viewer.log"
+
+
+@dataclass(frozen=True)
+class Ports:
+    """The two ports of the live view: ``grpc`` carries the data, ``web`` the page."""
+
+    grpc: int
+    web: int
+
+
+def choose_ports(grpc_port: int | None, web_port: int | None) -> Ports:
+    """Decide on both ports.
+
+    Args:
+        grpc_port: None for 9876, or a free one if that is taken.
+        web_port: None for 9090, or a free one if that is taken.
+
+    Raises:
+        ConfigError: if a port asked for by its number is taken or none at all, or both are the same.
+    """
+    grpc = _asked("viewer.grpc_port", grpc_port, frozenset())
+    web = _asked("viewer.web_port", web_port, frozenset({grpc} if grpc else ()))
+    grpc = grpc or _default(GRPC_PORT, web)
+    return Ports(grpc, web or _default(WEB_PORT, grpc))
+
+
+def _asked(key: str, port: int | None, used: frozenset[int]) -> int | None:
+    if port is None:
+        return None
+    allowed = "allowed is a free port from 1 to 65535, or null to choose one"
+    if not 1 <= port <= 65535:
+        raise ConfigError(f"{key}={port}: no such port, {allowed}")
+    if port in used or not is_free(port):
+        raise ConfigError(f"{key}={port}: taken, {allowed}")
+    return port
+
+
+def _default(port: int, other: int | None) -> int:
+    if port != other and is_free(port):
+        return port
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+def is_free(port: int) -> bool:
+    """True if a server could listen on this port of this machine."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError:
+            return False
+    return True
+
+
+def rerun_binary() -> Path:
+    """Find the viewer itself; the ``rerun`` on the path is a script around it that would leave it orphaned.
+
+    Raises:
+        RuntimeError: if it is not installed.
+    """
+    package = find_spec("rerun_cli")
+    binary = Path(package.origin).parent / "rerun" if package and package.origin else None
+    if binary is None or not binary.exists():
+        raise RuntimeError("the rerun viewer is not installed: pip install rerun-sdk")
+    return binary
+
+
+def page(ports: Ports) -> str:
+    """The address to open in a browser on this machine."""
+    data = quote(f"rerun+http://{HOST}:{ports.grpc}/proxy", safe="")
+    return f"http://{HOST}:{ports.web}/?url={data}&hide_welcome_screen=1"
+
+
+def port_forward(ports: Ports) -> str:
+    """The command that makes ``page`` work on another machine; both numbers must stay the same there."""
+    forwards = " ".join(f"-L {port}:{HOST}:{port}" for port in (ports.web, ports.grpc))
+    return f"ssh {forwards} {getpass.getuser()}@{socket.gethostname()}"
+
+
+class Relay:
+    """The trainer's side: a process that serves ``recording`` until it is closed or the trainer is gone.
+
+    Args:
+        recording: the file, which may not be there yet.
+        ports: from ``choose_ports``.
+
+    Attributes:
+        address: what to open in a browser on this machine.
+
+    Raises:
+        RuntimeError: if the viewer is not installed or the process cannot be started.
+    """
+
+    def __init__(self, recording: Path, ports: Ports) -> None:
+        rerun_binary()
+        self._ports = ports
+        self.address = page(ports)
+        numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
+        command = [sys.executable, "-m", "ibe_rl.relay", str(recording), *numbers]
+        try:
+            with (recording.parent / LOG).open("wb") as log:
+                self._process = subprocess.Popen(  # noqa: S603 - our own module
+                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+                )  # in a session of its own, so that Ctrl-C reaches the trainer only
+        except OSError as error:
+            raise RuntimeError(f"the live view cannot be started: {error}") from error
+
+    def port_forward(self) -> str:
+        """The command to type on another machine before the address works there."""
+        return port_forward(self._ports)
+
+    def alive(self) -> bool:
+        """True while the recording is served."""
+        return self._process.poll() is None
+
+    def close(self) -> None:
+        """Serve what is written so far, then end; a second call does nothing."""
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=2 * DRAIN_S + 2)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Server:
+    """The rerun server that a relay feeds."""
+
+    def __init__(self, ports: Ports) -> None:
+        address = ["--serve-web", "--bind", HOST, "--port", str(ports.grpc), "--web-viewer-port", str(ports.web)]
+        libc = ctypes.CDLL(None)
+        self._process = subprocess.Popen(  # noqa: S603 - the installed viewer
+            [str(rerun_binary()), "-", *address, "--server-memory-limit", "512MiB"],
+            stdin=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,
+            env=os.environ | {"RUST_LOG": "warn"},
+            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),  # also if the relay is killed
+        )
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def feed(self, data: bytes) -> bytes:
+        """Hand over what the server takes within a moment; returns the rest."""
+        if not select.select([], [self._pipe], [], POLL_S)[1]:
+            return data
+        try:
+            return data[os.write(self._pipe, data) :]
+        except BrokenPipeError:  # it has just died, which alive() will say
+            return data
+
+    def stop(self) -> None:
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=1)
+        except subprocess.TimeoutExpired:  # it hangs
+            self._process.kill()
+            self._process.wait()
+
+
+class _Stop:
+    """Asked to end by a signal, or because the parent is gone."""
+
+    def __init__(self, parent: int | None) -> None:
+        self._parent = parent
+        self._asked_at: float | None = None
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._ask)
+
+    def _ask(self, *_: object) -> None:
+        self._asked_at = self._asked_at or time.monotonic()
+
+    def now(self, behind: bool) -> bool:
+        """True when it is time to end; while the server is ``behind`` it gets ``DRAIN_S`` more."""
+        if self._parent is not None and os.getppid() != self._parent:
+            return True
+        return self._asked_at is not None and not (behind and time.monotonic() - self._asked_at < DRAIN_S)
+
+
+def relay(recording: Path, ports: Ports, stop: _Stop) -> int:
+    """Feed a recording to a server until asked to stop; returns the exit status, 1 if the server died."""
+    while not recording.exists():
+        if stop.now(behind=False):
+            return 0
+        time.sleep(POLL_S)
+    server = _Server(ports)
+    try:
+        follow(recording, server, stop)
+        return 0 if server.alive() else 1
+    finally:
+        server.stop()
+
+
+def follow(recording: Path, server: _Server, stop: _Stop) -> None:
+    """Pass on what is in the file, then what is added to it."""
+    pending = b""
+    with recording.open("rb") as file:
+        while server.alive():
+            pending = pending or file.read(CHUNK_BYTES)
+            if stop.now(behind=bool(pending)):
+                return
+            if pending:
+                pending = server.feed(pending)
+            else:
+                time.sleep(POLL_S)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Serve a recording from the command line until Ctrl-C."""
+    parser = argparse.ArgumentParser(prog="python -m ibe_rl.relay", description="Serve a recording in the browser.")
+    parser.add_argument("recording", type=Path, help="a recording, or the folder of a run, finished or running")
+    parser.add_argument("--grpc-port", type=int, help=f"default {GRPC_PORT}, or a free one")
+    parser.add_argument("--web-port", type=int, help=f"default {WEB_PORT}, or a free one")
+    parser.add_argument("--parent", type=int, help=argparse.SUPPRESS)
+    asked = parser.parse_args(arguments)
+    recording = asked.recording / RECORDING if asked.recording.is_dir() else asked.recording
+    if asked.parent is None and not recording.is_file():
+        parser.error(f"no recording at {recording}")
+    try:
+        ports = choose_ports(asked.grpc_port, asked.web_port)
+    except ConfigError as error:
+        parser.error(str(error))
+    sys.stdout.write(f"live view: {page(ports)}\n  from another machine: {port_forward(ports)}\n  Ctrl-C ends it\n")
+    sys.stdout.flush()
+    return relay(recording, ports, _Stop(asked.parent))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
