@@ -31,7 +31,7 @@ class _Flight:
         self.success = bool(info[self.task.success_key])
         self.states.append(state)
         self.actions.append(action)
-        self.rewards.append(reward)
+        self.rewards.append(float(reward))
         self.instructions.append(instruction)
         self.given.append(given)
 

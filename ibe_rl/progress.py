@@ -59,10 +59,11 @@ class TrainingProgress:
         """Report a refresh and what the watched episode ended on."""
         self._bar.update(self._task, phrase=f"“{phrase}”")
         expressions = " ".join(f"{value:+.2f}" for value in refresh.mapping.expressions[:, 0])
+        episodes = f"{refresh.episodes_used} of {refresh.episodes_logged} episodes"
+        windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
         self.say(
-            f"refresh {number} at {refresh.frame:,} frames: "
-            f"{refresh.episodes_used} of {refresh.episodes_logged} episodes ({_counts(refresh.episodes_by_context)}), {len(refresh.top):,} windows "
-            f"({_counts(refresh.windows_by_context)}; instruction {_counts(refresh.windows_by_instruction)})\n"
+            f"refresh {number} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
+            f"{windows}instruction {_counts(refresh.windows_by_instruction)})\n"
             f"  expressions {expressions}; {came_true:.0%} of the watched episode's explanations came true"
         )
 

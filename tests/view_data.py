@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import socket
+import time
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+import pytest
 from gymnasium.envs.box2d.lunar_lander import heuristic
 
 import ibe_rl  # noqa: F401 - registers the environment
@@ -16,6 +23,8 @@ from ibe_rl.env import LANDER_ID
 from ibe_rl.env.lander_task import LANDER_TASK, X
 from ibe_rl.ibe import PaperMapping, cut_windows, phrase, top_episodes
 from ibe_rl.refresh import Refresh
+from ibe_rl.relay import Ports
+from ibe_rl.stream import Recorder
 
 TASK: Task = LANDER_TASK
 HORIZON_STEPS = 60
@@ -106,3 +115,50 @@ def explain(watched: Watched, refresh: Refresh, seed: int = 0) -> list[Explanati
         )
         for t in range(steps)
     ]
+
+
+WATCHED = (6, 1, 4)
+"""Which flights the recording of ``record`` shows; each after a refresh, 100,000 frames apart."""
+
+
+def record(path: Path, refreshes: int = 3) -> None:
+    """Write a whole small run: curves, refreshes and the episodes watched after them."""
+    recorder, frames, random = Recorder(path, TASK, "a small run"), 0, np.random.default_rng(0)
+    for number in range(refreshes):
+        for _ in range(5):
+            frames += 20_000
+            progress = 1 - np.exp(-frames / 200_000)
+            noise = random.normal(0, 0.03)
+            recorder.batch(frames, {"train/return_mean": 300 * (progress + noise) - 200, "train/success_rate": progress})
+        refresh, watched = replace(refreshed(), frame=frames), flights()[WATCHED[number]]
+        recorder.refresh(refresh)
+        recorder.watched(frames, watched, explain(watched, refresh, number))
+        recorder.batch(frames, {"eval/return_mean": 350 * progress - 180, "eval/success_rate": progress})
+        recorder.batch(frames, {"ibe/came_true": 0.5 + 0.3 * progress})
+    recorder.close()
+
+
+def needed(there: bool, what: str) -> None:
+    """Skip a test that needs something of the system, or fail it where everything has to be there."""
+    if not there and os.environ.get("CI"):
+        pytest.fail(f"{what} is missing")
+    if not there:
+        pytest.skip(f"{what} is missing")
+
+
+def free_ports() -> Ports:
+    """Two ports that nothing listens on."""
+    with socket.socket() as one, socket.socket() as other:
+        one.bind(("127.0.0.1", 0))
+        other.bind(("127.0.0.1", 0))
+        return Ports(one.getsockname()[1], other.getsockname()[1])
+
+
+def eventually(condition: Callable[[], object], within_s: float = 10.0) -> bool:
+    """Wait until ``condition`` holds; False if it never does."""
+    end = time.monotonic() + within_s
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.05)
+    return True

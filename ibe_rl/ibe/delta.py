@@ -41,8 +41,14 @@ class Windows:
         return len(self.delta)
 
     def __getitem__(self, rows: Array | slice) -> Windows:
-        columns = (self.delta, self.instruction, self.given, self.episode, self.step)
-        return Windows(*(column[rows] for column in columns), self.horizon_steps)
+        return Windows(
+            delta=self.delta[rows],
+            instruction=self.instruction[rows],
+            given=self.given[rows],
+            episode=self.episode[rows],
+            step=self.step[rows],
+            horizon_steps=self.horizon_steps,
+        )
 
 
 def delta_states(states: Array, horizon_steps: int, end: str = "drop") -> Array:

@@ -1,0 +1,33 @@
+# One command for each thing a user wants; everything lives in .venv/.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/installed
+export OMP_NUM_THREADS := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help train test demo clean
+
+help: ## list the targets
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
+
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "ibe_rl needs Python 3.11 or newer: make PYTHON=python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+train: $(INSTALLED) ## install, then train with the defaults and watch it live
+	$(BIN)/python train.py
+
+demo: $(INSTALLED) ## a small trained agent explains an episode, in under a minute
+	$(BIN)/python explain.py run=demo seed=3 context=left viewer=live output=runs/demo.rrd
+
+test: $(INSTALLED) ## every check: format, lint, types, tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/pytest
+
+clean: ## remove the environment, not the runs
+	rm -rf $(VENV)

@@ -1,0 +1,237 @@
+"""The relay: it serves a growing file, ends with its trainer, and never makes it wait."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import urlopen
+
+import pytest
+from rerun.chunk import RrdReader
+from view_data import TASK, eventually, free_ports
+
+from ibe_rl import relay as module
+from ibe_rl.data import ConfigError
+from ibe_rl.relay import Ports, Relay, choose_ports, is_free, main, rerun_binary
+from ibe_rl.stream import Recorder
+
+
+@pytest.fixture
+def taken() -> Iterator[int]:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        yield server.getsockname()[1]
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def gone(pid: int) -> bool:
+    """True if the process has ended, whether or not somebody has asked for its exit status."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def server_of(relay_pid: int) -> int:
+    assert eventually(lambda: children(relay_pid))
+    return children(relay_pid)[0]
+
+
+def frames_in(path: Path) -> list[int]:
+    """Frames of the return's curve in a file, as far as it is written."""
+    try:
+        batches = [c.to_record_batch() for c in RrdReader(str(path)).stream() if c.entity_path == "/curves/train/r"]
+    except (RuntimeError, ValueError, OSError):  # cut in the middle of a message
+        return []
+    return sorted(frame for batch in batches for frame in batch.to_pydict()["frames"])
+
+
+def test_defaults_are_taken_where_they_are_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = free_ports()
+    monkeypatch.setattr(module, "GRPC_PORT", free.grpc)
+    monkeypatch.setattr(module, "WEB_PORT", free.web)
+    assert choose_ports(None, None) == free
+
+
+def test_a_taken_default_moves(monkeypatch: pytest.MonkeyPatch, taken: int) -> None:
+    monkeypatch.setattr(module, "GRPC_PORT", taken)
+    monkeypatch.setattr(module, "WEB_PORT", taken)
+    ports = choose_ports(None, None)
+    assert taken not in (ports.grpc, ports.web)
+    assert ports.grpc != ports.web
+    assert is_free(ports.grpc)
+    assert is_free(ports.web)
+
+
+def test_a_default_gives_way_to_the_port_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = free_ports()
+    monkeypatch.setattr(module, "GRPC_PORT", free.web)
+    ports = choose_ports(None, free.web)
+    assert ports.web == free.web
+    assert ports.grpc != free.web
+
+
+def test_a_port_asked_for_and_taken_is_refused(taken: int) -> None:
+    with pytest.raises(ConfigError, match=f"viewer.grpc_port={taken}: taken, allowed is a free port"):
+        choose_ports(taken, None)
+    with pytest.raises(ConfigError, match=f"viewer.web_port={taken}: taken"):
+        choose_ports(None, taken)
+
+
+def test_one_port_cannot_be_both() -> None:
+    port = free_ports().web
+    with pytest.raises(ConfigError, match=f"viewer.web_port={port}: taken"):
+        choose_ports(port, port)
+
+
+@pytest.mark.parametrize("port", [0, -1, 65536])
+def test_what_is_no_port_is_refused(port: int) -> None:
+    with pytest.raises(ConfigError, match=f"viewer.web_port={port}: no such port, allowed is .* 1 to 65535"):
+        choose_ports(None, port)
+
+
+def test_the_address_names_the_data_percent_encoded() -> None:
+    address = urlsplit(module.page(Ports(grpc=1234, web=5678)))
+    assert address.netloc == "127.0.0.1:5678"
+    assert "+" not in address.query
+    assert parse_qs(address.query) == {"url": ["rerun+http://127.0.0.1:1234/proxy"], "hide_welcome_screen": ["1"]}
+
+
+def test_the_forward_keeps_both_numbers() -> None:
+    command = module.port_forward(Ports(grpc=1234, web=5678))
+    assert command.startswith("ssh -L 5678:127.0.0.1:5678 -L 1234:127.0.0.1:1234 ")
+    assert command.endswith("@" + socket.gethostname())
+
+
+def test_without_the_viewer_there_is_no_relay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    with pytest.raises(RuntimeError, match="rerun viewer is not installed: pip install rerun-sdk"):
+        Relay(tmp_path / "recording.rrd", free_ports())
+
+
+def test_a_process_that_cannot_start_is_said_so(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="live view cannot be started"):
+        Relay(tmp_path / "no such folder" / "recording.rrd", free_ports())
+
+
+def test_the_command_line_refuses_what_it_cannot_serve(
+    tmp_path: Path, taken: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main([str(tmp_path)])
+    assert f"no recording at {tmp_path / 'recording.rrd'}" in capsys.readouterr().err
+    (tmp_path / "recording.rrd").touch()
+    with pytest.raises(SystemExit):
+        main([str(tmp_path), "--grpc-port", str(taken)])
+    assert f"viewer.grpc_port={taken}: taken" in capsys.readouterr().err
+
+
+def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
+    """The relay is there before the file; the listener comes late and gets all the same rows."""
+    path, heard, ports = tmp_path / "recording.rrd", tmp_path / "heard.rrd", free_ports()
+    with Relay(path, ports) as relay:
+        recorder = Recorder(path, TASK, "run")
+        recorder.batch(1, {"train/r": 1.0})
+        recorder.flush()
+        assert eventually(lambda: not is_free(ports.grpc), 20)
+        url = f"rerun+http://127.0.0.1:{ports.grpc}/proxy"
+        with subprocess.Popen([rerun_binary(), url, "--save", heard], stderr=subprocess.DEVNULL) as listener:
+            try:
+                assert eventually(lambda: heard.exists() and frames_in(heard) == [1], 20)
+                for frame in range(2, 30):
+                    recorder.batch(frame, {"train/r": 1.0})
+                    recorder.flush()
+                assert eventually(lambda: frames_in(heard) == list(range(1, 30)), 20)
+            finally:
+                listener.terminate()
+        with urlopen(f"http://127.0.0.1:{ports.web}/") as answer:  # noqa: S310 - our own server
+            assert answer.status == 200
+        assert relay.alive()
+        recorder.close()
+    assert not relay.alive()
+    assert is_free(ports.grpc)
+
+
+def test_a_hanging_viewer_makes_nobody_wait(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    recorder, relay = Recorder(path, TASK, "run"), Relay(path, free_ports())
+    server = server_of(relay._process.pid)
+    os.kill(server, signal.SIGSTOP)
+    start = time.perf_counter()
+    for frame in range(40):
+        recorder.batch(frame, {f"train/{i}": float(frame) for i in range(20)})
+        recorder.flush()
+    recorder.close()
+    assert time.perf_counter() - start < 5
+    assert relay.alive()
+    assert path.stat().st_size > 5 * 65_536  # far more than a pipe holds
+    relay.close()
+    assert not relay.alive()
+    assert gone(server)
+    relay.close()
+
+
+def test_a_viewer_that_dies_ends_the_relay_only(tmp_path: Path) -> None:
+    recorder, relay = Recorder(tmp_path / "recording.rrd", TASK, "run"), Relay(tmp_path / "recording.rrd", free_ports())
+    os.kill(server_of(relay._process.pid), signal.SIGKILL)
+    assert eventually(lambda: not relay.alive())
+    recorder.batch(1, {"train/r": 1.0})
+    recorder.close()
+    relay.close()
+
+
+def test_a_killed_relay_takes_the_viewer_along(tmp_path: Path) -> None:
+    Recorder(tmp_path / "recording.rrd", TASK, "run").close()
+    with Relay(tmp_path / "recording.rrd", free_ports()) as relay:
+        server = server_of(relay._process.pid)
+        os.kill(relay._process.pid, signal.SIGKILL)
+        assert eventually(lambda: gone(server))
+
+
+TRAINER = """
+import sys, time
+from pathlib import Path
+from ibe_rl.relay import Ports, Relay
+relay = Relay(Path(sys.argv[1]), Ports(int(sys.argv[2]), int(sys.argv[3])))
+print(relay._process.pid, flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("viewer_hangs", [False, True])
+def test_a_killed_trainer_leaves_nothing_behind(tmp_path: Path, viewer_hangs: bool) -> None:
+    path, ports = tmp_path / "recording.rrd", free_ports()
+    Recorder(path, TASK, "run").close()
+    command = [sys.executable, "-c", TRAINER, str(path), str(ports.grpc), str(ports.web)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as trainer:
+        assert trainer.stdout is not None
+        relay = int(trainer.stdout.readline())
+        server = server_of(relay)
+        if viewer_hangs:
+            os.kill(server, signal.SIGSTOP)
+        trainer.kill()
+    assert eventually(lambda: gone(relay))
+    assert eventually(lambda: gone(server))
+
+
+def test_a_finished_run_is_served_until_ctrl_c(tmp_path: Path) -> None:
+    Recorder(tmp_path / "recording.rrd", TASK, "run").close()
+    ports = free_ports()
+    numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web)]
+    command = [sys.executable, "-m", "ibe_rl.relay", str(tmp_path), *numbers]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as relay:
+        assert relay.stdout is not None
+        assert module.page(ports) in relay.stdout.readline()
+        server = server_of(relay.pid)
+        relay.send_signal(signal.SIGINT)
+        assert relay.wait(10) == 0
+    assert gone(server)
