@@ -44,6 +44,7 @@ def make_collector(
             agent.policy,
             frames_per_batch=rows * collect.steps_per_batch,
             total_frames=-1,
+            auto_register_policy_transforms=False,  # they are for recurrent policies
             **(many if collect.processes > 1 else {}),
         )
 

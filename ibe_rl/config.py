@@ -52,7 +52,7 @@ class AgentConfig:
     """What all agents share."""
 
     kind: str = MISSING
-    hidden: list[int] = field(default_factory=lambda: [128, 128])
+    hidden: list[int] = field(default_factory=lambda: [64, 64])
     gamma: float = setting(0.999, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
     reward_scale: float = setting(0.05, low=1e-9)  # rewards are multiplied with it, for the learner only
@@ -66,7 +66,7 @@ class PPOConfig(AgentConfig):
     gae_lambda: float = setting(0.98, low=0.0, high=1.0)
     clip: float = setting(0.2, low=1e-6, high=1.0)
     epochs: int = setting(6, low=1)
-    minibatch_size: int = setting(1024, low=2)
+    minibatch_size: int = setting(512, low=2)
     entropy: float = setting(0.01, low=0.0)
     value_weight: float = setting(0.5, low=0.0)
     max_grad_norm: float = setting(0.5, low=1e-9)
@@ -136,10 +136,10 @@ class TrainConfig:
     """``train.py``."""
 
     seed: int = setting(0, low=0, high=MAX_SEED)
-    total_frames: int = setting(1_500_000, low=1)  # rounded up to whole batches
+    total_frames: int = setting(1_300_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
-    refresh_every_frames: int = setting(150_000, low=1)
-    eval_every_frames: int = setting(300_000, low=1)
+    refresh_every_frames: int = setting(120_000, low=1)
+    eval_every_frames: int = setting(260_000, low=1)
     eval_episodes: int = setting(100, low=1, high=10_000)
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)
@@ -184,7 +184,7 @@ def register() -> None:
 
 
 def check(config: Any) -> None:
-    """Refuse values outside their limits.
+    """Refuse values outside their limits, and settings that nothing reads.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -196,6 +196,9 @@ def check(config: Any) -> None:
 
 
 def _settings(config: Any, prefix: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    known = [item.name for item in fields(config)]
+    for added in vars(config).keys() - set(known):  # what `+key=value` has put there
+        raise ConfigError(f"{prefix}{added}={getattr(config, added)}: no such setting; allowed are {', '.join(known)}")
     for item in fields(config):
         value = getattr(config, item.name)
         if is_dataclass(value):

@@ -89,17 +89,23 @@ def changes(words: Sequence[object]) -> list[int]:
     return [i for i, word in enumerate(words) if i == 0 or word != words[i - 1]]
 
 
-def short(phrases: Sequence[str]) -> list[str]:
-    """Leave out the words that all phrases begin with.
+def shared_words(words: Sequence[Phrases]) -> int:
+    """How many words all phrases of a language begin with; they can be left out where room is short.
 
-    >>> short(["going up", "going down"])
-    ['up', 'down']
+    >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
+    1
     """
-    split = [phrase.split() for phrase in phrases]
+    spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
     shared = 0
-    while len({tuple(words[: shared + 1]) for words in split}) == 1 and all(len(words) > shared + 1 for words in split):
+    while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
         shared += 1
-    return [" ".join(words[shared:]) for words in split]
+    return shared
+
+
+def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
+    """Phrases without the words that all of the language begin with."""
+    shared = shared_words(words)
+    return [" ".join(one.split()[shared:]) for one in phrases]
 
 
 @dataclass(frozen=True)
@@ -190,6 +196,12 @@ def histogram(best: Array, others: Array) -> tuple[Array, float, Array, Array]:
     return (edges[:-1] + edges[1:]) / 2, float(width), densities[0], densities[1]
 
 
+def cut(densities: Sequence[Array]) -> list[Array]:
+    """Cut one peak that would hide the rest, such as that of all who stand still, to twice what is beside it."""
+    highest = np.sort(np.max(densities, axis=0))[-2]
+    return [np.minimum(density, 2 * highest) if highest > 0 else density for density in densities]
+
+
 def counts(of: Dict[str, int]) -> str:
     """Names and numbers in one line.
 
@@ -202,10 +214,11 @@ def counts(of: Dict[str, int]) -> str:
 def vocabulary_table(mapping: ClusterMapping, words: Sequence[Phrases], spoken: int | None = None) -> str:
     """The clusters as a markdown table, the one just spoken marked."""
     rows = ["| # | says | windows | mean m* | in words |", "|--:|--:|--:|--:|:--|"]
+    phrases = short([phrase(expression, words) for expression in mapping.expressions], words)
     for i, (expression, mean) in enumerate(zip(mapping.expressions, mapping.mean_instructions, strict=True)):
         numbers = [" ".join(f"{value:+.2f}" for value in row) for row in (expression, mean)]
         size = f"{int(mapping.sizes[i]):,}"
-        cells = [f"→ {i}" if i == spoken else str(i), numbers[0], size, numbers[1], phrase(expression, words)]
+        cells = [f"→ {i}" if i == spoken else str(i), numbers[0], size, numbers[1], phrases[i]]
         rows.append("| " + " | ".join(f"**{cell}**" if i == spoken else cell for cell in cells) + " |")
     return "\n".join(rows)
 

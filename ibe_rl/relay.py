@@ -108,7 +108,7 @@ def rerun_binary() -> Path:
 def page(ports: Ports) -> str:
     """The address to open in a browser on this machine."""
     data = quote(f"rerun+http://{HOST}:{ports.grpc}/proxy", safe="")
-    return f"http://{HOST}:{ports.web}/?url={data}&hide_welcome_screen=1"
+    return f"http://{HOST}:{ports.web}/?url={data}&hide_welcome_screen=1&theme=dark"
 
 
 def port_forward(ports: Ports) -> str:

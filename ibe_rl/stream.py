@@ -255,7 +255,7 @@ class Recorder:
         words = list(self._shades)
         states = rr.StateConfiguration(
             values=[SILENCE, *words],
-            labels=[SILENCE, *picture.short(words)],
+            labels=[SILENCE, *picture.short(words, self._task.phrases)],
             colors=np.array([view.SILENT, *self._shades.values()], np.uint8),
         )
         for lane, spoken in (("instructor", instructed), ("agent", [one.phrase for one in said])):
@@ -284,6 +284,6 @@ class Recorder:
         end = "success" if watched.episode.success else "no success"
         texts = [f"+{i}  {said[i].phrase}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
         shades = picture.colours(np.array([said[i].expression[0] for i in rows]))
-        shades = np.concatenate([shades, [view.REALLY]]).astype(np.uint8)
+        shades = np.concatenate([shades, [view.GREEN if watched.episode.success else view.PINK]]).astype(np.uint8)
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)
         self._send("log", place.columns([*rows, len(said)]), columns)

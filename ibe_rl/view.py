@@ -51,7 +51,7 @@ def blueprint(task: Task) -> rrb.Blueprint:
 def _left(task: Task) -> rrb.Container:
     curves = rrb.Horizontal(
         _curves("Return per episode", ["train/return_mean", "eval/return_mean"]),
-        _curves("Share of episodes", ["train/success_rate", "eval/success_rate", "ibe/came_true"], (0, 1)),
+        _curves("Share of episodes", ["train/success_rate", "eval/success_rate", "ibe/came_true"], (-0.02, 1.06)),
     )
     if task.scene_path is None:
         return rrb.Vertical(curves)
@@ -72,7 +72,7 @@ def _middle() -> rrb.Container:
     )
     lanes = rrb.StateTimelineView(origin="/says", name="In words", time_view=rrb.TimeAxis(view_range=recent))
     now = rrb.TextDocumentView(origin="/now", name="Now")
-    return rrb.Vertical(signals, lanes, now, row_shares=[24, 20, 56])
+    return rrb.Vertical(signals, lanes, now, row_shares=[22, 19, 59])
 
 
 def _right(task: Task) -> rrb.Container:
@@ -82,7 +82,7 @@ def _right(task: Task) -> rrb.Container:
             origin="/vocabulary",
             name="What the best episodes did, by cluster",
             background=list(BACKGROUND),
-            visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.74, 0.68)),
+            visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.72, 0.76)),
         ),
         rrb.BarChartView(
             origin="/expression",
@@ -91,7 +91,7 @@ def _right(task: Task) -> rrb.Container:
         ),
         rrb.BarChartView(
             origin="/change",
-            name=f"Δ{explained} ({unit}): best (green), others",
+            name=f"Δ{explained} ({unit}): best green, peak cut",
             plot_legend=rrb.PlotLegend(visible=False),
         ),
         rrb.TextLogView(
@@ -103,7 +103,7 @@ def _right(task: Task) -> rrb.Container:
             ),
             format_options=rrb.TextLogFormat(monospace_body=False),
         ),
-        row_shares=[35, 18, 19, 28],
+        row_shares=[37, 18, 18, 27],
     )
 
 
@@ -191,7 +191,7 @@ def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Ax
     recording.log("vocabulary/axes", axes)
     marks = [((x, h), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)]
     marks += [((-1.0, -h * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
-    marks += [((0.0, h + 0.01), across.title), ((-0.72, -h), up.title)]
+    marks += [((0.6, h + 0.15), f"→ {across.title}"), ((-0.6, h + 0.15), f"↑ {up.title}")]
     places, labels = zip(*marks, strict=True)
     dots = rr.Points2D(places, labels=labels, colors=[AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
     recording.log("vocabulary/marks", dots)
@@ -231,6 +231,6 @@ def log_bars(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> Non
     best, others = (windows.delta[:, task.explained] for windows in (refresh.top, refresh.others))
     middles, width, *densities = picture.histogram(best, others)
     widths = np.full(len(middles), width, np.float32)
-    for name, density, colour in zip(("best", "others"), densities, (GREEN, OTHERS), strict=True):
+    for name, density, colour in zip(("best", "others"), picture.cut(densities), (GREEN, OTHERS), strict=True):
         chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
         recording.log(f"change/{name}", chart)

@@ -103,7 +103,11 @@ def test_the_address_names_the_data_percent_encoded() -> None:
     address = urlsplit(module.page(Ports(grpc=1234, web=5678)))
     assert address.netloc == "127.0.0.1:5678"
     assert "+" not in address.query
-    assert parse_qs(address.query) == {"url": ["rerun+http://127.0.0.1:1234/proxy"], "hide_welcome_screen": ["1"]}
+    assert parse_qs(address.query) == {
+        "url": ["rerun+http://127.0.0.1:1234/proxy"],
+        "hide_welcome_screen": ["1"],
+        "theme": ["dark"],
+    }
 
 
 def test_the_forward_keeps_both_numbers() -> None:
@@ -113,7 +117,7 @@ def test_the_forward_keeps_both_numbers() -> None:
 
 
 def test_without_the_viewer_there_is_no_relay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    monkeypatch.setattr(module, "find_spec", lambda _: None)
     with pytest.raises(RuntimeError, match="rerun viewer is not installed: pip install rerun-sdk"):
         Relay(tmp_path / "recording.rrd", free_ports())
 
@@ -153,7 +157,7 @@ def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
                 assert eventually(lambda: frames_in(heard) == list(range(1, 30)), 20)
             finally:
                 listener.terminate()
-        with urlopen(f"http://127.0.0.1:{ports.web}/") as answer:  # noqa: S310 - our own server
+        with urlopen(f"http://127.0.0.1:{ports.web}/") as answer:
             assert answer.status == 200
         assert relay.alive()
         recorder.close()

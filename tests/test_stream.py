@@ -67,7 +67,9 @@ def test_the_curves_hold_every_value_at_its_frame(rows: Rows) -> None:
     assert frames(success) == list(range(20_000, 300_001, 20_000))
     expected = 1 - np.exp(-np.array(frames(success)) / 200_000)
     assert np.allclose(np.ravel(column(success, "Scalars:scalars")), expected)
-    assert frames(rows["/curves/eval/return_mean"]) == frames(rows["/curves/ibe/came_true"]) == [100_000, 200_000, 300_000]
+    assert (
+        frames(rows["/curves/eval/return_mean"]) == frames(rows["/curves/ibe/came_true"]) == [100_000, 200_000, 300_000]
+    )
     assert not any("watched_step" in row for row in success)
 
 
@@ -183,9 +185,7 @@ def test_signals_break_in_silence_and_at_the_end(rows: Rows) -> None:
 
 def test_both_lanes_say_the_phrases_and_silence_is_a_state(rows: Rows) -> None:
     watched = flights()[WATCHED[0]]
-    told = [
-        phrase(moment.instruction, TASK.phrases) if moment.given else SILENCE for moment in watched.moments
-    ]
+    told = [phrase(moment.instruction, TASK.phrases) if moment.given else SILENCE for moment in watched.moments]
     said = [one.phrase for one in explain(watched, replace(refreshed(), frame=100_000), 0)]
     for lane, words in (("instructor", told), ("agent", said)):
         starts = picture.changes(words)
@@ -205,9 +205,9 @@ def test_the_expressions_are_bars_below_and_above_zero(rows: Rows) -> None:
 def test_the_densities_are_those_of_the_explained_dimension(rows: Rows) -> None:
     refresh = refreshed()
     middles, width, best, others = picture.histogram(refresh.top.delta[:, 0], refresh.others.delta[:, 0])
-    for name, density in (("best", best), ("others", others)):
+    for name, density, drawn in zip(("best", "others"), (best, others), picture.cut([best, others]), strict=True):
         [tensor] = rows[f"/change/{name}"][0]["BarChart:values"]
-        assert np.allclose(tensor["buffer"], density)
+        assert np.allclose(tensor["buffer"], drawn)
         assert 0.95 < density.sum() * width <= 1
     assert len(middles) == len(best)
 
@@ -217,9 +217,9 @@ def test_clusters_are_drawn_in_the_two_dimensions_that_tell_them_apart(recorder:
     recorder.close()
     rows = read(tmp_path / "recording.rrd")
     [names] = rows["/vocabulary/names"]
-    [marks] = [row for row in rows["/vocabulary/marks"]]
+    [marks] = rows["/vocabulary/marks"]
     assert names["Points2D:labels"] == ["-1.00", "+0.25", "+1.00"]
-    assert [label for label in marks["Points2D:labels"] if label.startswith("Δ")] == ["Δx (half widths)", "Δangle (rad)"]
+    assert [label for label in marks["Points2D:labels"] if "Δ" in label] == ["→ Δx (half widths)", "↑ Δangle (rad)"]
     points = np.array(rows["/vocabulary/centres"][0]["Points2D:positions"])
     assert np.all(np.diff(points[:, 0]) > 0)
     assert points[0, 1] < points[2, 1] < points[1, 1]  # y down: the largest angle is on top
@@ -314,7 +314,15 @@ def test_no_recorder_takes_the_same_and_writes_nothing(tmp_path: Path) -> None:
 
 
 def test_words_that_all_phrases_begin_with_are_left_out() -> None:
-    assert picture.short(["falling down", "falling far left"]) == ["down", "far left"]
-    assert picture.short(["still", "still there"]) == ["still", "still there"]
-    assert picture.short(["alone"]) == ["alone"]
-    assert picture.short([]) == []
+    words = TASK.phrases
+    assert picture.short(["falling straight down", "falling far left"], words) == ["straight down", "far left"]
+    [falling] = words
+    other = replace(falling, zero="standing still")
+    assert picture.short(["standing still"], [other]) == ["standing still"]
+
+
+def test_a_peak_that_hides_the_rest_is_cut() -> None:
+    best, others = picture.cut([np.array([1.0, 30.0, 2.0]), np.array([3.0, 0.0, 0.0])])
+    assert best.tolist() == [1.0, 6.0, 2.0]
+    assert others.tolist() == [3.0, 0.0, 0.0]
+    assert not np.any(picture.cut([np.zeros(3), np.zeros(3)]))

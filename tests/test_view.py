@@ -26,13 +26,21 @@ PANELS = {
     "Now",
     "What the best episodes did, by cluster",
     "Expression of each cluster",
-    "Δx (half widths): best (green), others",
+    "Δx (half widths): best green, peak cut",
     "Spoken",
 }
-BROWSER_FLAGS = (
-    "--no-sandbox --disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
-).split() + ["--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"]
+BROWSER_FLAGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
+]
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +71,12 @@ def settled(shoot: Callable[[Path], object], path: Path) -> np.ndarray:
 
 def colours(picture: np.ndarray) -> int:
     return len(np.unique(picture.reshape(-1, 3), axis=0))
+
+
+def changed(picture: np.ndarray, before: np.ndarray) -> float:
+    """Share of the pixels that differ where both pictures are."""
+    height, width = np.minimum(picture.shape, before.shape)[:2]
+    return float(np.mean(np.any(picture[:height, :width] != before[:height, :width], axis=-1)))
 
 
 @pytest.fixture
@@ -101,8 +115,7 @@ def test_every_panel_of_the_native_viewer_is_filled(viewer: ViewerClient, record
     assert set(empty) == set(full) == PANELS | {""}
     for name, picture in full.items():
         assert colours(picture) > 1.25 * colours(empty[name]), name
-    differs = {name: float(np.mean(np.any(picture != empty[name], axis=-1))) for name, picture in full.items()}
-    assert min(differs.values()) > 0.01, differs
+        assert changed(picture, empty[name]) > 0.01, name
 
 
 def test_the_view_opens_on_the_newest_frame(viewer: ViewerClient, recording: Path) -> None:
@@ -124,7 +137,7 @@ def test_the_page_of_the_relay_shows_the_recording(recording: Path, tmp_path: Pa
     with Relay(recording, ports) as relay, sync_playwright() as driver:
         assert eventually(lambda: not is_free(ports.web), 20)
         with driver.chromium.launch(executable_path=chromium, args=BROWSER_FLAGS) as browser:
-            page = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="dark")
+            page = browser.new_page(viewport={"width": 960, "height": 540}, color_scheme="dark")
             page.goto(relay.address + "&renderer=webgl")
             page.wait_for_selector("canvas.visible", timeout=30_000)
             shot = tmp_path / "page.png"

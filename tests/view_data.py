@@ -129,7 +129,9 @@ def record(path: Path, refreshes: int = 3) -> None:
             frames += 20_000
             progress = 1 - np.exp(-frames / 200_000)
             noise = random.normal(0, 0.03)
-            recorder.batch(frames, {"train/return_mean": 300 * (progress + noise) - 200, "train/success_rate": progress})
+            recorder.batch(
+                frames, {"train/return_mean": 300 * (progress + noise) - 200, "train/success_rate": progress}
+            )
         refresh, watched = replace(refreshed(), frame=frames), flights()[WATCHED[number]]
         recorder.refresh(refresh)
         recorder.watched(frames, watched, explain(watched, refresh, number))

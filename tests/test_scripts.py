@@ -1,0 +1,305 @@
+"""The scripts as a user runs them: small runs of the real thing."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+import explain
+import train
+from ibe_rl.command_line import run_script
+from ibe_rl.log import TrajectoryLog
+
+ROOT = Path(__file__).parent.parent
+SMALL = [
+    "collect.processes=1",
+    "collect.envs_per_process=8",
+    "collect.steps_per_batch=128",
+    "total_frames=6000",
+    "refresh_every_frames=2000",
+    "eval_every_frames=3000",
+    "eval_episodes=5",
+    "mapping.horizon_steps=20",
+    "agent.hidden=[16]",
+    "log.capacity_frames=10000",
+]
+SUMMARY_KEYS = {
+    *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),
+    *("refreshes_skipped", "time_s", "seed", "agent", "mapping", "versions"),
+}
+
+
+def call(script: str, *arguments: str) -> None:
+    """Run a script in this process, the way its ``__main__`` does."""
+    before = sys.argv
+    sys.argv = [f"{script}.py", *arguments]
+    try:
+        run_script({"train": train.main, "explain": explain.main}[script], ROOT / "configs", script)
+    finally:
+        sys.argv = before
+
+
+def start(*arguments: str, cwd: Path = ROOT) -> subprocess.Popen[str]:
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    return subprocess.Popen(
+        [sys.executable, *arguments],
+        cwd=cwd,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "metrics.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "small"
+    call("train", *SMALL, f"run_dir={folder}", "viewer=file")
+    return folder
+
+
+def test_a_run_leaves_what_the_contract_names(run: Path) -> None:
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary.keys() >= SUMMARY_KEYS
+    assert summary["time_s"].keys() == set(train.TIMES)
+    assert sum(summary["time_s"].values()) == pytest.approx(summary["wall_s"], rel=0.05)
+    assert summary["frames"] == 6144  # 6,000 rounded up to whole batches of 1,024
+    assert summary["refreshes"] + summary["refreshes_skipped"] == 3
+    assert summary["refreshes"] == len(list((run / "refreshes").glob("*.json"))) >= 1
+    assert (run / ".hydra" / "config.yaml").is_file()
+    assert [path.name for path in sorted((run / "checkpoints").iterdir())] == [
+        "latest.pt",
+        "policy_000000003072.pt",
+        "policy_000000006144.pt",
+    ]
+
+
+def test_metrics_have_a_row_a_batch(run: Path) -> None:
+    table = rows(run)
+    assert next(iter(table[0])) == "frames"
+    assert [int(row["frames"]) for row in table] == [1024 * (i + 1) for i in range(6)]
+    assert [bool(row["eval/success_rate"]) for row in table] == [False, False, True, False, False, True]
+    assert {name.split("/")[0] for name in table[0]} == {"frames", "train", "eval", "ibe", "time"}
+
+
+def test_a_refresh_says_what_it_stands_on(run: Path) -> None:
+    path = sorted((run / "refreshes").glob("*.json"))[-1]
+    refresh = json.loads(path.read_text())
+    assert refresh["frame"] == int(path.stem)
+    assert refresh["episodes"]["used"] == sum(refresh["episodes"]["by_context"].values())
+    assert refresh["episodes"]["used"] == int(np.ceil(0.25 * refresh["episodes"]["logged"]))
+    assert refresh["windows"]["used"] == sum(refresh["windows"]["by_context"].values())
+    assert refresh["windows"]["used"] == sum(refresh["windows"]["by_instruction"].values())
+    assert sum(cluster["size"] for cluster in refresh["clusters"]) == refresh["windows"]["used"]
+    assert refresh["clusters"][0]["expression"] == [-1.0]
+    assert refresh["clusters"][-1]["expression"] == [1.0]
+
+
+def test_the_log_holds_the_episodes_that_were_flown(run: Path) -> None:
+    log = TrajectoryLog.open(run / "trajectories")
+    episodes = log.read(range(len(log.index)))
+    assert log.frames == 6144
+    assert log.episodes_ended == len(episodes) == json.loads((run / "summary.json").read_text())["episodes"]
+    for episode in episodes:  # what the log says the instructor said is what the rule says
+        expected = np.sign(episode.states[:-1, 8] - episode.states[:-1, 0])
+        expected[np.abs(episode.states[:-1, 8] - episode.states[:-1, 0]) <= np.float32(0.2)] = 0
+        np.testing.assert_array_equal(episode.instructions[:, 0], expected)
+
+
+def test_the_recording_is_whole(run: Path) -> None:
+    chunks = list(RrdReader(str(run / "recording.rrd")).stream())
+    assert sum(chunk.to_record_batch().num_rows for chunk in chunks) > 100
+    verified = subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", run / "recording.rrd"], check=False)
+    assert verified.returncode == 0
+
+
+def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
+    call("train", *SMALL, f"run_dir={tmp_path / 'again'}", "viewer=off")
+    for first, second in zip(rows(run), rows(tmp_path / "again"), strict=True):
+        for name in first:
+            if not name.startswith("time/"):
+                assert first[name] == second[name], name
+    for path in (run / "refreshes").glob("*.json"):
+        assert path.read_text() == (tmp_path / "again" / "refreshes" / path.name).read_text()
+    assert not (tmp_path / "again" / "recording.rrd").exists()
+
+
+def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call("explain", f"run={run}", "seed=7", "context=right")
+    said = capsys.readouterr().out
+    assert "right" in said.splitlines()[0]
+    assert "falling" in said
+    assert "came true" in said
+    recording = run / "explanations" / "episode_seed7_right.rrd"
+    assert recording.is_file()
+    assert str(recording) in said
+
+
+def test_explain_takes_the_newest_run(run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(run.parent.parent)
+    (run.parent.parent / "runs").unlink(missing_ok=True)
+    (run.parent.parent / "runs").symlink_to(run.parent)
+    call("explain", "viewer=off", "seed=1")
+    assert "Policy of frame 6,144" in capsys.readouterr().out.replace("\n", " ")
+
+
+def test_dqn_trains_too(tmp_path: Path) -> None:
+    call("train", *SMALL, "agent=dqn", "agent.learn_after_frames=1000", f"run_dir={tmp_path / 'dqn'}", "viewer=off")
+    table = rows(tmp_path / "dqn")
+    assert float(table[-1]["train/q_loss"]) > 0
+    assert json.loads((tmp_path / "dqn" / "summary.json").read_text())["agent"] == "dqn"
+
+
+def test_a_refresh_that_cannot_be_made_is_skipped_counted_and_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "silent"
+    call("train", *SMALL, "instructor=silent", f"run_dir={folder}", "viewer=file")
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["refreshes"], summary["refreshes_skipped"]) == (0, 3)
+    assert "refresh skipped" in capsys.readouterr().out
+    assert [row["ibe/skipped"] for row in rows(folder) if row["ibe/skipped"]] == ["1", "2", "3"]
+
+
+def test_early_refreshes_without_whole_episodes_do_not_stop_training(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call("train", *SMALL, "mapping.horizon_steps=900", f"run_dir={tmp_path / 'long'}", "viewer=off")
+    assert "no window of 900 steps" in capsys.readouterr().out
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        yield int(holder.getsockname()[1])
+
+
+BAD = {
+    "misspelt": (["mapping.n_clustrs=4"], ["mapping.n_clustrs", "n_clusters"]),
+    "unknown key": (["colour=red"], ["colour", "total_frames"]),
+    "added key": (["+mapping.colour=red"], ["mapping.colour", "n_clusters"]),
+    "other agent's key": (["agent=dqn", "agent.clip=0.1"], ["agent.clip", "epsilon_end"]),
+    "unknown choice": (["agent=sarsa"], ["agent=sarsa", "dqn, ppo"]),
+    "unknown mapping": (["mapping=magic"], ["mapping=magic", "paper"]),
+    "not a number": (["mapping.horizon_steps=abc"], ["mapping.horizon_steps", "abc"]),
+    "nothing on top": (["mapping.top_fraction=0"], ["mapping.top_fraction=0", "at most 1"]),
+    "more than all": (["mapping.top_fraction=1.5"], ["mapping.top_fraction=1.5", "at most 1"]),
+    "one cluster": (["mapping.n_clusters=1"], ["mapping.n_clusters=1", "at least 2"]),
+    "no horizon": (["mapping.horizon_steps=0"], ["mapping.horizon_steps=0", "at least 1"]),
+    "too long a horizon": (["mapping.horizon_steps=1001"], ["mapping.horizon_steps=1001", "at most 1000"]),
+    "unknown dimension": (["mapping.dimensions=[height]"], ["mapping.dimensions=['height']", "angle"]),
+    "unknown environment": (["env.id=Mars-v0"], ["env.id=Mars-v0", "ibe_rl/LunarLanderPads-v0"]),
+    "environment without a task": (["env.id=CartPole-v1"], ["env.id=CartPole-v1", "task"]),
+    "wrong pad": (["+env.kwargs.pad=middle"], ["env.kwargs", "middle", "center"]),
+    "wrong viewer": (["viewer=tv"], ["viewer=tv", "file, live, off"]),
+    "no such port": (["viewer=live", "viewer.web_port=70000"], ["viewer.web_port=70000", "65535"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_settings_end_in_one_line_before_anything_is_made(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    overrides, expected = BAD[case]
+    with pytest.raises(SystemExit) as stopped:
+        call("train", f"run_dir={tmp_path / 'run'}", *overrides)
+    message = str(stopped.value.code)
+    assert message.startswith("error: ")
+    assert "\n" not in message
+    for part in expected:
+        assert part in message
+    assert not (tmp_path / "run").exists()
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_port_asked_for_by_number_and_taken_is_refused(taken_port: int, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=f"viewer.grpc_port={taken_port}: taken"):
+        call("train", f"run_dir={tmp_path / 'run'}", "viewer=live", f"viewer.grpc_port={taken_port}")
+
+
+def test_a_folder_that_holds_a_run_is_left_alone(run: Path) -> None:
+    before = (run / "metrics.csv").read_bytes(), (run / ".hydra" / "config.yaml").read_bytes()
+    with pytest.raises(SystemExit, match="holds a run already"):
+        call("train", *SMALL, f"run_dir={run}", "viewer=off")
+    assert before == ((run / "metrics.csv").read_bytes(), (run / ".hydra" / "config.yaml").read_bytes())
+
+
+@pytest.mark.parametrize("extra", [[], ["-m", "seed=0,1"]])
+def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(SystemExit, match="error: run_dir=.*can be written to"):
+        call("train", *extra, f"run_dir={tmp_path / 'file' / 'run'}", "viewer=off")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        (["run=nowhere"], "run=nowhere: not a run folder"),
+        (["context=middle"], "context=middle: allowed is one of left, center, right"),
+        (["task=dance"], "task=dance: allowed is one of episode"),
+        (["pad=left"], "pad: no such setting; allowed are .*context"),
+        (["output=/dev/null/x.rrd"], "output=/dev/null/x.rrd: allowed is a file that can be written"),
+    ],
+)
+def test_explain_refuses_in_one_line(run: Path, overrides: list[str], expected: str) -> None:
+    given = overrides if overrides[0].startswith("run=") else [f"run={run}", *overrides]
+    with pytest.raises(SystemExit, match=f"^error: {expected}"):
+        call("explain", *given)
+
+
+def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
+    folder = tmp_path / "stopped"
+    many = ["collect.processes=2", "total_frames=100000000"]
+    script = start("train.py", *SMALL, *many, f"run_dir={folder}", "viewer=live")
+    until = time.monotonic() + 120
+    while not list((folder / "refreshes").glob("*.json")):
+        assert script.poll() is None, script.stdout.read() if script.stdout else ""
+        assert time.monotonic() < until
+        time.sleep(0.2)
+    os.killpg(script.pid, signal.SIGINT)  # to the whole group, as a terminal does
+    output, _ = script.communicate(timeout=60)
+    assert script.returncode == 0, output
+    assert "live view: http://127.0.0.1" in output
+    assert "ssh -L" in output
+    assert f"rerun {folder / 'recording.rrd'}" in output
+    assert "Traceback" not in output
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["stopped_early"] is True
+    assert summary["frames"] == int(rows(folder)[-1]["frames"])
+    assert (folder / "checkpoints" / f"policy_{summary['frames']:012d}.pt").is_file()
+    verified = subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", folder / "recording.rrd"], check=False)
+    assert verified.returncode == 0
+
+
+def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:
+    script = start("train.py", "-m", "seed=0,1,2", *SMALL, f"run_dir={tmp_path / 'sweep'}", "viewer=file")
+    output, _ = script.communicate(timeout=200)
+    assert script.returncode == 0, output
+    summaries = [json.loads(path.read_text()) for path in sorted((tmp_path / "sweep").glob("*/summary.json"))]
+    assert [summary["seed"] for summary in summaries] == [0, 1, 2]
+    assert len({summary["return_mean"] for summary in summaries}) == 3
+
+
+def test_importing_ibe_brings_no_torch() -> None:
+    code = "import ibe_rl, sys; from ibe_rl import PaperMapping; assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
