@@ -97,7 +97,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
             log.add(steps_of(batch, parts.task.success_key), parts.task.context)  # batch → episodes
         last = bool(stop) or log.frames >= cfg.total_frames
         row = training_row(log, losses)
-        if refresh_due(log.frames):
+        if refresh_due(log.frames) or last:
             row |= refresh_and_explain(cfg, parts)  # episodes → vocabulary → words → rerun
         if evaluation_due(log.frames) or last:
             row |= evaluate(cfg, parts)

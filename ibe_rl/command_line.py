@@ -16,6 +16,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from hydra.types import RunMode
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from threadpoolctl import threadpool_limits
 
 from ibe_rl import config as schemas
 from ibe_rl.data import ConfigError
@@ -39,7 +40,8 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         schemas.check(values)
         nonlocal started
         started = True
-        script(values)
+        with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
+            script(values)
 
     try:
         main()

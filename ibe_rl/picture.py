@@ -38,22 +38,18 @@ def flipped(points: Array, height: float) -> Array:
     return np.stack([points[..., 0], height - points[..., 1]], axis=-1).astype(np.float32)
 
 
-def strip(shape: Shape, points: int, height: float) -> Array:
-    """The line along a shape, y down, closed if the shape is: ``(points, 2)``, its end repeated to fill them."""
+def strip(shape: Shape, height: float) -> Array:
+    """The line along a shape, back to its beginning if the shape is closed: ``(P, 2)``, y down."""
     corners = np.concatenate([shape.points, shape.points[:1]]) if shape.closed else np.asarray(shape.points)
-    return flipped(corners[np.minimum(np.arange(points), len(corners) - 1)], height)
-
-
-def strip_length(shapes: Sequence[Shape]) -> int:
-    """Points in the longest line along one of these shapes."""
-    return max(len(shape.points) + shape.closed for shape in shapes)
+    return flipped(corners, height)
 
 
 def moving_strips(figures: Sequence[Sequence[Shape]], height: float) -> Array:
-    """Outlines of all steps: ``T`` lists of ``F`` shapes to lines ``(T, F, P, 2)``, y down."""
-    length = strip_length(figures[0])
-    pick = [np.minimum(np.arange(length), len(s.points) - 1 + s.closed) % len(s.points) for s in figures[0]]
-    lines = [np.stack([shapes[i].points for shapes in figures])[:, rows] for i, rows in enumerate(pick)]
+    """Outlines of all steps: ``T`` lists of ``F`` shapes to lines ``(T, F, P, 2)``, y down, their ends repeated."""
+    lasts = [len(shape.points) - 1 + shape.closed for shape in figures[0]]
+    corners = [np.minimum(np.arange(max(lasts) + 1), last) for last in lasts]
+    points = [np.stack([shapes[i].points for shapes in figures]) for i in range(len(lasts))]
+    lines = [each[:, rows % each.shape[1]] for each, rows in zip(points, corners, strict=True)]
     return flipped(np.stack(lines, axis=1), height)
 
 
@@ -68,6 +64,12 @@ def ahead(path: Array, steps: int) -> Array:
     """The way before each step: a path ``(T + 1, 2)`` to lines ``(T, steps + 1, 2)``, the end repeated."""
     last = len(path) - 1
     return path[np.minimum(np.arange(last)[:, None] + np.arange(steps + 1), last)]
+
+
+def thinned(paths: Array) -> Array:
+    """Every second point of paths ``(T, H + 1, 2)``, and the last in any case."""
+    rows = np.arange(paths.shape[1])
+    return paths[:, (rows % 2 == 0) | (rows == rows[-1])]
 
 
 def kept(predicted: Array, every: int) -> list[Array]:
@@ -206,9 +208,9 @@ def counts(of: Dict[str, int]) -> str:
     """Names and numbers in one line.
 
     >>> counts({"left": 1200, "right": 3})
-    'left 1,200, right 3'
+    'left: 1,200, right: 3'
     """
-    return ", ".join(f"{name} {number:,}" for name, number in of.items())
+    return ", ".join(f"{name}: {number:,}" for name, number in of.items())
 
 
 def vocabulary_table(mapping: ClusterMapping, words: Sequence[Phrases], spoken: int | None = None) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ibe_rl.data import Array
@@ -25,16 +25,15 @@ class TrainingProgress:
     def __init__(self, total_frames: int):
         self._console = Console(highlight=False, soft_wrap=True)
         self._bar = Progress(
-            BarColumn(bar_width=20),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[rate]:>7,.0f} frames/s  return {task.fields[reward]:7.1f}"),
-            TextColumn("success {task.fields[success]:4.0%}  {task.fields[phrase]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            BarColumn(bar_width=12),
+            TextColumn("{task.percentage:>3.0f}% {task.fields[rate]:,.0f} frames/s"),
+            TextColumn("return {task.fields[reward]:.0f} success {task.fields[success]:.0%}"),
+            TextColumn("“{task.fields[phrase]}”"),
+            TimeRemainingColumn(compact=True),
             console=self._console,
         )
         self._total = total_frames
-        self._task = self._bar.add_task("", total=total_frames, rate=0.0, reward=float("nan"), success=0.0, phrase="")
+        self._task = self._bar.add_task("", total=total_frames, rate=0.0, reward=float("nan"), success=0.0, phrase="…")
 
     def __enter__(self) -> TrainingProgress:
         self._bar.start()
@@ -57,7 +56,7 @@ class TrainingProgress:
 
     def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float) -> None:
         """Report a refresh and what the watched episode ended on."""
-        self._bar.update(self._task, phrase=f"“{phrase}”")
+        self._bar.update(self._task, phrase=phrase)
         expressions = " ".join(f"{value:+.2f}" for value in refresh.mapping.expressions[:, 0])
         episodes = f"{refresh.episodes_used} of {refresh.episodes_logged} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "

@@ -149,7 +149,8 @@ class Recorder:
             self._send_told(place, instructed)
         self._send_signals(place, watched, said)
         self._send_lanes(place, instructed, said)
-        self._send_now(place, watched, instructed, said)
+        head = f"**{frames:,}** frames, {self._task.context_option} **{watched.episode.context}**"
+        self._send_now(place, head, instructed, said)
         self._send_spoken(place, watched, said)
         self._next = _Place(place.frame + steps + 1, place.step + steps + 1)
 
@@ -205,10 +206,10 @@ class Recorder:
         trails = picture.trails(path)
         self._send("scene/trail", every, rr.LineStrips2D.columns(strips=trails))
         before = place.columns(np.arange(len(said)))
-        real = picture.ahead(path, said[0].horizon_steps)[:, ::2]
+        real = picture.thinned(picture.ahead(path, said[0].horizon_steps))
         self._send("scene/really", before, rr.LineStrips2D.columns(strips=real))
-        predicted = picture.flipped(self._task.scene_path(np.stack([one.path for one in said])), height)[:, ::2]
-        self._send_predicted(place, predicted, said)
+        predicted = picture.flipped(self._task.scene_path(np.stack([one.path for one in said])), height)
+        self._send_predicted(place, picture.thinned(predicted), said)
 
     def _send_predicted(self, place: _Place, predicted: Array, said: Sequence[Explanation]) -> None:
         before, (steps, points) = place.columns(np.arange(len(said))), predicted.shape[:2]
@@ -264,13 +265,10 @@ class Recorder:
             times = place.columns([*rows, len(spoken)])
             self._send(f"says/{lane}", times, rr.StateChange.columns(state=[*(spoken[i] for i in rows), ""]))
 
-    def _send_now(
-        self, place: _Place, watched: Watched, instructed: Sequence[str], said: Sequence[Explanation]
-    ) -> None:
+    def _send_now(self, place: _Place, head: str, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         rows = picture.changes([(words, one.phrase, one.cluster) for words, one in zip(instructed, said, strict=True)])
-        head = f"**{place.frame:,}** frames, {self._task.context_option} **{watched.episode.context}**  \n"
         texts = [
-            head + picture.said_lines(instructed[i], said[i]) + "\n\n" + self._standing(said[i].cluster) for i in rows
+            f"{head}  \n{picture.said_lines(instructed[i], said[i])}\n\n{self._standing(said[i].cluster)}" for i in rows
         ]
         columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
         self._send("now", place.columns(rows), columns)

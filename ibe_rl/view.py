@@ -171,7 +171,7 @@ def look(shapes: Sequence[Shape]) -> rr.LineStrips2D:
 
 def log_background(recording: rr.RecordingStream, shapes: Sequence[Shape], height: float) -> None:
     """Draw what stands still, in a scene of this height in scene units."""
-    lines = [picture.strip(shape, len(shape.points) + shape.closed, height) for shape in shapes]
+    lines = [picture.strip(shape, height) for shape in shapes]
     colours, radii = [shape.colour for shape in shapes], [shape.radius for shape in shapes]
     recording.log("scene/background", rr.LineStrips2D(lines, colors=colours, radii=radii))
 

@@ -146,15 +146,16 @@ def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
         recorder = Recorder(path, TASK, "run")
         recorder.batch(1, {"train/r": 1.0})
         recorder.flush()
-        assert eventually(lambda: not is_free(ports.grpc), 20)
+        assert eventually(lambda: not is_free(ports.grpc))
         url = f"rerun+http://127.0.0.1:{ports.grpc}/proxy"
-        with subprocess.Popen([rerun_binary(), url, "--save", heard], stderr=subprocess.DEVNULL) as listener:
+        listen = [rerun_binary(), url, "--save", heard, "--port", str(free_ports().grpc)]
+        with subprocess.Popen(listen, stderr=subprocess.DEVNULL) as listener:
             try:
-                assert eventually(lambda: heard.exists() and frames_in(heard) == [1], 20)
+                assert eventually(lambda: heard.exists() and frames_in(heard) == [1])
                 for frame in range(2, 30):
                     recorder.batch(frame, {"train/r": 1.0})
                     recorder.flush()
-                assert eventually(lambda: frames_in(heard) == list(range(1, 30)), 20)
+                assert eventually(lambda: frames_in(heard) == list(range(1, 30)))
             finally:
                 listener.terminate()
         with urlopen(f"http://127.0.0.1:{ports.web}/") as answer:
@@ -237,5 +238,5 @@ def test_a_finished_run_is_served_until_ctrl_c(tmp_path: Path) -> None:
         assert module.page(ports) in relay.stdout.readline()
         server = server_of(relay.pid)
         relay.send_signal(signal.SIGINT)
-        assert relay.wait(10) == 0
+        assert relay.wait(60) == 0
     assert gone(server)

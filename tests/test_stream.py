@@ -249,7 +249,7 @@ def test_now_tells_what_is_said_and_what_the_vocabulary_stands_on(rows: Rows) ->
     assert f"Agent: **{said.phrase}** ({said.expression[0]:+.2f}), confidence {said.confidence:.0%}" in text
     assert f"**→ {said.cluster}**" in text
     assert f"Best {refresh.episodes_used} of {refresh.episodes_logged} episodes" in text
-    assert all(f"{name} {number:,}" in text for name, number in refresh.windows_by_instruction.items())
+    assert all(f"{name}: {number:,}" in text for name, number in refresh.windows_by_instruction.items())
 
 
 def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_path: Path) -> None:
@@ -319,6 +319,14 @@ def test_words_that_all_phrases_begin_with_are_left_out() -> None:
     [falling] = words
     other = replace(falling, zero="standing still")
     assert picture.short(["standing still"], [other]) == ["standing still"]
+
+
+def test_thinned_paths_keep_their_ends() -> None:
+    for points in (60, 61):
+        path = np.arange(2.0 * points).reshape(1, points, 2)
+        thin = picture.thinned(path)
+        assert thin.shape[1] == 31
+        assert np.array_equal(thin[:, [0, -1]], path[:, [0, -1]])
 
 
 def test_a_peak_that_hides_the_rest_is_cut() -> None:

@@ -362,7 +362,7 @@ def test_a_leg_that_leaves_the_ground_after_a_restore_is_in_the_air():
     flown, copy = make().unwrapped, make().unwrapped
     copy.reset(seed=1)
     found = []
-    for seed in range(4):
+    for seed in range(7):
         state, _ = flown.reset(seed=seed, options={"pad": "center"})
         while not state[6:8].all():  # until it stands, then take off
             state = flown.step(aimed()(flown, state))[0]
@@ -370,8 +370,8 @@ def test_a_leg_that_leaves_the_ground_after_a_restore_is_in_the_air():
             copy.restore(flown.snapshot())
             legs = flown.step(2)[0][6:8]
             found.append((legs == copy.step(2)[0][6:8]).all())
-    assert len(found) > 10
-    assert np.mean(found) > 0.95
+    assert len(found) > 20
+    assert np.mean(found) > 0.9
 
 
 def test_a_restored_game_goes_on_with_reward_and_pad_of_the_original():

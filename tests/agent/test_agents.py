@@ -1,0 +1,227 @@
+"""Every agent learns, repeats itself from the same seed, leaves its batch alone and can be saved."""
+
+import io
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+from torch import nn
+
+from ibe_rl.agent import Agent, GreedyPolicy, make_agent
+from ibe_rl.agent.networks import linear, make_network
+from ibe_rl.config import AgentConfig, DQNConfig, PPOConfig
+from ibe_rl.data import ConfigError
+
+TOTAL = 8_000
+CONFIGS: dict[str, AgentConfig] = {
+    "ppo": PPOConfig(hidden=[16], learning_rate=0.01, reward_scale=1.0, epochs=4, minibatch_size=100),
+    "dqn": DQNConfig(
+        hidden=[16],
+        learning_rate=0.01,
+        reward_scale=1.0,
+        minibatch_size=64,
+        frames_per_update=20,
+        learn_after_frames=800,
+        target_rate=0.1,
+    ),
+}
+EVERY = pytest.mark.parametrize("kind", CONFIGS)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+
+
+def make(kind: str, **changes: Any) -> Agent:
+    return make_agent(replace(CONFIGS[kind], **changes), 2, gymnasium.spaces.Discrete(3), TOTAL)
+
+
+def batch(agent: Agent, rows: int = 4, steps: int = 100) -> TensorDict:
+    """A game of one step: action 2 is right where the first number is above 0, else action 0."""
+    size = (rows, steps)
+    data = TensorDict({"observation": torch.rand(*size, 2) * 2 - 1}, size)
+    flat = agent.policy(data.reshape(-1))
+    right = 2 * (flat["observation"][:, 0] > 0)
+    ends = torch.ones(rows * steps, 1, dtype=torch.bool)
+    after = {"observation": torch.zeros(rows * steps, 2), "done": ends, "terminated": ends.clone()}
+    reward = (flat["action"] == right).float()[:, None]
+    return flat.set("next", TensorDict(after | {"reward": reward}, rows * steps)).reshape(size)
+
+
+def learn(agent: Agent, updates: int) -> dict[str, float]:
+    for _ in range(updates):
+        figures = agent.update(batch(agent))
+    return figures
+
+
+def share_right(agent: Agent) -> float:
+    seen = np.random.default_rng(0).uniform(-1, 1, (500, 2)).astype(np.float32)
+    return float(np.mean(agent.greedy(seen) == 2 * (seen[:, 0] > 0)))
+
+
+@EVERY
+def test_it_learns_what_is_rewarded(kind: str):
+    agent = make(kind)
+    assert share_right(agent) < 0.9
+    learn(agent, 20)
+    assert share_right(agent) > 0.97
+
+
+@EVERY
+def test_the_exploring_policy_learns_too(kind: str):
+    agent = make(kind)
+    before = batch(agent)["next", "reward"].mean()
+    learn(agent, 20)
+    assert before < 0.6
+    assert batch(agent)["next", "reward"].mean() > 0.8
+
+
+@EVERY
+def test_the_same_seed_learns_the_same(kind: str):
+    def weights(seed: int) -> torch.Tensor:
+        torch.manual_seed(seed)
+        agent = make(kind)
+        learn(agent, 4)
+        return torch.cat([value.reshape(-1) for value in agent.greedy.state_dict().values()])
+
+    assert torch.equal(weights(1), weights(1))
+    assert not torch.equal(weights(1), weights(2))
+
+
+@EVERY
+def test_the_batch_is_left_as_it_was_for_the_log(kind: str):
+    agent = make(kind, reward_scale=0.05)
+    steps = batch(agent)
+    before = steps.clone()
+    agent.update(steps)
+    assert set(steps.keys(True, True)) == set(before.keys(True, True))
+    assert (steps == before).all()
+
+
+@EVERY
+def test_the_figures_have_the_same_names_every_time(kind: str):
+    agent = make(kind)
+    first, later = learn(agent, 1), learn(agent, 3)
+    assert first.keys() == later.keys()
+    assert all(isinstance(value, float) and np.isfinite(value) for value in (first | later).values())
+
+
+@EVERY
+def test_the_policies_keep_their_shapes(kind: str):
+    agent = make(kind)
+    chosen = agent.policy(TensorDict({"observation": torch.rand(5, 2)}, [5]))
+    assert set(chosen.keys()) == {"observation", *agent.policy.out_keys}
+    assert chosen["action"].shape == (5,)
+    assert chosen["action"].dtype == torch.int64
+    actions = agent.greedy(np.zeros((5, 2), np.float32))
+    assert (actions.shape, actions.dtype) == ((5,), np.int64)
+
+
+@EVERY
+def test_the_state_loads_without_running_code(kind: str):
+    agent, other, file = make(kind), make(kind), io.BytesIO()
+    learn(agent, 4)
+    torch.save(agent.state_dict(), file)
+    file.seek(0)
+    loaded = torch.load(file, weights_only=True)
+    assert loaded["frames"] == 1600
+    other.greedy.load_state_dict(loaded["greedy"])
+    seen = np.random.default_rng(0).uniform(-1, 1, (100, 2)).astype(np.float32)
+    np.testing.assert_array_equal(other.greedy(seen), agent.greedy(seen))
+
+
+def test_ppo_falls_silent_towards_the_end():
+    """Learning rate and entropy bonus go to 0 in a straight line."""
+    agent = make("ppo", entropy=0.02, epochs=1)
+    rates, bonuses = [], []
+    for _ in range(22):
+        learn(agent, 1)
+        state = agent.state_dict()
+        rates.append(state["optimizer"]["param_groups"][0]["lr"])
+        bonuses.append(float(state["loss"]["entropy_coeff"]))
+    expected = np.clip(1 - np.arange(22) * 400 / TOTAL, 0, 1)
+    np.testing.assert_allclose(rates, 0.01 * expected)
+    np.testing.assert_allclose(bonuses, 0.02 * expected, rtol=1e-6)
+
+
+def test_dqn_explores_less_and_less():
+    agent = make("dqn", epsilon_share=0.5, epsilon_end=0.1)
+    shown = [learn(agent, 1)["epsilon"] for _ in range(14)]
+    expected = 1 - 0.9 * np.clip(np.arange(14) * 400 / 4000, 0, 1)
+    np.testing.assert_allclose(shown, expected, atol=1e-3)
+    assert float(agent.policy.epsilon) == pytest.approx(0.1)
+
+
+def test_dqn_waits_then_learns_at_its_own_rate():
+    agent = make("dqn", learn_after_frames=800, frames_per_update=50)
+    steps = []
+    for _ in range(4):
+        learn(agent, 1)
+        state = agent.state_dict()["optimizer"]["state"]
+        steps.append(int(state[0]["step"]) if state else 0)
+    assert steps == [0, 8, 16, 24]
+
+
+def test_dqn_explores_as_often_as_epsilon_says():
+    agent = make("dqn")
+    data = TensorDict({"observation": torch.rand(1, 2).expand(6000, 2)}, [6000])
+    for epsilon in (1.0, 0.3, 0.0):
+        agent.policy.epsilon.fill_(epsilon)
+        best = agent.policy.network(data["observation"]).argmax(-1)
+        wrong = (agent.policy(data)["action"] != best).float().mean().item()
+        assert wrong == pytest.approx(epsilon * 2 / 3, abs=0.03)
+
+
+def test_ppo_draws_with_the_probabilities_it_notes():
+    agent = make("ppo")
+    nn.init.normal_(agent.policy.network[-1].bias)
+    drawn = agent.policy(TensorDict({"observation": torch.full((6000, 2), 0.5)}, [6000]))
+    for action in range(3):
+        rows = drawn["action"] == action
+        noted = drawn["action_log_prob"][rows].exp()
+        assert torch.allclose(noted, noted[0])
+        assert rows.float().mean().item() == pytest.approx(noted[0].item(), abs=0.03)
+
+
+def test_linear():
+    assert [linear(1.0, 0.2, progress) for progress in (-1, 0, 0.5, 1, 7)] == pytest.approx([1, 1, 0.6, 0.2, 0.2])
+
+
+def test_the_greedy_policy_is_an_average_of_the_weights():
+    network = make_network(2, [4], 3, nn.Tanh, last_gain=1.0)
+
+    def followed(decay: float) -> list[float]:
+        policy, shown = GreedyPolicy(network, decay), []
+        for value in (1.0, 2.0, 4.0):
+            nn.init.constant_(network[-1].bias, value)
+            policy.follow(network)
+            shown.append(policy.state_dict()["module.2.bias"][0].item())
+        return shown
+
+    assert followed(0.0) == [1, 2, 4]
+    assert followed(0.5) == [1, 1.5, 2.75]
+
+
+def test_a_network_begins_orthogonal_with_its_last_gain():
+    network = make_network(6, [5, 5], 3, nn.ReLU, last_gain=0.01)
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
+    assert [layer.weight.shape for layer in layers] == [(5, 6), (5, 5), (3, 5)]
+    for layer, gain in zip(layers, (2**0.5, 2**0.5, 0.01), strict=True):
+        torch.testing.assert_close(layer.weight @ layer.weight.T, gain**2 * torch.eye(len(layer.weight)))
+        assert not layer.bias.any()
+
+
+def test_actions_must_be_discrete():
+    with pytest.raises(ConfigError, match=r"env: its actions are Box\(.*; the agents here need a Discrete space"):
+        make_agent(CONFIGS["ppo"], 2, gymnasium.spaces.Box(-1, 1, (2,)), TOTAL)
+
+
+def test_an_unknown_agent_is_refused():
+    with pytest.raises(ConfigError, match="agent=AgentConfig: allowed is one of PPOConfig, DQNConfig"):
+        make_agent(AgentConfig(kind="sac"), 2, gymnasium.spaces.Discrete(3), TOTAL)

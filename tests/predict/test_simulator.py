@@ -1,0 +1,185 @@
+"""The simulator goes where the game would go, and leaves the game alone."""
+
+from collections.abc import Callable
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.envs.box2d.lunar_lander import heuristic
+
+from ibe_rl.data import Array, Moment, Policy, Predictor
+from ibe_rl.env import LANDER_ID, LANDER_TASK
+from ibe_rl.env.make import make_gym
+from ibe_rl.instruct import make_instructor
+from ibe_rl.play import watch
+from ibe_rl.predict import Simulator
+
+RULE = LANDER_TASK.rule
+STEADY = SimpleNamespace(unwrapped=SimpleNamespace(continuous=False))
+
+
+def make_one() -> Any:
+    return make_gym(LANDER_ID, {})
+
+
+def pilot(observations: Array) -> Array:
+    """Gymnasium's rule of thumb, heading for the pad."""
+    seen = observations[:, :8].copy()
+    seen[:, 0] -= observations[:, 8]
+    return np.array([heuristic(STEADY, row) for row in seen])
+
+
+def fall(observations: Array) -> Array:
+    return np.zeros(len(observations), int)
+
+
+def flown(policy: Policy = pilot, seed: int = 0, kind: str = "oracle") -> tuple[Array, list[Moment]]:
+    watched = watch(make_one(), policy, make_instructor(kind, LANDER_TASK), seed, "left")
+    return watched.episode.states, list(watched.moments)
+
+
+SETTINGS: dict[str, Callable[..., Predictor]] = {
+    f"simulator {future}": partial(Simulator, make_one, RULE, future) for future in ("hold", "rule")
+}
+
+
+@pytest.mark.parametrize("make", SETTINGS.values(), ids=SETTINGS)
+def test_every_predictor_keeps_the_protocol(make: Callable[..., Predictor]):
+    _, moments = flown()
+    several = moments[::40]
+    for horizon in (1, 25):
+        paths = make().rollout(several, pilot, horizon)
+        assert paths.shape == (len(several), horizon + 1, 9)
+        assert paths.dtype == np.float32
+        np.testing.assert_array_equal(paths[:, 0], [moment.state for moment in several])
+        assert np.isfinite(paths).all()
+        assert (paths[:, 1] != paths[:, 0]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("make", SETTINGS.values(), ids=SETTINGS)
+def test_the_same_seed_predicts_the_same(make: Callable[..., Predictor]):
+    _, moments = flown()
+    paths, again, other = (make(seed=seed).rollout(moments[::30], pilot, 40) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(paths, again)
+    assert np.abs(paths - other).max() > 1e-3
+
+
+def test_nobody_knows_the_noise_of_the_future():
+    """Each prediction draws its own, also of the same moment."""
+    _, moments = flown()
+    predictor = Simulator(make_one, RULE)
+    once, twice = predictor.rollout([moments[0], moments[0]], pilot, 40)
+    later = predictor.rollout([moments[0]], pilot, 40)[0]
+    for other in (twice, later):
+        assert 1e-3 < np.abs(once - other).max() < 0.5
+
+
+def test_with_the_same_noise_and_rule_it_predicts_what_is_really_flown():
+    errors, on_ground = [], []
+    predictor = Simulator(make_one, RULE, "rule", own_noise=False)
+    for seed in range(6):
+        states, moments = flown(seed=seed)
+        starts = range(0, len(moments) - 60, 10)
+        paths = predictor.rollout([moments[start] for start in starts], pilot, 60)
+        for start, path in zip(starts, paths, strict=True):
+            errors.append(np.abs(path - states[start : start + 61])[:, :6].max())
+            on_ground.append(states[start : start + 61, 6:8].any())
+    air, ground = (np.array(errors)[np.array(on_ground) == value] for value in (False, True))
+    assert min(len(air), len(ground)) > 20
+    assert np.percentile(air, 95) < 1e-4
+    assert np.median(ground) < 1e-4
+
+
+def test_the_live_game_goes_on_as_if_nothing_had_been_explained():
+    games = [make_one(), make_one()]
+    predictor = Simulator(lambda: make_gym(LANDER_ID, {}), RULE)
+    for game in games:
+        game.reset(seed=5)
+    state = games[0].unwrapped.step(0)[0]
+    games[1].unwrapped.step(0)
+    for step in range(150):
+        if step % 10 == 0:
+            moment = Moment(state, RULE(state), True, games[0].unwrapped.snapshot())
+            predictor.rollout([moment, moment], pilot, 30)
+        action = int(pilot(state[None])[0])
+        (state, *rest), (expected, *expected_rest) = games[0].step(action), games[1].step(action)
+        np.testing.assert_array_equal(state, expected)
+        assert rest == expected_rest
+
+
+def test_a_prediction_that_ends_repeats_its_last_state():
+    states, moments = flown(fall)
+    last = len(states) - 1
+    paths = Simulator(make_one, RULE).rollout([moments[0], moments[last - 10]], fall, last + 30)
+    assert (paths[0, last:] == paths[0, last]).all()
+    assert (paths[1, 10:] == paths[1, 10]).all()
+    assert (paths[1, 9] != paths[1, 10]).any()
+    np.testing.assert_allclose(paths[1, 10], states[-1], atol=1e-4)
+
+
+class Noting:
+    """Falls, and notes the instructions it is given: a list of steps, each ``(flying, 2)``."""
+
+    def __init__(self) -> None:
+        self.seen: list[Array] = []
+
+    def __call__(self, observations: Array) -> Array:
+        self.seen.append(observations.copy())
+        return fall(observations)
+
+
+@pytest.mark.parametrize("kind", ["oracle", "silent"])
+def test_hold_tells_the_policy_the_moments_instruction_all_the_way(kind: str):
+    _, moments = flown(kind=kind)
+    moment, policy = moments[20], Noting()
+    Simulator(make_one, RULE, "hold").rollout([moment], policy, 15)
+    assert len(policy.seen) == 15
+    for seen in policy.seen:
+        assert seen[0, 9:].tolist() == [moment.instruction[0], moment.given]
+
+
+def test_hold_holds_where_the_rule_would_change_its_mind():
+    _, moments = flown()
+    told = [int(moment.instruction[0]) for moment in moments]
+    change = next(t for t in range(len(told) - 1) if told[t] != told[t + 1])
+    held, ruled = Noting(), Noting()
+    for policy, future in ((held, "hold"), (ruled, "rule")):
+        Simulator(make_one, RULE, future, own_noise=False).rollout([moments[change - 5]], policy, 40)
+    assert {seen[0, 9] for seen in held.seen} == {told[change]}
+    assert len({seen[0, 9] for seen in ruled.seen}) == 2
+
+
+@pytest.mark.parametrize("kind", ["oracle", "silent"])
+def test_rule_asks_the_rule_in_the_predicted_states(kind: str):
+    _, moments = flown(kind=kind)
+    policy = Noting()
+    paths = Simulator(make_one, RULE, "rule").rollout([moments[20]], policy, 15)
+    assert policy.seen[0][0, 9:].tolist() == [moments[20].instruction[0], moments[20].given]  # that is known
+    for seen, state in zip(policy.seen[1:], paths[0, 1:], strict=False):
+        np.testing.assert_array_equal(seen[0, :9], state)
+        assert seen[0, 9:].tolist() == [RULE(state)[0], 1]
+
+
+def test_only_what_still_flies_is_asked():
+    states, moments = flown(fall)
+    policy = Noting()
+    Simulator(make_one, RULE).rollout([moments[-5], moments[0]], policy, 20)
+    assert [len(seen) for seen in policy.seen] == [2] * 5 + [1] * 15
+    np.testing.assert_allclose(policy.seen[5][0, :9], states[5], atol=1e-4)
+
+
+def test_many_moments_need_few_games():
+    _, moments = flown()
+    several, made = moments[:140:20], []
+
+    def count() -> Any:
+        made.append(1)
+        return make_one()
+
+    together = Simulator(make_one, RULE, seed=3).rollout(several, pilot, 30)
+    parts = Simulator(count, RULE, moments_at_once=3, seed=3).rollout(several, pilot, 30)
+    assert len(several) == 7
+    assert len(made) == 3
+    np.testing.assert_allclose(parts, together, atol=1e-3)
