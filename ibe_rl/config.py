@@ -108,7 +108,7 @@ class MappingConfig:
     top_within: str = setting("all", choices=("all", "context"))
     n_clusters: int = setting(8, low=2)
     normalisation: str = setting("minmax", choices=("minmax", "sign"))
-    window_end: str = setting("drop", choices=("drop", "clamp"))
+    window_end: str = setting("clamp", choices=("drop", "clamp"))
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster on; empty: all
     n_init: int = setting(4, low=1)
     max_fit_windows: int = setting(20_000, low=100)  # k-means sees at most so many, drawn at random

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -62,6 +63,11 @@ def start(*arguments: str, cwd: Path = ROOT) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
     )
+
+
+def assert_whole(recording: Path) -> None:
+    """The recording has its footer, so it was closed in order."""
+    subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", recording], check=True)
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -127,8 +133,7 @@ def test_the_log_holds_the_episodes_that_were_flown(run: Path) -> None:
 def test_the_recording_is_whole(run: Path) -> None:
     chunks = list(RrdReader(str(run / "recording.rrd")).stream())
     assert sum(chunk.to_record_batch().num_rows for chunk in chunks) > 100
-    verified = subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", run / "recording.rrd"], check=False)
-    assert verified.returncode == 0
+    assert_whole(run / "recording.rrd")
 
 
 def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
@@ -153,10 +158,15 @@ def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixt
     assert str(recording) in said
 
 
-def test_explain_takes_the_newest_run(run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(run.parent.parent)
-    (run.parent.parent / "runs").unlink(missing_ok=True)
-    (run.parent.parent / "runs").symlink_to(run.parent)
+def test_explain_takes_the_newest_run(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "runs").mkdir()
+    shutil.copytree(run, tmp_path / "runs" / "old" / "nested")
+    os.utime(tmp_path / "runs" / "old" / "nested" / ".hydra" / "config.yaml", (0, 0))
+    shutil.copytree(run, tmp_path / "runs" / "new")
+    (tmp_path / "runs" / "old" / "nested" / "checkpoints" / "policy_000000006144.pt").write_text("not the one")
+    monkeypatch.chdir(tmp_path)
     call("explain", "viewer=off", "seed=1")
     assert "Policy of frame 6,144" in capsys.readouterr().out.replace("\n", " ")
 
@@ -182,7 +192,14 @@ def test_a_refresh_that_cannot_be_made_is_skipped_counted_and_shown(
 def test_early_refreshes_without_whole_episodes_do_not_stop_training(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call("train", *SMALL, "mapping.horizon_steps=900", f"run_dir={tmp_path / 'long'}", "viewer=off")
+    call(
+        "train",
+        *SMALL,
+        "mapping.horizon_steps=900",
+        "mapping.window_end=drop",
+        f"run_dir={tmp_path / 'long'}",
+        "viewer=off",
+    )
     assert "no window of 900 steps" in capsys.readouterr().out
 
 
@@ -247,7 +264,7 @@ def test_a_folder_that_holds_a_run_is_left_alone(run: Path) -> None:
 @pytest.mark.parametrize("extra", [[], ["-m", "seed=0,1"]])
 def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(SystemExit, match="error: run_dir=.*can be written to"):
+    with pytest.raises(SystemExit, match=r"error: run_dir=.*can be written to"):
         call("train", *extra, f"run_dir={tmp_path / 'file' / 'run'}", "viewer=off")
 
 
@@ -287,8 +304,7 @@ def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
     assert summary["stopped_early"] is True
     assert summary["frames"] == int(rows(folder)[-1]["frames"])
     assert (folder / "checkpoints" / f"policy_{summary['frames']:012d}.pt").is_file()
-    verified = subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", folder / "recording.rrd"], check=False)
-    assert verified.returncode == 0
+    assert_whole(folder / "recording.rrd")
 
 
 def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:

@@ -1,0 +1,182 @@
+"""Batches come whole and in order, from processes that share neither seeds nor episodes and follow the weights."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDictBase
+from torchrl.collectors import Collector
+
+from ibe_rl import collect
+from ibe_rl.agent import Agent, make_agent
+from ibe_rl.collect import EVALUATION_SEED, Every, batches, env_of_worker, make_collector, steps_of
+from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, TrainConfig
+from ibe_rl.env import LANDER_ID, LANDER_TASK
+from ibe_rl.env.make import make_gym
+from ibe_rl.log import TrajectoryLog
+
+ENV = EnvConfig(id=LANDER_ID)
+STEPS = 130
+
+
+def sizes(processes: int) -> CollectConfig:
+    return CollectConfig(processes=processes, envs_per_process=2, steps_per_batch=STEPS)
+
+
+def make_dqn() -> Agent:
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    return make_agent(DQNConfig(hidden=[8]), LANDER_TASK.observation_size, make_gym(LANDER_ID, {}).action_space, 1_000)
+
+
+def always(agent: Any, action: int) -> None:
+    """Make the exploring policy choose one action: no weights, one bias, no exploration."""
+    for parameter in agent.policy.network.parameters():
+        torch.nn.init.zeros_(parameter)
+    agent.policy.network[-1].bias.data[action] = 1
+    agent.policy.epsilon.fill_(0)
+
+
+def gather(processes: int) -> list[TensorDictBase]:
+    """Three batches: two of an untrained agent, one after its weights were set to the main engine."""
+    agent = make_dqn()
+    collector = make_collector(agent, ENV, sizes(processes), LANDER_TASK, "oracle", seed=3)
+    try:
+        source = batches(collector)
+        gathered = [next(source).clone(), next(source).clone()]
+        always(agent, 2)
+        return [*gathered, next(source).clone()]
+    finally:
+        collector.shutdown()
+
+
+@pytest.fixture(scope="module")
+def one() -> list[TensorDictBase]:
+    return gather(1)
+
+
+@pytest.fixture(scope="module")
+def two() -> list[TensorDictBase]:
+    return gather(2)
+
+
+@pytest.fixture(params=["one", "two"])
+def gathered(request: pytest.FixtureRequest) -> list[TensorDictBase]:
+    batches_: list[TensorDictBase] = request.getfixturevalue(request.param)
+    return batches_
+
+
+def test_a_batch_has_a_row_for_each_environment(one: list[TensorDictBase], two: list[TensorDictBase]):
+    assert {tuple(batch.shape) for batch in one} == {(2, STEPS)}
+    assert {tuple(batch.shape) for batch in two} == {(4, STEPS)}
+
+
+def test_the_number_of_an_episode_is_its_own(gathered: list[TensorDictBase]):
+    whole = torch.cat(gathered, dim=1)
+    numbers, done = whole["collector", "traj_ids"], whole["next", "done"].squeeze(-1)
+    changes = numbers[:, 1:] != numbers[:, :-1]
+    assert torch.equal(changes, done[:, :-1])
+    assert changes.any(dim=1).all()
+    for row, others in ((row, [i for i in range(len(numbers)) if i != row]) for row in range(len(numbers))):
+        assert not torch.isin(numbers[row], numbers[others]).any()
+
+
+def test_batches_follow_each_other_without_a_gap(gathered: list[TensorDictBase]):
+    whole = torch.cat(gathered, dim=1)
+    flying = ~whole["next", "done"][:, :-1, 0]
+    assert torch.equal(whole["observation"][:, 1:][flying], whole["next", "observation"][:, :-1][flying])
+
+
+def test_the_workers_use_the_weights_of_the_trainer(gathered: list[TensorDictBase]):
+    first, second, third = (batch["action"] for batch in gathered)
+    for action in range(4):
+        assert (first == action).any()
+        assert (second == action).any()
+    assert (third == 2).all()
+
+
+def test_the_rows_of_a_process_are_the_same_collected_alone(two: list[TensorDictBase]):
+    """So the same seed gives the same batches, whichever process is faster."""
+    for worker in range(2):
+        agent = make_dqn()
+        factory = partial(env_of_worker, worker, ENV, sizes(2), LANDER_TASK, "oracle", 3)
+        alone = Collector(factory, agent.policy, frames_per_batch=2 * STEPS, total_frames=-1)
+        for batch, expected in zip(alone, two[:2], strict=False):
+            rows = expected[2 * worker : 2 * worker + 2]
+            assert (batch.exclude("collector") == rows.exclude("collector")).all()
+        alone.shutdown()
+
+
+def test_the_same_seed_collects_the_same(one: list[TensorDictBase]):
+    for batch, expected in zip(gather(1), one, strict=True):
+        assert (batch == expected).all()
+
+
+def test_the_rows_differ(two: list[TensorDictBase]):
+    starts = two[0]["state"][:, 0]
+    assert len(starts.unique(dim=0)) == 4
+
+
+def test_the_log_takes_a_batch(gathered: list[TensorDictBase], tmp_path: Any):
+    log = TrajectoryLog(tmp_path, 10_000, LANDER_TASK.contexts)
+    for batch in gathered:
+        steps = steps_of(batch, "landed")
+        assert {column.shape[:2] for column in steps.values()} == {tuple(batch.shape)}
+        assert steps["state"].shape == steps["next_state"].shape == (*batch.shape, 9)
+        assert steps["instruction"].shape == (*batch.shape, 1)
+        assert steps["given"].dtype == steps["done"].dtype == steps["success"].dtype == np.bool_
+        np.testing.assert_array_equal(steps["reward"], batch["next", "reward"][..., 0])
+        np.testing.assert_array_equal(steps["next_state"], batch["next", "state"])
+        np.testing.assert_array_equal(steps["success"], batch["next", "landed"])
+        log.add(steps, LANDER_TASK.context)
+    whole = torch.cat(gathered, dim=1)
+    assert log.frames == whole.numel()
+    assert log.episodes_ended == whole["next", "done"].sum() > 2
+    for episode in log.read(range(len(log.index))):
+        np.testing.assert_array_equal(episode.instructions, LANDER_TASK.rule(episode.states[:-1]))
+        assert episode.given.all()
+
+
+def seeds_of(seed: int, config: CollectConfig, monkeypatch: pytest.MonkeyPatch) -> Iterator[range]:
+    """The seeds of each worker's environments, without making them."""
+    monkeypatch.setattr(
+        collect, "make_env", lambda _id, _kwargs, count, _instructor, first: range(first, first + count)
+    )
+    for worker in range(config.processes):
+        seeds: Any = env_of_worker(worker, ENV, config, LANDER_TASK, "oracle", seed)
+        yield seeds
+
+
+def largest() -> CollectConfig:
+    limits = {item.name: item.metadata["high"] for item in fields(CollectConfig)}
+    return CollectConfig(limits["processes"], limits["envs_per_process"], 1)
+
+
+@pytest.mark.parametrize("seed", [0, 7, MAX_SEED])
+def test_no_two_environments_share_a_seed_nor_any_with_an_evaluation(seed: int, monkeypatch: pytest.MonkeyPatch):
+    for config in (CollectConfig(), largest()):
+        seeds = [number for part in seeds_of(seed, config, monkeypatch) for number in part]
+        assert len(set(seeds)) == len(seeds) == config.processes * config.envs_per_process
+        assert min(seeds) >= 0
+        assert max(seeds) < EVALUATION_SEED
+
+
+def test_the_largest_seed_is_the_configs_own():
+    [limits] = [item.metadata for item in fields(TrainConfig) if item.name == "seed"]
+    assert limits["high"] == MAX_SEED
+
+
+def test_runs_of_different_seeds_share_no_environment(monkeypatch: pytest.MonkeyPatch):
+    parts = [set().union(*seeds_of(seed, CollectConfig(), monkeypatch)) for seed in (0, 1, 2)]
+    assert len(set().union(*parts)) == sum(map(len, parts))
+
+
+def test_every_is_true_once_at_each_multiple():
+    due = Every(100)
+    assert [due(frames) for frames in (50, 99, 100, 150, 199, 350, 399, 400, 1000, 1001)] == [
+        False, False, True, False, False, True, False, True, True, False,
+    ]  # fmt: skip
