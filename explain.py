@@ -27,7 +27,7 @@ from ibe_rl.instruct import make_instructor
 from ibe_rl.metrics import came_true
 from ibe_rl.play import watch
 from ibe_rl.predict import Simulator
-from ibe_rl.relay import Relay, choose_ports
+from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import find_run
 from ibe_rl.stream import Recorder
 
@@ -47,7 +47,7 @@ def main(cfg: ExplainConfig) -> None:
     recording = record(run, cfg, watched, said)
     print(f"recording: {recording}\n  open it with: rerun {recording}")
     if ports:
-        serve_while_looked_at(Relay(recording, ports))
+        serve_while_looked_at(recording, ports)
 
 
 def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
@@ -103,14 +103,14 @@ def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence
     return path
 
 
-def serve_while_looked_at(relay: Relay) -> None:
-    """Serve the recording until Enter or Ctrl-C; without a terminal nobody can look, so only say where it was."""
-    try:
-        print(f"live view: {relay.address}\n  on another machine, forward it first: {relay.port_forward()}")
-        if sys.stdin.isatty():
-            input("Enter ends it. ")
-    finally:
-        relay.close()
+def serve_while_looked_at(recording: Path, ports: Ports) -> None:
+    """Serve the recording until Enter or Ctrl-C; without a terminal nobody could end it, so it is not served."""
+    if not sys.stdin.isatty():
+        print("not served: there is no terminal to end it from")
+        return
+    with Relay(recording, ports):
+        print(invitation(ports))
+        input("  Enter ends it ")
 
 
 if __name__ == "__main__":

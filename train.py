@@ -42,7 +42,7 @@ from ibe_rl.play import play, watch
 from ibe_rl.predict import Simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
 from ibe_rl.refresh import check_mapping, learn_vocabulary, save_refresh
-from ibe_rl.relay import Ports, Relay, choose_ports
+from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     METRICS,
@@ -263,12 +263,10 @@ def main(cfg: TrainConfig) -> None:
 def serve(recording: Path, ports: Ports, owned: ExitStack) -> None:
     """Start the process that serves the recording while it grows; without it training goes on all the same."""
     try:
-        relay = Relay(recording, ports)
+        owned.enter_context(Relay(recording, ports))
+        print(invitation(ports))
     except RuntimeError as reason:
         print(f"warning: no live view, the recording is written all the same: {reason}")
-        return
-    owned.callback(relay.close)
-    print(f"live view: {relay.address}\n  on another machine, forward it first: {relay.port_forward()}")
 
 
 def say_how_to_open(cfg: TrainConfig, folder: Path) -> None:

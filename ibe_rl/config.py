@@ -79,14 +79,15 @@ class DQNConfig(AgentConfig):
 
     kind: str = setting("dqn", choices=("dqn",))
     gamma: float = setting(0.99, low=0.0, high=1.0)
-    learning_rate: float = setting(5e-4, low=0.0, high=1.0)
+    learning_rate: float = setting(6e-4, low=0.0, high=1.0)
+    hidden: list[int] = field(default_factory=lambda: [128, 128])
     buffer_frames: int = setting(300_000, low=1_000)
-    minibatch_size: int = setting(256, low=1)
-    frames_per_update: int = setting(16, low=1)
-    learn_after_frames: int = setting(16_000, low=0)
+    minibatch_size: int = setting(128, low=1)
+    frames_per_update: int = setting(4, low=1)
+    learn_after_frames: int = setting(10_000, low=0)
     epsilon_end: float = setting(0.05, low=0.0, high=1.0)
-    epsilon_share: float = setting(0.3, low=0.0, high=1.0)  # of the run over which epsilon falls from 1
-    target_rate: float = setting(0.005, low=1e-9, high=1.0)
+    epsilon_share: float = setting(0.15, low=0.0, high=1.0)  # of the run over which epsilon falls from 1
+    target_rate: float = setting(0.01, low=1e-9, high=1.0)
     max_grad_norm: float = setting(10.0, low=1e-9)
     average_decay: float = setting(0.9, low=0.0, high=0.9999)
 

@@ -40,10 +40,14 @@ LOG = "viewer.log"
 
 @dataclass(frozen=True)
 class Ports:
-    """The two ports of the live view: ``grpc`` carries the data, ``web`` the page."""
+    """The two ports of the live view: ``grpc`` carries the data, ``web`` the page.
+
+    ``moved`` names the defaults that were taken and what is used instead.
+    """
 
     grpc: int
     web: int
+    moved: tuple[tuple[int, int], ...] = ()
 
 
 def choose_ports(grpc_port: int | None, web_port: int | None) -> Ports:
@@ -58,8 +62,10 @@ def choose_ports(grpc_port: int | None, web_port: int | None) -> Ports:
     """
     grpc = _asked("viewer.grpc_port", grpc_port, frozenset())
     web = _asked("viewer.web_port", web_port, frozenset({grpc} if grpc else ()))
-    grpc = grpc or _default(GRPC_PORT, web)
-    return Ports(grpc, web or _default(WEB_PORT, grpc))
+    chosen_grpc = grpc or _default(GRPC_PORT, web)
+    chosen_web = web or _default(WEB_PORT, chosen_grpc)
+    pairs = ((GRPC_PORT, chosen_grpc, grpc), (WEB_PORT, chosen_web, web))
+    return Ports(chosen_grpc, chosen_web, tuple((a, b) for a, b, asked in pairs if asked is None and a != b))
 
 
 def _asked(key: str, port: int | None, used: frozenset[int]) -> int | None:
@@ -105,6 +111,13 @@ def rerun_binary() -> Path:
     return binary
 
 
+def invitation(ports: Ports) -> str:
+    """What to tell the person who wants to look: the address, how to reach it from elsewhere, and ports that moved."""
+    lines = [f"live view: {page(ports)}", f"  from another machine, forward it first: {port_forward(ports)}"]
+    lines += [f"  port {default} is taken, so this is on {port}" for default, port in ports.moved]
+    return "\n".join(lines)
+
+
 def page(ports: Ports) -> str:
     """The address to open in a browser on this machine."""
     data = quote(f"rerun+http://{HOST}:{ports.grpc}/proxy", safe="")
@@ -124,17 +137,12 @@ class Relay:
         recording: the file, which may not be there yet.
         ports: from ``choose_ports``.
 
-    Attributes:
-        address: what to open in a browser on this machine.
-
     Raises:
         RuntimeError: if the viewer is not installed or the process cannot be started.
     """
 
     def __init__(self, recording: Path, ports: Ports) -> None:
         rerun_binary()
-        self._ports = ports
-        self.address = page(ports)
         numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
         command = [sys.executable, "-m", "ibe_rl.relay", str(recording), *numbers]
         try:
@@ -144,10 +152,6 @@ class Relay:
                 )  # in a session of its own, so that Ctrl-C reaches the trainer only
         except OSError as error:
             raise RuntimeError(f"the live view cannot be started: {error}") from error
-
-    def port_forward(self) -> str:
-        """The command to type on another machine before the address works there."""
-        return port_forward(self._ports)
 
     def alive(self) -> bool:
         """True while the recording is served."""
@@ -270,7 +274,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ports = choose_ports(asked.grpc_port, asked.web_port)
     except ConfigError as error:
         parser.error(str(error))
-    sys.stdout.write(f"live view: {page(ports)}\n  from another machine: {port_forward(ports)}\n  Ctrl-C ends it\n")
+    sys.stdout.write(f"{invitation(ports)}\n  Ctrl-C ends it\n")
     sys.stdout.flush()
     return relay(recording, ports, _Stop(asked.parent))
 

@@ -60,6 +60,7 @@ def test_defaults_are_taken_where_they_are_free(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(module, "GRPC_PORT", free.grpc)
     monkeypatch.setattr(module, "WEB_PORT", free.web)
     assert choose_ports(None, None) == free
+    assert "taken" not in module.invitation(free)
 
 
 def test_a_taken_default_moves(monkeypatch: pytest.MonkeyPatch, taken: int) -> None:
@@ -70,6 +71,7 @@ def test_a_taken_default_moves(monkeypatch: pytest.MonkeyPatch, taken: int) -> N
     assert ports.grpc != ports.web
     assert is_free(ports.grpc)
     assert is_free(ports.web)
+    assert f"port {taken} is taken, so this is on {ports.web}" in module.invitation(ports)
 
 
 def test_a_default_gives_way_to_the_port_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from rerun.experimental import ViewerClient
 from view_data import TASK, eventually, free_ports, needed, record
 
 from ibe_rl.relay import Relay, is_free, rerun_binary
+from ibe_rl.relay import page as page_of_relay
 from ibe_rl.stream import Recorder
 
 PANELS = {
@@ -134,11 +135,11 @@ def test_the_page_of_the_relay_shows_the_recording(recording: Path, tmp_path: Pa
     from playwright.sync_api import sync_playwright
 
     ports = free_ports()
-    with Relay(recording, ports) as relay, sync_playwright() as driver:
+    with Relay(recording, ports), sync_playwright() as driver:
         assert eventually(lambda: not is_free(ports.web))
         with driver.chromium.launch(executable_path=chromium, args=BROWSER_FLAGS) as browser:
             page = browser.new_page(viewport={"width": 960, "height": 540}, color_scheme="dark")
-            page.goto(relay.address + "&renderer=webgl")
+            page.goto(page_of_relay(ports) + "&renderer=webgl")
             page.wait_for_selector("canvas.visible", timeout=30_000)
             shot = tmp_path / "page.png"
 
