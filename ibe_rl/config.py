@@ -120,7 +120,7 @@ class PredictorConfig:
     """How the future is predicted: in the environment's own engine, from a snapshot."""
 
     future_instruction: str = setting("hold", choices=("hold", "rule"))
-    moments_at_once: int = setting(128, low=1)
+    moments_at_once: int = setting(256, low=1)  # copies of the environment
 
 
 @dataclass
@@ -139,8 +139,8 @@ class TrainConfig:
     seed: int = setting(0, low=0, high=MAX_SEED)
     total_frames: int = setting(1_300_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
-    refresh_every_frames: int = setting(120_000, low=1)
-    eval_every_frames: int = setting(260_000, low=1)
+    refresh_every_frames: int = setting(150_000, low=1)  # and at the end
+    eval_every_frames: int = setting(260_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)

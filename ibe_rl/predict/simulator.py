@@ -31,7 +31,7 @@ class Simulator:
         make_env: Callable[[], gymnasium.Env[Any, Any]],
         rule: Callable[[Array], Array],
         future_instruction: str = "hold",
-        moments_at_once: int = 128,
+        moments_at_once: int = 256,
         seed: int = 0,
         own_noise: bool = True,
     ):
@@ -58,7 +58,8 @@ class Simulator:
                 instruction[flying], given[flying] = self._rule(states), 1.0
             actions = policy(observe(states, instruction[flying], given[flying]))
             ended = np.zeros(len(flying), bool)
-            for place, (row, action) in enumerate(zip(flying, actions, strict=True)):
+            choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
+            for place, (row, action) in enumerate(zip(flying.tolist(), choices, strict=True)):
                 paths[row, step:], _, ended[place], _, _ = games[row].step(action)
             flying = flying[~ended]
             if not len(flying):

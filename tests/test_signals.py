@@ -1,0 +1,79 @@
+"""The first signal asks, the second ends, and what was there before comes back."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from ibe_rl.signals import StopRequest, interrupts_stay_here
+
+BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+@pytest.fixture(autouse=True)
+def unchanged() -> Iterator[None]:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    yield
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def send(number: int) -> None:
+    os.kill(os.getpid(), number)
+
+
+@BOTH
+def test_the_first_signal_asks_to_stop(number: int):
+    with StopRequest() as stop:
+        assert not stop
+        send(number)
+        assert stop
+    assert stop
+
+
+@BOTH
+def test_the_second_signal_ends_at_once(number: int):
+    with pytest.raises(KeyboardInterrupt), StopRequest() as stop:
+        send(signal.SIGINT)
+        assert stop
+        send(number)
+
+
+def test_the_handlers_come_back_also_after_an_error():
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda *_: seen.append(1))
+    try:
+        with pytest.raises(RuntimeError, match="learner"), StopRequest() as stop:
+            raise RuntimeError("learner")
+        send(signal.SIGTERM)
+        assert seen == [1]
+        assert not stop
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_an_interrupt_while_processes_start_is_kept_for_afterwards():
+    with StopRequest() as stop:
+        with interrupts_stay_here():
+            send(signal.SIGINT)
+            assert not stop
+        assert stop
+
+
+def test_processes_started_so_do_not_hear_interrupts():
+    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+
+    def deaf() -> str:
+        return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.strip()
+
+    with interrupts_stay_here():
+        assert deaf() == "True"
+    assert deaf() == "False"
+
+
+def test_interrupts_come_back_also_after_an_error():
+    with pytest.raises(OSError, match="no process"), interrupts_stay_here():
+        raise OSError("no process")
