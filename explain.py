@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -22,14 +23,14 @@ from ibe_rl.config import ExplainConfig
 from ibe_rl.data import ConfigError, Explanation, Watched
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.explainer import explain
-from ibe_rl.ibe import delta_states, phrase
+from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
-from ibe_rl.metrics import came_true
+from ibe_rl.metrics import phrases_true
 from ibe_rl.play import watch
 from ibe_rl.predict import Simulator
 from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import find_run
-from ibe_rl.stream import Recorder
+from ibe_rl.stream import SILENCE, Recorder
 
 
 def main(cfg: ExplainConfig) -> None:
@@ -63,28 +64,28 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
 def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None:
     """Print what was said, one row for each stretch of steps with the same words."""
     episode, words = watched.episode, run.task.phrases
-    happened = run.mapping.express(delta_states(episode.states, run.horizon_steps, end="clamp"))
-    rows = [
-        (phrase(moment.instruction, words) if moment.given else "(nothing)", one.phrase, phrase(outcome, words))
-        for moment, one, outcome in zip(watched.moments, said, happened, strict=True)
-    ]
-    title = f"{run.task.name}: {episode.context}, {len(episode)} steps, return {episode.total_reward:.1f}, "
-    table = Table(title=title + ("success" if episode.success else "no success"), title_justify="left")
-    for column in ("steps", "the instructor says", "the agent says it will be", "expression", "confidence", "it was"):
-        table.add_column(column)
-    for (told, spoken, outcome), group in groupby(range(len(rows)), key=lambda step: rows[step]):
+    told = [phrase(moment.instruction, words) if moment.given else SILENCE for moment in watched.moments]
+    true = phrases_true(episode, said, run.mapping, words)
+    outcome = "success" if episode.success else "no success"
+    table = Table(box=SIMPLE, title_justify="left", show_edge=False)
+    table.title = (
+        f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
+    )
+    for column in ("steps", "is told", "says that it will be", "expression", "confidence", "came true"):
+        table.add_column(column, no_wrap=True, justify="right" if column == "steps" else "left")
+    for (instruction, _), group in groupby(range(len(said)), key=lambda step: (told[step], said[step].phrase)):
         steps = list(group)
-        expression = np.mean([said[step].expression for step in steps], axis=0)
-        values = " ".join(f"{value:+.2f}" for value in expression)
+        first, expressions = said[steps[0]], np.array([said[step].expression for step in steps])
+        numbers = " ".join(f"{value:+.2f}" for value in expressions.mean(axis=0))
         confidence = np.mean([said[step].confidence for step in steps])
-        table.add_row(f"{steps[0]}-{steps[-1]}", told, spoken, values, f"{confidence:.0%}", outcome)
-    console = Console()
+        span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
+        table.add_row(span, instruction, first.phrase, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
+    console = Console(highlight=False)
+    console.width = max(console.width, 110)
     console.print(table)
-    share = came_true(episode, said, run.mapping, words)
     console.print(
-        f"{share:.0%} of what it said about its next {run.horizon_steps} steps came true. Policy of frame "
-        f"{run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}.",
-        highlight=False,
+        f"{np.mean(true):.0%} of what it said about its next {run.horizon_steps} steps came true. "
+        f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
     )
 
 
@@ -97,7 +98,7 @@ def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence
         path.touch()
     except OSError as error:
         raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
-    recorder = Recorder(path, run.task, name)
+    recorder = Recorder(path, run.task, name, training=False)
     recorder.watched(run.policy_frame, watched, said)
     recorder.close()
     return path

@@ -3,7 +3,7 @@
 environment → batch → agent
                 └───→ log → vocabulary → explanations → rerun
 
-python train.py                                  PPO on the lander, served live
+python train.py                                  with the defaults, served live
 python train.py agent=dqn seed=3 viewer=file
 python train.py -m seed=0,1,2                    three runs
 python train.py --cfg job                        every setting

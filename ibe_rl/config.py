@@ -159,7 +159,7 @@ class ExplainConfig:
     run: str | None = None  # None: the newest below runs/
     task: str = setting("episode", choices=("episode",))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
-    context: str | None = None  # such as the pad; None draws one
+    context: str | None = None  # what the episode is about; None draws one
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
     output: str | None = None  # where the recording goes; None: into the run's folder

@@ -63,7 +63,7 @@ class Episode:
         given: ``(T,)`` bool, False where the instructor said nothing.
         terminated: True if the environment ended it, False if it was cut off.
         success: True if the environment's own success rule held at the end.
-        context: what the episode was about (for the lander: which pad).
+        context: what the episode was about, a name from the task's ``contexts``.
     """
 
     states: Array

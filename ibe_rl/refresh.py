@@ -32,7 +32,7 @@ class Refresh:
         others: windows of other episodes, a sample, for comparison only.
         episodes_logged: whole episodes in the log.
         episodes_used: the best ones among them.
-        episodes_by_context: of the best ones, for the lander by pad.
+        episodes_by_context: of the best ones.
         windows_by_context: windows used, likewise.
         windows_by_instruction: windows used, by the instruction they began with.
     """

@@ -80,12 +80,13 @@ class Recorder:
         path: the file, written anew; its folder must exist.
         task: what the environment declares of itself.
         run_name: title of the recording in the viewer.
+        training: False lays out the panels for watched episodes alone.
     """
 
-    def __init__(self, path: Path, task: Task, run_name: str) -> None:
+    def __init__(self, path: Path, task: Task, run_name: str, training: bool = True) -> None:
         self._task = task
         self._recording = rr.RecordingStream(APPLICATION, recording_id=str(uuid4()))
-        self._recording.set_sinks(rr.FileSink(path), default_blueprint=view.blueprint(task))
+        self._recording.set_sinks(rr.FileSink(path), default_blueprint=view.blueprint(task, training))
         self._recording.set_log_time_enabled(False)
         self._recording.send_recording_name(run_name)
         view.style(self._recording, task)

@@ -36,10 +36,15 @@ CURVES = {
 """Metrics with a curve in the view: name in the legend and colour."""
 
 
-def blueprint(task: Task) -> rrb.Blueprint:
-    """Lay out all panels; the view opens on the newest data and follows it."""
+def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
+    """Lay out all panels, or without ``training`` those of an episode; the view follows the newest data."""
+    if training:
+        panels = rrb.Horizontal(_left(task), _middle(), _right(task), column_shares=[38, 32, 30])
+    else:
+        scene = [_scene(task)] if task.scene_path is not None else []
+        panels = rrb.Horizontal(*scene, rrb.Vertical(*_episode(), _spoken(), row_shares=[30, 24, 16, 30]))
     return rrb.Blueprint(
-        rrb.Horizontal(_left(task), _middle(), _right(task), column_shares=[38, 32, 30]),
+        panels,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TopPanel(state="hidden"),
@@ -59,6 +64,11 @@ def _left(task: Task) -> rrb.Container:
 
 
 def _middle() -> rrb.Container:
+    return rrb.Vertical(*_episode(), row_shares=[22, 19, 59])
+
+
+def _episode() -> list[rrb.View]:
+    """What is told and said over the steps of an episode, and now."""
     recent = rrb.TimeRange(
         start=rrb.TimeRangeBoundary.cursor_relative(seq=-WINDOW_STEPS),
         end=rrb.TimeRangeBoundary.cursor_relative(seq=5),
@@ -72,7 +82,7 @@ def _middle() -> rrb.Container:
     )
     lanes = rrb.StateTimelineView(origin="/says", name="In words", time_view=rrb.TimeAxis(view_range=recent))
     now = rrb.TextDocumentView(origin="/now", name="Now")
-    return rrb.Vertical(signals, lanes, now, row_shares=[22, 19, 59])
+    return [signals, lanes, now]
 
 
 def _right(task: Task) -> rrb.Container:
@@ -94,16 +104,20 @@ def _right(task: Task) -> rrb.Container:
             name=f"Δ{explained} ({unit}): best green, peak cut",
             plot_legend=rrb.PlotLegend(visible=False),
         ),
-        rrb.TextLogView(
-            origin="/log",
-            name="Spoken",
-            columns=rrb.TextLogColumns(
-                timeline_columns=[TimelineColumn(timeline=FRAMES, visible=False)],
-                text_log_columns=[TextLogColumn("body")],
-            ),
-            format_options=rrb.TextLogFormat(monospace_body=False),
-        ),
+        _spoken(),
         row_shares=[37, 18, 18, 27],
+    )
+
+
+def _spoken() -> rrb.View:
+    return rrb.TextLogView(
+        origin="/log",
+        name="Spoken",
+        columns=rrb.TextLogColumns(
+            timeline_columns=[TimelineColumn(timeline=FRAMES, visible=False)],
+            text_log_columns=[TextLogColumn("body")],
+        ),
+        format_options=rrb.TextLogFormat(monospace_body=False),
     )
 
 

@@ -104,7 +104,7 @@ def test_without_a_path_it_is_the_newest(tmp_path: Path):
 
 @pytest.mark.parametrize("below", [".", "missing"])
 def test_without_any_run_it_says_so(tmp_path: Path, below: str):
-    with pytest.raises(ConfigError, match="run=null: there is no run below .*; train one, or name one with run=DIR"):
+    with pytest.raises(ConfigError, match=r"run=null: there is no run below .*; train one, or name one with run=DIR"):
         find_run(None, tmp_path / below)
 
 

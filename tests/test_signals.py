@@ -1,6 +1,5 @@
 """The first signal asks, the second ends, and what was there before comes back."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -21,25 +20,22 @@ def unchanged() -> Iterator[None]:
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
-def send(number: int) -> None:
-    os.kill(os.getpid(), number)
-
-
 @BOTH
 def test_the_first_signal_asks_to_stop(number: int):
     with StopRequest() as stop:
         assert not stop
-        send(number)
+        signal.raise_signal(number)
         assert stop
     assert stop
 
 
 @BOTH
 def test_the_second_signal_ends_at_once(number: int):
-    with pytest.raises(KeyboardInterrupt), StopRequest() as stop:
-        send(signal.SIGINT)
+    with StopRequest() as stop:
+        signal.raise_signal(signal.SIGINT)
         assert stop
-        send(number)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
 
 
 def test_the_handlers_come_back_also_after_an_error():
@@ -48,7 +44,7 @@ def test_the_handlers_come_back_also_after_an_error():
     try:
         with pytest.raises(RuntimeError, match="learner"), StopRequest() as stop:
             raise RuntimeError("learner")
-        send(signal.SIGTERM)
+        signal.raise_signal(signal.SIGTERM)
         assert seen == [1]
         assert not stop
     finally:
@@ -58,7 +54,7 @@ def test_the_handlers_come_back_also_after_an_error():
 def test_an_interrupt_while_processes_start_is_kept_for_afterwards():
     with StopRequest() as stop:
         with interrupts_stay_here():
-            send(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
             assert not stop
         assert stop
 

@@ -1,5 +1,5 @@
 """Whether explanations are true."""
 
-from ibe_rl.metrics.quality import came_true
+from ibe_rl.metrics.quality import came_true, phrases_true
 
-__all__ = ["came_true"]
+__all__ = ["came_true", "phrases_true"]

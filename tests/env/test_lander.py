@@ -204,16 +204,17 @@ def test_on_the_ground_too_the_reward_is_the_change_of_the_potential_less_fuel(p
 
 
 @pytest.mark.parametrize("pad", PAD_X)
-def test_a_rest_between_the_flags_is_a_landing(pad: str):
-    landed = []
+def test_a_rest_on_both_legs_between_the_flags_is_a_landing(pad: str):
+    """In contact is what the state says; it can say 0 for a leg on a corner of the ground (docs/LOG.md)."""
+    found = []
     for seed in range(12):
         steps = fly(make(), aimed(), seed=seed, options={"pad": pad})
         state, reward, terminated, _, info = steps[-1]
         assert not any(info["landed"] for *_, info in steps[:-1])
-        if reward == 100 and terminated and abs(state[0] - PAD_X[pad]) < 0.2 and abs(state[4]) < 0.1:
-            landed.append(info["landed"])
-    assert len(landed) >= 6
-    assert all(landed)
+        if reward == 100 and terminated and abs(state[0] - PAD_X[pad]) < 0.2:
+            found.append(info["landed"])
+            assert info["landed"] == state[6:8].all()
+    assert 2 <= sum(found) <= len(found) >= 6
 
 
 def test_a_crash_is_no_landing():
