@@ -157,11 +157,11 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
     )
 
 
-def timed(name: str, batches: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
+def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
     """Count the time spent waiting for each batch under ``name``."""
     while True:
         with timeit(name):
-            batch = next(batches)
+            batch = next(endless)
         yield batch
 
 

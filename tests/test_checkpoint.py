@@ -45,7 +45,7 @@ def test_the_full_state_replaces_the_one_before(tmp_path: Path):
     assert load(tmp_path / LATEST)["frames"] == 2
 
 
-@pytest.mark.parametrize("write", [torch.save, lambda state, path: path.write_bytes(pickle.dumps(state))])
+@pytest.mark.parametrize("write", [torch.save, lambda state, path: path.write_bytes(pickle.dumps(state, 2))])
 def test_code_in_a_checkpoint_is_refused_and_does_not_run(tmp_path: Path, write: Any):
     sprung, path = tmp_path / "sprung", tmp_path / "policy_000000000001.pt"
     write({"weight": STATE["weight"], "trap": Trap(sprung)}, path)

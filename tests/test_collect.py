@@ -104,7 +104,8 @@ def test_the_rows_of_a_process_are_the_same_collected_alone(two: list[TensorDict
     for worker in range(2):
         agent = make_dqn()
         factory = partial(env_of_worker, worker, ENV, sizes(2), LANDER_TASK, "oracle", 3)
-        alone = Collector(factory, agent.policy, frames_per_batch=2 * STEPS, total_frames=-1)
+        sizes_: dict[str, Any] = {"frames_per_batch": 2 * STEPS, "total_frames": -1}
+        alone = Collector(factory, agent.policy, auto_register_policy_transforms=False, **sizes_)
         for batch, expected in zip(alone, two[:2], strict=False):
             rows = expected[2 * worker : 2 * worker + 2]
             assert (batch.exclude("collector") == rows.exclude("collector")).all()

@@ -227,7 +227,7 @@ BAD = {
     "unknown dimension": (["mapping.dimensions=[height]"], ["mapping.dimensions=['height']", "angle"]),
     "unknown environment": (["env.id=Mars-v0"], ["env.id=Mars-v0", "ibe_rl/LunarLanderPads-v0"]),
     "environment without a task": (["env.id=CartPole-v1"], ["env.id=CartPole-v1", "task"]),
-    "wrong pad": (["+env.kwargs.pad=middle"], ["env.kwargs", "middle", "center"]),
+    "wrong pad": (["env.kwargs.pad=middle"], ["env.kwargs", "middle", "center"]),
     "wrong viewer": (["viewer=tv"], ["viewer=tv", "file, live, off"]),
     "no such port": (["viewer=live", "viewer.web_port=70000"], ["viewer.web_port=70000", "65535"]),
 }

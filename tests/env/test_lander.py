@@ -85,6 +85,15 @@ def test_all_pads_are_drawn_and_the_same_seed_draws_the_same():
     assert sum(counts) == 200
 
 
+def test_pads_are_not_drawn_from_the_numbers_of_the_terrain():
+    env = make()
+    names, same = list(PAD_X), 0
+    for seed in range(150):
+        env.reset(seed=seed)
+        same += names[np.random.default_rng(seed).integers(3)] == env.unwrapped.pad
+    assert 30 < same < 70
+
+
 def test_a_fixed_pad_shifts_no_later_draw():
     free, fixed = make(), make()
     expected = pads_drawn(free, 20, seed=3)
@@ -217,16 +226,21 @@ def test_a_rest_on_both_legs_between_the_flags_is_a_landing(pad: str):
     assert 2 <= sum(found) <= len(found) >= 6
 
 
-def test_a_crash_is_no_landing():
-    *_, last = fly(make(), lambda *_: 0, seed=0, options={"pad": "center"})
-    assert last[1:] == (-100, True, False, {"landed": False})
+@pytest.mark.parametrize(("pad", "seed"), [("left", 13), ("center", 2), ("right", 67)])
+def test_a_crash_is_no_landing_even_onto_the_pad(pad: str, seed: int):
+    *_, (state, *rest) = fly(make(), lambda *_: 0, seed=seed, options={"pad": pad})
+    assert rest == [-100, True, False, {"landed": False}]
+    assert abs(state[0] - PAD_X[pad]) < 0.2
+    assert state[6:8].all()
 
 
 @pytest.mark.parametrize("aside", [-0.4, 0.4])
 def test_a_rest_beside_the_pad_is_no_landing(aside: float):
-    *_, (state, *rest) = fly(make(flat=True), aimed(aside), seed=0, options={"pad": "center"})
-    assert abs(state[0] - aside) < 0.15
-    assert rest == [100, True, False, {"landed": False}]
+    for seed in (2, 3, 4):
+        *_, (state, *rest) = fly(make(flat=True), aimed(aside), seed=seed, options={"pad": "center"})
+        assert rest == [100, True, False, {"landed": False}]
+        assert 0.2 < abs(state[0]) < 0.5
+        assert state[6:8].all()
 
 
 def test_a_rest_on_one_leg_is_no_landing():

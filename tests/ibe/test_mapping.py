@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.cluster import KMeans
 from sklearn.exceptions import NotFittedError
 
 from ibe_rl.data import Array
@@ -32,14 +33,17 @@ def mapping() -> ClusterMapping:
     return fit().mapping_
 
 
-def test_each_cluster_has_the_mean_of_its_instructions_in_rising_order(mapping: ClusterMapping):
+@pytest.mark.parametrize("seed", range(5))  # k-means numbers its clusters as it likes
+def test_each_cluster_has_the_mean_of_its_instructions_in_rising_order(seed: int):
+    mapping = fit(random_state=seed).mapping_
+    np.testing.assert_allclose(mapping.expressions, [[-1], [2 * 0.75 / 1.75 - 1], [1]])
+    assert mapping.cluster(np.array([LEFT, DOWN, RIGHT])).tolist() == [0, 1, 2]
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75], [0.0], [1.0]])
     assert mapping.sizes.tolist() == [4, 6, 2]
     np.testing.assert_allclose(mapping.purities, [0.75, 4 / 6, 1.0])
 
 
-def test_expressions_are_normalised_between_the_clusters(mapping: ClusterMapping):
-    np.testing.assert_allclose(mapping.expressions, [[-1], [2 * 0.75 / 1.75 - 1], [1]])
+def test_expressions_are_normalised_as_asked():
     np.testing.assert_allclose(fit(normalisation="sign").mapping_.expressions, [[-0.75], [0], [1]])
 
 
@@ -99,6 +103,20 @@ def test_sizes_and_means_are_of_all_windows_however_few_are_clustered():
     mapping = PaperMapping(3, max_fit_windows=120, random_state=0).fit(many, np.tile(told, 50)).mapping_
     assert mapping.sizes.tolist() == [200, 300, 100]
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75], [0.0], [1.0]], atol=1e-12)
+
+
+def test_a_cluster_without_a_window_says_what_all_were_told(monkeypatch: pytest.MonkeyPatch):
+    class OneTooMany(KMeans):
+        def fit(self, X: Array) -> "OneTooMany":
+            super().fit(X)
+            self.cluster_centers_ = np.vstack([self.cluster_centers_, [[99.0, 99.0]]])
+            return self
+
+    monkeypatch.setattr("ibe_rl.ibe.mapping.KMeans", OneTooMany)
+    mapping = fit().mapping_
+    [empty] = np.flatnonzero(mapping.sizes == 0)
+    assert mapping.mean_instructions[empty] == pytest.approx(groups()[1].mean())
+    assert mapping.purities[empty] == 0
 
 
 def test_the_same_seed_learns_the_same():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ibe_rl.data import Array, Episode, Explanation, Phrases
-from ibe_rl.metrics import came_true
+from ibe_rl.metrics import came_true, phrases_true
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.5, ""),))]
 
@@ -44,6 +44,11 @@ def episode() -> Episode:
 )
 def test_the_share_of_phrases_that_came_true(episode: Episode, said: list[str], share: float):
     assert came_true(episode, [spoken(phrase) for phrase in said], Sign(), WORDS) == share
+
+
+def test_each_phrase_is_judged_at_its_own_moment(episode: Episode):
+    said = [spoken(phrase) for phrase in ("up", "up", "down", "still")]
+    assert phrases_true(episode, said, Sign(), WORDS).tolist() == [True, False, True, False]
 
 
 def test_the_horizon_is_the_explanations_own(episode: Episode):

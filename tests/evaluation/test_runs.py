@@ -1,0 +1,177 @@
+"""A run folder opens as it last was, and says what it lacks; nothing in it is run."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from omegaconf import OmegaConf
+
+from ibe_rl.agent import make_agent
+from ibe_rl.checkpoint import save_policy
+from ibe_rl.config import (
+    AgentConfig,
+    DQNConfig,
+    EnvConfig,
+    InstructorConfig,
+    MappingConfig,
+    PPOConfig,
+    PredictorConfig,
+    TrainConfig,
+    ViewerConfig,
+)
+from ibe_rl.data import ConfigError
+from ibe_rl.env import LANDER_ID
+from ibe_rl.evaluation import load_run
+from ibe_rl.ibe import ClusterMapping
+from ibe_rl.run_folder import CHECKPOINTS, CONFIG, REFRESHES, create_run_folder, write_json
+
+OBSERVATIONS = np.random.default_rng(0).normal(size=(50, 11)).astype(np.float32)
+ACTIONS: Any = gymnasium.spaces.Discrete(4)
+
+
+def mapping_of(first: float, dimensions: int = 9) -> ClusterMapping:
+    zeros, k = np.zeros(dimensions), np.zeros((2, 1))
+    return ClusterMapping(
+        zeros, zeros + 1, np.zeros((2, dimensions)), k, np.array([[first], [1]]), np.ones(2), np.ones(2)
+    )
+
+
+def config_of(agent: AgentConfig) -> TrainConfig:
+    parts: dict[str, Any] = {"mapping": MappingConfig(), "predictor": PredictorConfig(), "viewer": ViewerConfig()}
+    env = EnvConfig(id=LANDER_ID, kwargs={"pad": "left"})
+    return TrainConfig(run_dir="x", env=env, agent=agent, instructor=InstructorConfig(), **parts)
+
+
+def write_config(folder: Path, config: Any) -> None:
+    OmegaConf.save(OmegaConf.structured(config), folder / CONFIG)
+
+
+def write_policy(folder: Path, frame: int, agent: AgentConfig) -> Any:
+    torch.manual_seed(frame)
+    greedy = make_agent(agent, 11, ACTIONS, 1_000).greedy
+    save_policy(folder / CHECKPOINTS, frame, greedy.state_dict())
+    return greedy
+
+
+def write_mapping(folder: Path, frame: int, mapping: ClusterMapping) -> None:
+    values = {"frame": frame, "horizon_steps": 40, "mapping": mapping.to_dict()}
+    write_json(folder / REFRESHES / f"{frame:012d}.json", values)
+
+
+def write_run(folder: Path, agent: AgentConfig) -> Path:
+    create_run_folder(folder)
+    write_config(folder, config_of(agent))
+    for frame in (900, 1_000):
+        write_policy(folder, frame, agent)
+    for frame, first in ((500, -0.1), (950, -0.2), (1_100, -0.3)):
+        write_mapping(folder, frame, mapping_of(first))
+    return folder
+
+
+PPO, DQN = PPOConfig(hidden=[6]), DQNConfig(hidden=[6])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "run", PPO)
+
+
+@pytest.mark.parametrize("agent", [PPO, DQN], ids=["ppo", "dqn"])
+def test_a_run_opens_as_it_last_was(tmp_path: Path, agent: AgentConfig):
+    folder = write_run(tmp_path / "run", agent)
+    run = load_run(folder)
+    assert run.folder == folder
+    assert run.config == config_of(agent)
+    assert type(run.config.agent) is type(agent)
+    assert run.policy_frame == 1_000
+    expected = write_policy(folder, 1_000, agent)
+    np.testing.assert_array_equal(run.policy(OBSERVATIONS), expected(OBSERVATIONS))
+    assert len(set(run.policy(OBSERVATIONS))) > 1
+    assert run.task.name == "Lunar Lander with pads"
+    assert run.make_env().reset(seed=0)[0][8] == np.float32(-0.6)
+
+
+def test_the_vocabulary_is_the_last_one_before_the_policy(folder: Path):
+    (folder / REFRESHES / "notes.json").write_text("not a refresh")
+    run = load_run(folder)
+    assert (run.mapping_frame, run.horizon_steps) == (950, 40)
+    assert run.mapping.expressions[0, 0] == -0.2
+
+
+def test_a_run_without_a_policy_says_so(folder: Path):
+    for path in (folder / CHECKPOINTS).iterdir():
+        path.unlink()
+    with pytest.raises(ConfigError, match=f"run={folder}: it has no policy yet"):
+        load_run(folder)
+
+
+def test_a_run_without_a_vocabulary_says_so(folder: Path):
+    for frame in (500, 950):
+        (folder / REFRESHES / f"{frame:012d}.json").unlink()
+    with pytest.raises(ConfigError, match=f"run={folder}: it has no vocabulary from before its policy of frame 1,000"):
+        load_run(folder)
+
+
+@pytest.mark.parametrize("text", [None, "", "a: [", "agent: {kind: sac}", "- 1", "!!python/object/apply:os._exit [3]"])
+def test_a_config_that_is_none_is_refused(folder: Path, text: str | None):
+    path = folder / CONFIG
+    if text is None:
+        path.unlink()
+    else:
+        path.write_text(text)
+    with pytest.raises(ConfigError, match=f"{path}: not the config of a run of this version"):
+        load_run(folder)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"colour": "red"}, "not the config of a run of this version .*colour: no such setting"),
+        ({"seed": "many"}, "not the config of a run of this version .*seed"),
+        ({"seed": -1}, "seed=-1: allowed is"),
+        ({"env": {"id": "Moon-v7", "kwargs": {}}}, r"env\.id=Moon-v7: not registered"),
+    ],
+)
+def test_a_config_that_does_not_fit_is_refused(folder: Path, changes: dict[str, Any], message: str):
+    saved = OmegaConf.to_container(OmegaConf.load(folder / CONFIG))
+    OmegaConf.save(OmegaConf.create({**saved, **changes}), folder / CONFIG)  # type: ignore[dict-item]
+    with pytest.raises(ConfigError, match=message):
+        load_run(folder)
+
+
+def test_a_policy_of_another_network_is_refused(folder: Path):
+    write_policy(folder, 2_000, replace(PPO, hidden=[7]))
+    with pytest.raises(ConfigError, match=r"policy_000000002000\.pt: not a policy of this run \(.*state_dict"):
+        load_run(folder)
+
+
+@pytest.mark.parametrize("state", [torch.zeros(3), [1, 2], None, {"a": 1}], ids=["tensor", "list", "none", "dict"])
+def test_what_is_no_policy_is_refused(folder: Path, state: Any):
+    save_policy(folder / CHECKPOINTS, 2_000, state)
+    with pytest.raises(ConfigError, match=r"policy_000000002000\.pt: not a policy of this run"):
+        load_run(folder)
+
+
+def test_a_damaged_policy_is_refused(folder: Path):
+    (folder / CHECKPOINTS / "policy_000000002000.pt").write_bytes(b"nothing")
+    with pytest.raises(ConfigError, match="not a readable checkpoint"):
+        load_run(folder)
+
+
+def test_a_damaged_vocabulary_is_refused(folder: Path):
+    path = folder / REFRESHES / f"{990:012d}.json"
+    path.write_text(json.dumps({"frame": 990}))
+    with pytest.raises(ConfigError, match=f"{re.escape(str(path))} is not a readable refresh"):
+        load_run(folder)
+
+
+def test_a_vocabulary_of_another_environment_is_refused(folder: Path):
+    write_mapping(folder, 990, mapping_of(0.0, dimensions=4))
+    with pytest.raises(ConfigError, match=f"{folder}: its vocabulary is for 4 state dimensions, not 9"):
+        load_run(folder)

@@ -1,0 +1,184 @@
+"""Every file in configs/ composes, every limit holds, and no setting is there for nothing."""
+
+import ast
+import math
+from collections.abc import Iterator
+from dataclasses import MISSING, Field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from ibe_rl import config as schemas
+from ibe_rl.config import (
+    CollectConfig,
+    DQNConfig,
+    ExplainConfig,
+    InstructorConfig,
+    LogConfig,
+    MappingConfig,
+    PPOConfig,
+    PredictorConfig,
+    TrainConfig,
+    ViewerConfig,
+    check,
+)
+from ibe_rl.data import ConfigError
+
+ROOT = Path(__file__).parent.parent
+CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
+SCHEMAS = sorted(
+    (item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)),
+    key=lambda item: item.__name__,
+)
+
+
+def composed(root: str, *overrides: str) -> Any:
+    schemas.register()
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        values = OmegaConf.to_object(compose(root, list(overrides)))
+    check(values)
+    return values
+
+
+@pytest.mark.parametrize("root", sorted(path.stem for path in (ROOT / "configs").glob("*.yaml")))
+def test_every_root_composes(root: str):
+    assert isinstance(composed(root), {"train": TrainConfig, "explain": ExplainConfig}[root])
+
+
+@pytest.mark.parametrize(("group", "name"), CHOICES)
+def test_every_choice_composes(group: str, name: str):
+    chosen = getattr(composed("train", f"{group}={name}"), group)
+    told = getattr(chosen, "kind", getattr(chosen, "mode", None))
+    if group != "env":
+        assert told in (name, None)
+    if group in ("predictor", "viewer"):
+        assert getattr(composed("explain", f"{group}={name}"), group) == chosen
+
+
+def test_every_kind_has_a_file():
+    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig,), "mapping": (MappingConfig,)}
+    for group, owners in kinds.items():
+        allowed = {kind for owner in owners for kind in fields(owner)[0].metadata["choices"]}
+        assert {name for place, name in CHOICES if place == group} == allowed
+    modes = next(item for item in fields(ViewerConfig) if item.name == "mode").metadata["choices"]
+    assert {name for place, name in CHOICES if place == "viewer"} == set(modes)
+
+
+def test_the_composed_defaults_are_those_of_the_dataclasses():
+    cfg = composed("train")
+    assert cfg.agent == PPOConfig()
+    assert composed("train", "agent=dqn").agent == DQNConfig()
+    assert cfg.collect == CollectConfig()
+    assert cfg.log == LogConfig()
+    assert cfg.instructor == InstructorConfig()
+    assert cfg.mapping == MappingConfig()
+    assert cfg.predictor == PredictorConfig()
+    assert cfg.viewer == ViewerConfig()
+    for item in fields(TrainConfig):
+        if item.metadata:
+            assert getattr(cfg, item.name) == item.default
+    explain = composed("explain")
+    assert explain.predictor == PredictorConfig()
+    assert (explain.run, explain.seed, explain.context) == (None, 0, None)
+
+
+def default(schema: type) -> Any:
+    """An instance with every part of it; what has no default stays missing."""
+    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": MappingConfig}
+    parts |= {"predictor": PredictorConfig, "viewer": ViewerConfig}
+    names = {item.name for item in fields(schema)}
+    return schema(**{name: part() for name, part in parts.items() if name in names})
+
+
+def neighbour(limit: float, whole: bool, towards: float) -> float:
+    return limit + math.copysign(1, towards) if whole else math.nextafter(limit, towards)
+
+
+def outside(item: Field[Any]) -> Iterator[Any]:
+    limits, whole = item.metadata, "int" in str(item.type)
+    if limits["choices"]:
+        yield from ("nonsense", "", limits["choices"][0].upper())
+    for limit, towards in ((limits["low"], -math.inf), (limits["high"], math.inf)):
+        if limit is not None:
+            yield from (neighbour(limit, whole, towards), towards)
+    if not limits["choices"]:
+        yield math.nan
+
+
+def inside(item: Field[Any]) -> Iterator[Any]:
+    limits, whole = item.metadata, "int" in str(item.type)
+    yield from limits["choices"]
+    for limit, towards in ((limits["low"], math.inf), (limits["high"], -math.inf)):
+        if limit is not None:
+            yield from (limit, neighbour(limit, whole, towards))
+    if "None" in str(item.type):
+        yield None
+
+
+LIMITED = [(schema, item) for schema in SCHEMAS for item in fields(schema) if item.metadata]
+EVERY_LIMIT = pytest.mark.parametrize(("schema", "item"), LIMITED, ids=[f"{s.__name__}.{i.name}" for s, i in LIMITED])
+
+
+@EVERY_LIMIT
+def test_a_value_just_inside_its_limits_passes(schema: type, item: Field[Any]):
+    assert item.default is not MISSING
+    values = [item.default, *inside(item)]
+    for value in values:
+        config = default(schema)
+        setattr(config, item.name, value)
+        check(config)
+
+
+@EVERY_LIMIT
+def test_a_value_just_outside_its_limits_is_refused(schema: type, item: Field[Any]):
+    for value in outside(item):
+        config = default(schema)
+        setattr(config, item.name, value)
+        with pytest.raises(ConfigError, match=rf"^{item.name}=.*: allowed is \S+"):
+            check(config)
+
+
+def test_the_message_names_the_whole_key_the_value_and_what_is_allowed():
+    config = default(TrainConfig)
+    config.collect.processes = 0
+    with pytest.raises(ConfigError, match=r"^collect\.processes=0: allowed is at least 1 and at most 64$"):
+        check(config)
+    config = default(TrainConfig)
+    config.viewer.mode = "loud"
+    with pytest.raises(ConfigError, match=r"^viewer\.mode=loud: allowed is one of live, file, off$"):
+        check(config)
+
+
+def test_every_number_has_a_limit():
+    for schema in SCHEMAS:
+        for item in fields(schema):
+            assert item.metadata or not any(number in str(item.type).split("[")[0] for number in ("int", "float"))
+
+
+def test_a_setting_that_is_none_is_refused():
+    with pytest.raises(ConfigError, match=r"mapping\.colour=red: no such setting; allowed are kind, horizon_steps"):
+        composed("train", "+mapping.colour=red")
+
+
+def reads() -> set[str]:
+    """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
+    owners = {"cfg", "config", "_config", "ahead", *(item.name for item in fields(TrainConfig))}
+    found = set()
+    for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
+        if path.name == "config.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute):
+                owner = node.value
+                name = owner.attr if isinstance(owner, ast.Attribute) else getattr(owner, "id", None)
+                if name in owners:
+                    found.add(node.attr)
+    return found
+
+
+@pytest.mark.parametrize("schema", SCHEMAS, ids=lambda schema: schema.__name__)
+def test_every_setting_is_read_somewhere(schema: type):
+    assert {item.name for item in fields(schema)} - reads() == set()
