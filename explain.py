@@ -34,6 +34,11 @@ from ibe_rl.stream import SILENCE, Recorder
 
 
 def main(cfg: ExplainConfig) -> None:
+    """Do what ``task`` names."""
+    {"episode": explain_episode}[cfg.task](cfg)
+
+
+def explain_episode(cfg: ExplainConfig) -> None:
     """Explain one episode in the terminal and in a recording."""
     torch.set_num_threads(1)
     run = load_run(find_run(cfg.run, Path("runs")))

@@ -6,6 +6,7 @@ values of a run with ``python train.py --cfg job``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
@@ -36,7 +37,7 @@ class CollectConfig:
     """How experience is gathered."""
 
     processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself
-    envs_per_process: int = setting(64, low=1, high=4096)
+    envs_per_process: int = setting(64, low=1, high=1024)
     steps_per_batch: int = setting(128, low=1, high=100_000)  # of each environment
 
 
@@ -212,7 +213,7 @@ def _fits(value: Any, limits: dict[str, Any]) -> bool:
     if limits["choices"]:
         return value in limits["choices"]
     low, high = limits["low"], limits["high"]
-    return (low is None or value >= low) and (high is None or value <= high)
+    return math.isfinite(value) and (low is None or value >= low) and (high is None or value <= high)
 
 
 def _allowed(limits: dict[str, Any]) -> str:

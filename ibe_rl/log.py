@@ -18,10 +18,11 @@ import numpy as np
 from ibe_rl.data import Array, Episode
 from ibe_rl.run_folder import write_atomically, write_json
 
-COLUMNS = ("state", "action", "reward", "instruction", "given")
+COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 INDEX = np.dtype(
     [
         ("start", "i8"),
+        ("number", "i8"),
         ("steps", "i8"),
         ("total_reward", "f8"),
         ("terminated", "?"),
@@ -102,11 +103,13 @@ class TrajectoryLog:
     def _store(self, whole: dict[str, Array], context_of: Any) -> Any:
         steps = len(whole["done"])
         start = self._make_room(steps + 1)
+        whole["number"] = np.full(steps + 1, self.episodes_ended)
         whole["state"] = np.concatenate([whole["state"], whole["next_state"][-1:]])
         for name in COLUMNS:
             self._column(name, whole[name])[start : start + len(whole[name])] = whole[name]
         record = (
             start,
+            self.episodes_ended,
             steps,
             float(np.sum(whole["reward"], dtype=np.float64)),
             bool(whole["terminated"][-1]),
@@ -146,7 +149,7 @@ class TrajectoryLog:
         return [self._read(kept[row]) for row in rows]
 
     def _read(self, record: Any) -> Episode:
-        start, steps, _, terminated, success, context, _ = record
+        start, _, steps, _, terminated, success, context, _ = record
         column = {name: np.array(self._columns[name][start : start + steps]) for name in COLUMNS[1:]}
         return Episode(
             states=np.array(self._columns["state"][start : start + steps + 1]),
@@ -180,9 +183,11 @@ class TrajectoryLog:
             log = cls(folder, int(about["capacity_frames"]), [str(name) for name in about["contexts"]])
             log.frames, log.episodes_ended = int(about["frames"]), int(about["episodes_ended"])
             log._kept = deque(np.load(folder / "episodes.npy", allow_pickle=False).astype(INDEX).tolist())
-            log._columns = {
-                name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in COLUMNS
-            }
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            if log.episodes_ended:
+                log._columns = {
+                    name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in COLUMNS
+                }
+            log._kept = deque(record for record in log._kept if log._columns["number"][record[0]] == record[1])
+        except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
             raise ValueError(f"{folder} is not a readable log: {error}") from None
         return log

@@ -29,7 +29,7 @@ class Refresh:
         frame: training frames when it was learnt.
         mapping: the vocabulary.
         top: the windows of the best episodes that it was learnt from.
-        others: windows of other episodes, a sample, for comparison only.
+        others: windows with an instruction of other episodes, a sample, for comparison only.
         episodes_logged: whole episodes in the log.
         episodes_used: the best ones among them.
         episodes_by_context: of the best ones.
@@ -120,7 +120,10 @@ def _estimator(config: MappingConfig, task: Task, seed: int) -> PaperMapping:
 def _other_windows(log: TrajectoryLog, others: Array, config: MappingConfig, seed: int) -> Windows | None:
     rows = np.random.default_rng(seed).permutation(np.flatnonzero(others))[:OTHER_EPISODES]
     episodes: Sequence[Episode] = log.read(rows)
-    return cut_windows(episodes, config.horizon_steps, config.window_end) if episodes else None
+    if not episodes:
+        return None
+    windows = cut_windows(episodes, config.horizon_steps, config.window_end)
+    return windows[np.asarray(windows.given)]
 
 
 def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:

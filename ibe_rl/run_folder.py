@@ -43,11 +43,9 @@ def create_run_folder(path: Path) -> Path:
     Raises:
         ConfigError: if it holds a run already, or cannot be written to.
     """
-    if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
-        raise ConfigError(
-            f"run_dir={path}: holds a run already, and nothing logged is overwritten; name another folder"
-        )
     try:
+        if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
+            raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
         for name in (CHECKPOINTS, TRAJECTORIES, REFRESHES, ".hydra"):
             (path / name).mkdir(parents=True, exist_ok=True)
         write_atomically(path / CONFIG, lambda stream: stream.write(b""))

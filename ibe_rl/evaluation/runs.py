@@ -63,7 +63,7 @@ def load_run(folder: Path) -> TrainedRun:
     try:
         agent.greedy.load_state_dict(load(path))
     except (RuntimeError, AttributeError, TypeError) as error:
-        raise ConfigError(f"{path}: not a policy of this run ({str(error).splitlines()[0]})") from None
+        raise ConfigError(f"{path}: not a policy of this run ({' '.join(str(error).split())[:200]})") from None
     mapping, horizon, learnt = _last_mapping(folder, frame)
     if mapping.mean.shape != (len(task.state_names),):
         raise ConfigError(

@@ -122,5 +122,5 @@ def top_episodes(total_rewards: Array, fraction: float, contexts: Array | None =
     for group in np.unique(groups):
         rows = np.flatnonzero(groups == group)
         ranked = rows[np.argsort(-np.asarray(total_rewards)[rows], kind="stable")]
-        best[ranked[: int(np.ceil(fraction * len(rows)))]] = True
+        best[ranked[: int(np.ceil(round(fraction * len(rows), 9)))]] = True
     return best

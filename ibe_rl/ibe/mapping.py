@@ -136,7 +136,8 @@ class PaperMapping(BaseEstimator):
         if self.n_clusters < 2:
             raise ValueError(f"n_clusters={self.n_clusters}: at least 2")
         delta = np.asarray(delta, float)
-        instruction = np.asarray(instruction, float).reshape(len(instruction), -1)
+        instruction = np.asarray(instruction, float)
+        instruction = instruction[:, None] if instruction.ndim == 1 else instruction
         if len(delta) != len(instruction):
             raise ValueError(f"{len(delta)} windows but {len(instruction)} instructions")
         centres, mean, weight = self._split(delta)
