@@ -73,7 +73,7 @@ def test_a_run_is_not_written_over(tmp_path: Path, name: str):
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
     path.write_text("logged")
-    with pytest.raises(ConfigError, match=f"run_dir={tmp_path}: holds a run already.* name another folder"):
+    with pytest.raises(ConfigError, match=f"run_dir={tmp_path}: holds a run already.* a new folder"):
         create_run_folder(tmp_path)
     assert path.read_text() == "logged"
 
