@@ -33,19 +33,23 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
     schemas.register()
     started = False
+    refused: list[str] = []
 
     @hydra.main(version_base="1.3", config_path=str(configs), config_name=name)
     def main(composed: Any) -> None:
-        values = OmegaConf.to_object(composed)
-        schemas.check(values)
         nonlocal started
-        started = True
-        with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
-            script(values)
+        try:
+            values = OmegaConf.to_object(composed)
+            schemas.check(values)
+            started = True
+            with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
+                script(values)
+        except (ConfigError, OmegaConfBaseException) as error:  # kept from hydra, which adds lines; a sweep goes on
+            refused.append(f"error: {one_line(error)}")
 
     try:
         main()
-    except (ConfigError, HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException) as error:
         sys.exit(f"error: {one_line(error)}")
     except OSError as error:
         if started:
@@ -53,6 +57,8 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit(f"error: run_dir={error.filename}: allowed is a folder that can be written to ({error.strerror})")
     except KeyboardInterrupt:
         sys.exit(130)
+    if refused:
+        sys.exit("\n".join(refused))
 
 
 def is_sweep() -> bool:

@@ -31,7 +31,7 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
     try:
         env = gymnasium.make(env_id, disable_env_checker=True, **kwargs)
     except (TypeError, ValueError, AssertionError) as error:
-        raise ConfigError(f"env.kwargs={dict(kwargs)}: {error}") from None
+        raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
     if not isinstance(getattr(env.unwrapped, "task", None), Task):
         raise ConfigError(f"env.id={env_id}: the environment declares no task (an attribute of type ibe_rl.data.Task)")
     return env
