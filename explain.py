@@ -18,7 +18,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from ibe_rl.command_line import run_script
+from ibe_rl.command_line import installed, run_script
 from ibe_rl.config import ExplainConfig
 from ibe_rl.data import ConfigError, Explanation, Watched
 from ibe_rl.evaluation import TrainedRun, load_run
@@ -51,7 +51,7 @@ def explain_episode(cfg: ExplainConfig) -> None:
     if cfg.viewer.mode == "off":
         return
     recording = record(run, cfg, watched, said)
-    print(f"recording: {recording}\n  open it with: rerun {recording}")
+    print(f"recording: {recording}\n  open it with: {installed('rerun')} {recording}")
     if ports:
         serve_while_looked_at(recording, ports)
 

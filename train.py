@@ -29,7 +29,7 @@ from torchrl import timeit
 from ibe_rl.agent import Agent, make_agent
 from ibe_rl.checkpoint import save_latest, save_policy
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
-from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
+from ibe_rl.command_line import installed, is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
 from ibe_rl.env.make import make_gym, task_of
@@ -96,6 +96,8 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
         with timeit("log"):
             log.add(steps_of(batch, parts.task.success_key), parts.task.context)  # batch → episodes
         last = bool(stop) or log.frames >= cfg.total_frames
+        if stop:
+            parts.progress.say("stopping in order, with a last refresh and evaluation; Ctrl-C again ends at once")
         row = training_row(log, losses)
         if refresh_due(log.frames) or last:
             row |= refresh_and_explain(cfg, parts)  # episodes → vocabulary → words → rerun
@@ -273,8 +275,8 @@ def say_how_to_open(cfg: TrainConfig, folder: Path) -> None:
     """Print how to look at the run again."""
     print(f"the run is in {folder}")
     if cfg.viewer.mode != "off":
-        print(f"  its recording again:  rerun {folder / RECORDING}")
-    print(f"  one episode in words: python explain.py run={folder}")
+        print(f"  its recording again:  {installed('rerun')} {folder / RECORDING}")
+    print(f"  one episode in words: {installed('python')} explain.py run={folder}")
 
 
 if __name__ == "__main__":

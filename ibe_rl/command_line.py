@@ -61,6 +61,11 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit("\n".join(refused))
 
 
+def installed(program: str) -> str:
+    """A program that came with this Python, as one would type it from here."""
+    return os.path.relpath(Path(sys.executable).parent / program)
+
+
 def is_sweep() -> bool:
     """True while one of several runs of a hydra multirun is under way."""
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
