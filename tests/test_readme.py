@@ -1,0 +1,34 @@
+"""What the README shows works as it stands there."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_lines_of_python_run() -> None:
+    [block] = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    random = np.random.default_rng(0)
+    way = random.integers(-1, 2, 300)
+    delta_states = np.column_stack([0.2 * way, np.zeros(300)]) + random.normal(0, 0.01, (300, 2))
+    names = {"delta_states": delta_states, "instructions": way, "new_delta_states": np.array([[-0.2, 0], [0.2, 0]])}
+    exec(block, names)  # noqa: S102 - our own README
+    mapping = names["mapping"]
+    np.testing.assert_array_equal(mapping.predict(names["new_delta_states"]), [[-1.0], [1.0]])
+
+
+def test_the_make_targets_exist_and_are_listed() -> None:
+    listed = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    named = set(re.findall(r"`?make ([a-z]+)\b", README)) - {"are"}
+    assert named == {"train", "test", "demo"}
+    for target in named:
+        assert f"make {target}" in listed
+
+
+def test_the_files_it_links_to_are_there() -> None:
+    for link in re.findall(r"\]\((?!http)([^)]+)\)", README):
+        assert (ROOT / link).exists(), link
