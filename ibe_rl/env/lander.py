@@ -19,6 +19,7 @@ from gymnasium.envs.box2d import lunar_lander as game
 
 from ibe_rl.data import Array, Shape
 from ibe_rl.env.lander_task import FLAG_DISTANCE, HEIGHT, LANDER_TASK, PAD_X, PAD_Y, WIDTH, outline
+from ibe_rl.env.lean_step import lean_step
 
 CHUNKS = 11  # corners of gymnasium's terrain, 0.2 half widths apart
 PAD_STREAM = 0x1BE  # keeps the draws of pads apart from gymnasium's own of the same seed
@@ -78,6 +79,7 @@ class LunarLanderPads(game.LunarLander):
         super().__init__(**kwargs)
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
+        self._lean = not (self.continuous or self.enable_wind or self.render_mode)
         self.pad = "center"
         self._pad_random = np.random.default_rng()
         theirs: Any = self.observation_space
@@ -130,16 +132,18 @@ class LunarLanderPads(game.LunarLander):
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Step gymnasium's game, then measure the distance in the reward to the pad instead of the centre."""
-        state, reward, terminated, truncated, _ = super().step(action)
-        x, y = state[:2].tolist()
+        if self._lean:
+            state, reward, terminated = lean_step(self, action)
+        else:
+            state, reward, terminated, _, _ = super().step(action)
         goal = PAD_X[self.pad]
+        extended = np.array([*state, goal], np.float32)
+        x, y = extended[:2].tolist()
         gap = math.hypot(x - goal, y) - math.hypot(x, y)
         if not terminated:  # an end pays +100 or -100 and nothing else
             reward -= 100 * (gap - self._gap)
         self._gap = gap
-        extended = np.empty(len(state) + 1, np.float32)
-        extended[:-1], extended[-1] = state, goal
-        return extended, float(reward), terminated, truncated, {"landed": terminated and self._landed(x - goal)}
+        return extended, float(reward), terminated, False, {"landed": terminated and self._landed(x - goal)}
 
     def _landed(self, offset: float) -> bool:
         both_legs = all(leg.ground_contact for leg in self.legs)

@@ -430,3 +430,24 @@ def test_a_snapshot_changes_nothing_and_does_not_change():
         np.testing.assert_array_equal(flown.step(3)[0], untouched.step(3)[0])
         flown.unwrapped.snapshot()
     np.testing.assert_array_equal(before.bodies, bodies)
+
+
+def test_the_lean_step_equals_gymnasiums_to_the_last_bit() -> None:
+    """A copy that could render goes through gymnasium's own step; whole episodes on all pads, all kinds of end."""
+    theirs = gymnasium.make(LANDER_ID, render_mode="rgb_array").unwrapped
+    lean = gymnasium.make(LANDER_ID).unwrapped
+    random, ends = np.random.default_rng(0), set()
+    for seed in range(24):
+        state, _ = theirs.reset(seed=seed)
+        np.testing.assert_array_equal(lean.reset(seed=seed)[0], state)
+        for _ in range(1000):
+            aimed = state[:8] - np.eye(8)[0] * state[8]
+            action = int(random.integers(4)) if seed % 3 == 0 else int(heuristic(theirs, aimed))
+            expected, got = theirs.step(action), lean.step(action)
+            np.testing.assert_array_equal(got[0], expected[0])
+            assert got[1:] == expected[1:]
+            state = expected[0]
+            if expected[2]:
+                ends.add(expected[1])
+                break
+    assert ends == {-100.0, 100.0}

@@ -1,0 +1,93 @@
+"""gymnasium's step of the Lunar Lander without its overhead: the same physics calls, the same numbers.
+
+For discrete actions without wind and rendering only; what is left out are checks, decorations and detours through
+numpy. Names and constants are those of ``gymnasium.envs.box2d.lunar_lander``. Tests hold both steps equal to the
+last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from gymnasium.envs.box2d import lunar_lander as game
+
+SCALE = game.SCALE
+HALF_WIDTH, HALF_HEIGHT = game.VIEWPORT_W / SCALE / 2, game.VIEWPORT_H / SCALE / 2
+LEGS_BELOW = game.LEG_DOWN / SCALE
+
+
+def lean_step(lunar: Any, action: int) -> tuple[list[float], float, bool]:
+    """Step a ``LunarLander``.
+
+    Args:
+        lunar: the game; its bodies, ``prev_shaping`` and random generator go on by one step.
+        action: 0 nothing, 1 left engine, 2 main engine, 3 right engine.
+
+    Returns:
+        gymnasium's eight state numbers, its reward, and whether the episode has ended.
+    """
+    _fire(lunar, action)
+    lunar.world.Step(1.0 / game.FPS, 6 * 30, 2 * 30)
+    state = _state(lunar)
+    reward = _shaped(lunar, state)
+    if action == 2:
+        reward -= 0.30
+    elif action:
+        reward -= 0.03
+    if not lunar.lander.awake:
+        return state, 100.0, True
+    if lunar.game_over or abs(state[0]) >= 1.0:
+        return state, -100.0, True
+    return state, reward, False
+
+
+def _fire(lunar: Any, action: int) -> None:
+    """Push the lander as the engine of ``action`` does; both random numbers are drawn in any case."""
+    draw, body = lunar.np_random.random, lunar.lander
+    first, second = (-1.0 + 2.0 * draw()) / SCALE, (-1.0 + 2.0 * draw()) / SCALE  # what uniform(-1, 1) computes
+    if action == 0:
+        return
+    angle = body.angle
+    tip_x, tip_y = math.sin(angle), math.cos(angle)
+    side_x, side_y = -tip_y, tip_x
+    x, y = body.position
+    if action == 2:
+        along = game.MAIN_ENGINE_Y_LOCATION / SCALE + 2 * first
+        push_x, push_y = tip_x * along + side_x * second, -tip_y * along - side_y * second
+        point, power = (x + push_x, y + push_y), game.MAIN_ENGINE_POWER
+    else:
+        across = 3 * second + (action - 2) * game.SIDE_ENGINE_AWAY / SCALE
+        push_x, push_y = tip_x * first + side_x * across, -tip_y * first - side_y * across
+        point = (x + push_x - tip_x * 17 / SCALE, y + push_y + tip_y * game.SIDE_ENGINE_HEIGHT / SCALE)
+        power = game.SIDE_ENGINE_POWER
+    body.ApplyLinearImpulse((-push_x * power, -push_y * power), point, True)
+
+
+def _state(lunar: Any) -> list[float]:
+    body = lunar.lander
+    (x, y), (speed_x, speed_y) = body.position, body.linearVelocity
+    return [
+        (x - HALF_WIDTH) / HALF_WIDTH,
+        (y - (lunar.helipad_y + LEGS_BELOW)) / HALF_HEIGHT,
+        speed_x * HALF_WIDTH / game.FPS,
+        speed_y * HALF_HEIGHT / game.FPS,
+        body.angle,
+        20.0 * body.angularVelocity / game.FPS,
+        1.0 if lunar.legs[0].ground_contact else 0.0,
+        1.0 if lunar.legs[1].ground_contact else 0.0,
+    ]
+
+
+def _shaped(lunar: Any, state: list[float]) -> float:
+    """The change of gymnasium's potential since the last step; 0 at the first."""
+    x, y, speed_x, speed_y, angle, _, left, right = state
+    shaping = (
+        -100 * math.sqrt(x * x + y * y)
+        - 100 * math.sqrt(speed_x * speed_x + speed_y * speed_y)
+        - 100 * abs(angle)
+        + 10 * left
+        + 10 * right
+    )
+    before, lunar.prev_shaping = lunar.prev_shaping, shaping
+    return 0.0 if before is None else shaping - before
