@@ -138,10 +138,10 @@ class TrainConfig:
     """``train.py``."""
 
     seed: int = setting(0, low=0, high=MAX_SEED)
-    total_frames: int = setting(1_300_000, low=1)  # rounded up to whole batches
+    total_frames: int = setting(1_600_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
-    refresh_every_frames: int = setting(150_000, low=1)  # and at the end
-    eval_every_frames: int = setting(260_000, low=1)  # and at the end
+    refresh_every_frames: int = setting(180_000, low=1)  # and at the end
+    eval_every_frames: int = setting(320_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)

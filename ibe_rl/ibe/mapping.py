@@ -170,8 +170,9 @@ class PaperMapping(BaseEstimator):
     def _name(self, delta: Array, instruction: Array, centres: Array, mean: Array, weight: Array) -> ClusterMapping:
         """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and normalise."""
         labels = pairwise_distances_argmin((delta - mean) * weight, centres)
-        members = [instruction[labels == i] for i in range(len(centres))]
-        means = np.array([rows.mean(axis=0) if len(rows) else instruction.mean(axis=0) for rows in members])
+        sizes = np.bincount(labels, minlength=len(centres))
+        sums = np.stack([np.bincount(labels, column, len(centres)) for column in instruction.T], axis=1)
+        means = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], instruction.mean(axis=0))
         order = np.argsort(means[:, 0], kind="stable")
         return ClusterMapping(
             mean,
@@ -179,12 +180,19 @@ class PaperMapping(BaseEstimator):
             centres[order],
             mean_instructions=means[order],
             expressions=normalise(means, self.normalisation)[order],
-            sizes=np.array([len(members[i]) for i in order]),
-            purities=np.array([_purity(members[i]) for i in order]),
+            sizes=sizes[order],
+            purities=_purities(labels, sizes, instruction)[order],
         )
 
 
-def _purity(instructions: Array) -> float:
-    if not len(instructions):
-        return 0.0
-    return float(np.unique(instructions, axis=0, return_counts=True)[1].max() / len(instructions))
+def _purities(labels: Array, sizes: Array, instruction: Array) -> Array:
+    """Share ``(k,)`` of each cluster's windows with its most frequent instruction; 0 for an empty cluster."""
+    kinds = np.zeros(len(labels), dtype=np.int64)
+    for column in instruction.T:
+        values, rank = np.unique(column, return_inverse=True)
+        kinds = kinds * len(values) + rank
+    kinds = np.unique(kinds, return_inverse=True)[1]
+    count = kinds.max() + 1
+    table = np.bincount(labels * count + kinds, minlength=len(sizes) * count).reshape(len(sizes), count)
+    most: Array = table.max(axis=1) / np.maximum(sizes, 1)
+    return most
