@@ -17,6 +17,8 @@ from omegaconf import MISSING
 from ibe_rl.data import ConfigError
 
 MAX_SEED = 9_999
+TINY = 1e-9
+"""The lower limit of what must be above 0."""
 
 
 def setting(default: Any, *, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()) -> Any:
@@ -56,7 +58,7 @@ class AgentConfig:
     hidden: list[int] = field(default_factory=lambda: [64, 64])
     gamma: float = setting(0.999, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
-    reward_scale: float = setting(0.05, low=1e-9)  # rewards are multiplied with it, for the learner only
+    reward_scale: float = setting(0.05, low=TINY)  # rewards are multiplied with it, for the learner only
 
 
 @dataclass
@@ -70,7 +72,7 @@ class PPOConfig(AgentConfig):
     minibatch_size: int = setting(512, low=2)
     entropy: float = setting(0.01, low=0.0)
     value_weight: float = setting(0.5, low=0.0)
-    max_grad_norm: float = setting(0.5, low=1e-9)
+    max_grad_norm: float = setting(0.5, low=TINY)
     average_decay: float = setting(0.9, low=0.0, high=0.9999)  # of the weights that are explained, a batch
 
 
@@ -88,8 +90,8 @@ class DQNConfig(AgentConfig):
     learn_after_frames: int = setting(10_000, low=0)
     epsilon_end: float = setting(0.05, low=0.0, high=1.0)
     epsilon_share: float = setting(0.15, low=0.0, high=1.0)  # of the run over which epsilon falls from 1
-    target_rate: float = setting(0.01, low=1e-9, high=1.0)
-    max_grad_norm: float = setting(10.0, low=1e-9)
+    target_rate: float = setting(0.01, low=TINY, high=1.0)
+    max_grad_norm: float = setting(10.0, low=TINY)
     average_decay: float = setting(0.9, low=0.0, high=0.9999)
 
 
@@ -106,7 +108,7 @@ class MappingConfig:
 
     kind: str = setting("paper", choices=("paper",))
     horizon_steps: int = setting(60, low=1)
-    top_fraction: float = setting(0.25, low=1e-9, high=1.0)
+    top_fraction: float = setting(0.25, low=TINY, high=1.0)
     top_within: str = setting("all", choices=("all", "context"))
     n_clusters: int = setting(8, low=2)
     normalisation: str = setting("minmax", choices=("minmax", "sign"))
@@ -219,6 +221,7 @@ def _fits(value: Any, limits: dict[str, Any]) -> bool:
 def _allowed(limits: dict[str, Any]) -> str:
     if limits.get("choices"):
         return "one of " + ", ".join(limits["choices"])
-    parts = [f"at least {limits['low']:g}"] if limits.get("low") is not None else []
+    low = limits.get("low")
+    parts = [] if low is None else ["above 0" if low == TINY else f"at least {low:g}"]
     parts += [f"at most {limits['high']:g}"] if limits.get("high") is not None else []
     return " and ".join(parts)
