@@ -95,7 +95,8 @@ def watch(
         seed: of the episode.
         context: one of the task's contexts; None draws one.
     """
-    flight, game = _Flight(env, seed, context), env.unwrapped
+    flight = _Flight(env, seed, context)
+    game: Any = env.unwrapped  # with a snapshot, which gymnasium's own type does not know
     instructor.reset(np.ones(1, bool))
     moments: list[Moment] = []
     figures = [_drawn(game, "figure")]
@@ -103,7 +104,7 @@ def watch(
     while not flight.done:
         state = flight.states[-1]
         instruction, given = instructor.instruct(state[None])
-        moments.append(Moment(state, instruction[0], bool(given[0, 0]), game.snapshot()))  # type: ignore[attr-defined]
+        moments.append(Moment(state, instruction[0], bool(given[0, 0]), game.snapshot()))
         action = policy(observe(state[None], instruction, given))[0]
         flight.step(action, instruction[0], moments[-1].given)
         figures.append(_drawn(game, "figure"))
