@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
+import numpy as np
 import torch
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Bounded, Composite, Unbounded
-from torchrl.envs import GymWrapper, Transform, TransformedEnv
-from torchrl.envs.gym_like import default_info_dict_reader
+from torchrl.envs import EnvBase
+from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
 from ibe_rl.data import ConfigError, Instructor, Task, observe
 
@@ -43,58 +42,91 @@ def task_of(env: gymnasium.Env[Any, Any]) -> Task:
     return task
 
 
-class InstructionTransform(Transform):
-    """Write ``state``, ``instruction``, ``instruction_given`` and ``observation`` (all three) in reset and step alike.
+class InstructedEnvs(EnvBase):
+    """Games that step together and are instructed together, one row each.
 
-    It reads the ``observation`` of the environment below, which becomes the ``state``. The policy reads the
-    new ``observation``; IBE explains changes of the ``state``.
+    Writes ``state``, ``instruction``, ``instruction_given`` and ``observation`` (all three, what the policy reads)
+    in reset and step alike, and the task's success key in step. It leaves beginning anew to the collector: nothing
+    is lost at the end of an episode. One object for all, without gymnasium's vector environment and TorchRL's
+    transforms, because their overhead a step was as large as the game (benchmarks in docs/LOG.md).
 
     Args:
-        instructor: instructs all rows of the environment together.
-        instruction_size: d.
+        games: environments of one kind that declare a task.
+        instructor: instructs all rows.
     """
 
-    def __init__(self, instructor: Instructor, instruction_size: int):
-        super().__init__(in_keys=["observation"], out_keys=["observation", "state", "instruction", "instruction_given"])
-        self._instructor, self._size = instructor, instruction_size
+    def __init__(self, games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor):
+        super().__init__(batch_size=[len(games)])
+        self._games, self._instructor, self._task = games, instructor, task_of(games[0])
+        self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
+        self._declare()
 
-    def _call(self, next_tensordict: TensorDictBase) -> TensorDictBase:
-        state = next_tensordict.get("observation")
-        instruction, given = self._instructor.instruct(state.numpy())
-        seen = observe(state.numpy(), instruction, given)
-        values = (torch.from_numpy(seen), state, torch.from_numpy(instruction), torch.from_numpy(given))
-        for key, value in zip(self.out_keys, values, strict=True):
-            next_tensordict.set(key, value)
-        return next_tensordict
+    def _declare(self) -> None:
+        """Say which entries there are."""
+        rows, task, game = len(self._games), self._task, self._games[0]
+        state = torchrl_spec(game.observation_space, categorical_action_encoding=True)
+        flag = Unbounded(shape=(rows, 1), dtype=torch.bool)
+        self.observation_spec = Composite(
+            observation=Unbounded(shape=(rows, task.observation_size), dtype=torch.float32),
+            state=state.expand(rows, *state.shape),
+            instruction=Bounded(-1.0, 1.0, shape=(rows, task.instruction_size), dtype=torch.float32),
+            instruction_given=Bounded(0.0, 1.0, shape=(rows, 1), dtype=torch.float32),
+            shape=[rows],
+        )
+        self.observation_spec[task.success_key] = Unbounded(shape=(rows,), dtype=torch.bool)
+        action = torchrl_spec(game.action_space, categorical_action_encoding=True)
+        self.action_spec = action.expand(rows, *action.shape)
+        self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
+        self.done_spec = Composite(
+            {name: flag.clone() for name in ("done", "terminated", "truncated")},
+            shape=[rows],
+        )
 
-    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
-        rows = tensordict.get("_reset", None) if tensordict is not None else None
-        everywhere = torch.ones(tensordict_reset.batch_size, dtype=torch.bool)
-        self._instructor.reset((everywhere if rows is None else rows.reshape(everywhere.shape)).numpy())
-        return self._call(tensordict_reset)
+    def _set_seed(self, seed: int | None) -> None:
+        for row, game in enumerate(self._games):
+            game.reset(seed=None if seed is None else seed + row)
 
-    def transform_observation_spec(self, observation_spec: Composite) -> Composite:
-        """Declare the four entries."""
-        state = observation_spec["observation"]
-        rows, total = state.shape[:-1], state.shape[-1] + self._size + 1
-        observation_spec["state"] = state.clone()
-        observation_spec["observation"] = Unbounded(shape=(*rows, total), dtype=torch.float32)
-        observation_spec["instruction"] = Bounded(-1.0, 1.0, shape=(*rows, self._size), dtype=torch.float32)
-        observation_spec["instruction_given"] = Bounded(0.0, 1.0, shape=(*rows, 1), dtype=torch.float32)
-        return observation_spec
+    def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
+        asked = None if tensordict is None else tensordict.get("_reset", None)
+        rows = np.ones(len(self._games), bool) if asked is None else asked.numpy().reshape(-1)
+        for row in np.flatnonzero(rows).tolist():
+            self._states[row], _ = self._games[row].reset()
+        self._instructor.reset(rows)
+        no = torch.zeros(len(self._games), dtype=torch.bool)
+        return TensorDict(self._seen() | {self._task.success_key: no}, self.batch_size)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        actions = tensordict.get("action")
+        choices = actions.tolist() if actions.ndim == 1 else actions.numpy()  # games read plain ints faster
+        steps = [game.step(action) for game, action in zip(self._games, choices, strict=True)]
+        states, rewards, terminated, truncated, infos = zip(*steps, strict=True)
+        self._states = np.array(states, np.float32)
+        ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
+        success = [info[self._task.success_key] for info in infos]
+        entries = self._seen() | {
+            "reward": torch.tensor(rewards, dtype=torch.float32).unsqueeze(-1),
+            "terminated": ended[0],
+            "truncated": ended[1],
+            "done": ended.any(dim=0),
+            self._task.success_key: torch.tensor(success),
+        }
+        return TensorDict(entries, self.batch_size)
+
+    def _seen(self) -> dict[str, torch.Tensor]:
+        """What the policy and IBE read of the present states, in memory of its own."""
+        instruction, given = self._instructor.instruct(self._states)
+        observation = torch.from_numpy(observe(self._states, instruction, given))
+        state_end = self._states.shape[1]
+        return {
+            "observation": observation,
+            "state": observation[:, :state_end].clone(),
+            "instruction": observation[:, state_end:-1].clone(),
+            "instruction_given": observation[:, -1:].clone(),
+        }
 
 
-def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> TransformedEnv:
-    """Make ``count`` copies of an environment that step together, seeded ``seed`` to ``seed + count - 1``.
-
-    ``SyncVectorEnv`` without resets of its own, since the collector does that: with gymnasium's other modes
-    the last observation of an episode is lost or a made-up transition is added.
-    """
-    vector = SyncVectorEnv([partial(make_gym, env_id, dict(kwargs))] * count, autoreset_mode=AutoresetMode.DISABLED)
-    task: Task = task_of(vector.envs[0])
-    env = GymWrapper(vector, categorical_action_encoding=True)
-    flag = Unbounded(shape=(count,), dtype=torch.bool)
-    env.set_info_dict_reader(default_info_dict_reader([task.success_key], {task.success_key: flag}))
-    env = TransformedEnv(env, InstructionTransform(instructor, task.instruction_size))
+def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:
+    """Make ``count`` copies of an environment that step together, seeded ``seed`` to ``seed + count - 1``."""
+    env = InstructedEnvs([make_gym(env_id, kwargs) for _ in range(count)], instructor)
     env.set_seed(seed)
     return env
