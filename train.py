@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -34,7 +34,7 @@ from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import explain
-from ibe_rl.ibe import TooLittleDataError
+from ibe_rl.ibe import ClusterMapping, TooLittleDataError
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import came_true
@@ -86,11 +86,12 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
         parts = build(cfg, folder, owned)
         collector = make_collector(parts.agent, cfg.env, cfg.collect, parts.task, cfg.instructor.kind, cfg.seed)
         owned.callback(collector.shutdown)
+        source = owned.enter_context(closing(batches(collector, parts.agent, cfg.collect.overlap)))
     agent, log = parts.agent, parts.log
     refresh_due, evaluation_due = Every(cfg.refresh_every_frames), Every(cfg.eval_every_frames)
     last = False
 
-    for batch in timed("collect", batches(collector)):  # environment → batch
+    for batch in timed("collect", source):  # environment → batch
         with timeit("learn"):
             losses = agent.update(batch)  # batch → learner
         with timeit("log"):
@@ -129,6 +130,7 @@ class Parts:
     progress: TrainingProgress
     table: MetricsTable
     folder: Path
+    mapping: ClusterMapping | None = None
     refreshes: int = 0
     skipped: int = 0
 
@@ -189,7 +191,7 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     frames, task, policy = parts.log.frames, parts.task, parts.agent.greedy
     try:
         with timeit("refresh"):
-            refresh = learn_vocabulary(parts.log, cfg.mapping, task, cfg.seed)
+            refresh = learn_vocabulary(parts.log, cfg.mapping, task, cfg.seed, parts.mapping)
             save_refresh(parts.folder / REFRESHES, refresh, cfg.mapping, task)
     except TooLittleDataError as reason:
         parts.skipped += 1
@@ -197,11 +199,14 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         parts.progress.skipped(frames, str(reason))
         return {"ibe/skipped": parts.skipped}
     parts.refreshes += 1
+    parts.mapping = refresh.mapping
     with timeit("explain"):
         watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + parts.refreshes)
         horizon = cfg.mapping.horizon_steps
-        said = explain(watched.moments, policy, parts.predictor, refresh.mapping, horizon, task.phrases)
-        true = came_true(watched.episode, said, refresh.mapping, task.phrases)
+        every = cfg.explain_every_steps
+        new = explain(watched.moments[::every], policy, parts.predictor, refresh.mapping, horizon, task.phrases)
+        said = [new[step // every] for step in range(len(watched.moments))]  # holds until something new is said
+        true = came_true(watched.episode, said, refresh.mapping, task.phrases, every)
     with timeit("stream"):
         parts.recorder.refresh(refresh)
         parts.recorder.watched(frames, watched, said)

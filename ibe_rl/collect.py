@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Generator, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -38,22 +41,55 @@ def make_collector(
     rows = collect.processes * collect.envs_per_process
     factories = [partial(env_of_worker, worker, env, collect, task, kind, seed) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
-    with interrupts_stay_here():
+    apart = collect.processes > 1 or collect.overlap
+    with interrupts_stay_here(), script_stays_here():
         return Collector(
-            factories if collect.processes > 1 else factories[0],
+            factories if apart else factories[0],
             agent.policy,
             frames_per_batch=rows * collect.steps_per_batch,
             total_frames=-1,
             auto_register_policy_transforms=False,  # they are for recurrent policies
-            **(many if collect.processes > 1 else {}),
+            **(many if apart else {}),
         )
 
 
-def batches(collector: BaseCollector) -> Iterator[TensorDictBase]:
-    """Yield batches ``[N, T]`` without end, each collected with the weights as they are when it is asked for."""
-    for batch in collector:
-        yield batch.reshape(-1, batch.shape[-1])
+@contextmanager
+def script_stays_here() -> Iterator[None]:
+    """Start processes without the script: they would import all that it imports, the viewer too, and use none."""
+    names = vars(sys.modules["__main__"])
+    file = names.pop("__file__", None)
+    try:
+        yield
+    finally:
+        if file is not None:
+            names["__file__"] = file
+
+
+def batches(collector: BaseCollector, agent: Agent, overlap: bool) -> Generator[TensorDictBase, None, None]:
+    """Yield batches ``[N, T]`` without end; close the generator before the collector.
+
+    Args:
+        collector: from ``make_collector``.
+        agent: the learner; what its ``policy`` has to know is published while nobody collects.
+        overlap: collect the next batch while the caller learns from this one. Then its actions come from the
+            weights of one update before, however fast either side is: the same seed gives the same batches.
+    """
+    source = iter(collector)
+
+    def ask() -> Future[TensorDictBase]:
+        agent.publish()
         collector.update_policy_weights_()
+        return ahead.submit(next, source)
+
+    with ThreadPoolExecutor(1) as ahead:
+        coming = ask()
+        while True:
+            batch = coming.result()
+            if overlap:
+                coming = ask()
+            yield batch.reshape(-1, batch.shape[-1])
+            if not overlap:
+                coming = ask()
 
 
 def steps_of(batch: TensorDictBase, success_key: str) -> dict[str, Array]:

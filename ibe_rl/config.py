@@ -41,6 +41,7 @@ class CollectConfig:
     processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself
     envs_per_process: int = setting(64, low=1, high=1024)
     steps_per_batch: int = setting(128, low=1, high=100_000)  # of each environment
+    overlap: bool = True  # collect a batch while learning from the one before
 
 
 @dataclass
@@ -114,7 +115,8 @@ class MappingConfig:
     normalisation: str = setting("minmax", choices=("minmax", "sign"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster on; empty: all
-    n_init: int = setting(4, low=1)
+    n_init: int = setting(4, low=1)  # k-means starts of the first refresh, or of each without warm_start
+    warm_start: bool = True  # clusters start where the last refresh left them
     max_fit_windows: int = setting(20_000, low=100)  # k-means sees at most so many, drawn at random
 
 
@@ -143,6 +145,7 @@ class TrainConfig:
     total_frames: int = setting(1_600_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
     refresh_every_frames: int = setting(180_000, low=1)  # and at the end
+    explain_every_steps: int = setting(4, low=1)  # of the episode watched at a refresh; in between the last one holds
     eval_every_frames: int = setting(320_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
     env: EnvConfig = MISSING

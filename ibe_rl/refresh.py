@@ -65,7 +65,9 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
         raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
 
 
-def learn_vocabulary(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> Refresh:
+def learn_vocabulary(
+    log: TrajectoryLog, config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None = None
+) -> Refresh:
     """Learn the vocabulary from the best episodes of the log.
 
     Args:
@@ -73,6 +75,7 @@ def learn_vocabulary(log: TrajectoryLog, config: MappingConfig, task: Task, seed
         config: see ``MappingConfig``.
         task: the environment's own names.
         seed: of the clustering; with the same log it gives the same vocabulary.
+        last: the vocabulary so far; with ``config.warm_start`` its clusters are where the new ones start.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
@@ -92,7 +95,9 @@ def learn_vocabulary(log: TrajectoryLog, config: MappingConfig, task: Task, seed
             f"the best {len(episodes)} of {len(index)} episodes have no window of {config.horizon_steps} steps with "
             f"an instruction (the longest has {longest} steps)"
         )
-    mapping = _estimator(config, task, seed).fit(top.delta, top.instruction).mapping_
+    mapping = (
+        _estimator(config, task, seed, last if config.warm_start else None).fit(top.delta, top.instruction).mapping_
+    )
     return Refresh(
         frame=log.frames,
         mapping=mapping,
@@ -106,12 +111,13 @@ def learn_vocabulary(log: TrajectoryLog, config: MappingConfig, task: Task, seed
     )
 
 
-def _estimator(config: MappingConfig, task: Task, seed: int) -> PaperMapping:
+def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> PaperMapping:
     return PaperMapping(
         n_clusters=config.n_clusters,
         normalisation=config.normalisation,
         dimensions=[task.state_names.index(name) for name in config.dimensions] or None,
         n_init=config.n_init,
+        start=last.centre_changes() if last else None,
         max_fit_windows=config.max_fit_windows,
         random_state=seed,
     )

@@ -1,6 +1,7 @@
 """Batches come whole and in order, from processes that share neither seeds nor episodes and follow the weights."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -23,8 +24,8 @@ ENV = EnvConfig(id=LANDER_ID)
 STEPS = 130
 
 
-def sizes(processes: int) -> CollectConfig:
-    return CollectConfig(processes=processes, envs_per_process=2, steps_per_batch=STEPS)
+def sizes(processes: int, overlap: bool = False) -> CollectConfig:
+    return CollectConfig(processes=processes, envs_per_process=2, steps_per_batch=STEPS, overlap=overlap)
 
 
 def make_dqn() -> Agent:
@@ -34,22 +35,22 @@ def make_dqn() -> Agent:
 
 
 def always(agent: Any, action: int) -> None:
-    """Make the exploring policy choose one action: no weights, one bias, no exploration."""
-    for parameter in agent.policy.network.parameters():
+    """Let the agent learn to choose one action: no weights, one bias, no exploration."""
+    for parameter in agent._network.parameters():
         torch.nn.init.zeros_(parameter)
-    agent.policy.network[-1].bias.data[action] = 1
-    agent.policy.epsilon.fill_(0)
+    agent._network[-1].bias.data[action] = 1
+    agent._epsilon = 0.0
 
 
-def gather(processes: int) -> list[TensorDictBase]:
-    """Three batches: two of an untrained agent, one after its weights were set to the main engine."""
+def gather(processes: int, overlap: bool = False) -> list[TensorDictBase]:
+    """Batches of an agent that learns to fire the main engine while it has the second one: 2 before, 2 after."""
     agent = make_dqn()
-    collector = make_collector(agent, ENV, sizes(processes), LANDER_TASK, "oracle", seed=3)
+    collector = make_collector(agent, ENV, sizes(processes, overlap), LANDER_TASK, "oracle", seed=3)
     try:
-        source = batches(collector)
-        gathered = [next(source).clone(), next(source).clone()]
-        always(agent, 2)
-        return [*gathered, next(source).clone()]
+        with closing(batches(collector, agent, overlap)) as source:
+            gathered = [next(source).clone(), next(source).clone()]
+            always(agent, 2)
+            return [*gathered, next(source).clone(), next(source).clone()]
     finally:
         collector.shutdown()
 
@@ -64,7 +65,12 @@ def two() -> list[TensorDictBase]:
     return gather(2)
 
 
-@pytest.fixture(params=["one", "two"])
+@pytest.fixture(scope="module")
+def ahead() -> list[TensorDictBase]:
+    return gather(1, overlap=True)
+
+
+@pytest.fixture(params=["one", "two", "ahead"])
 def gathered(request: pytest.FixtureRequest) -> list[TensorDictBase]:
     batches_: list[TensorDictBase] = request.getfixturevalue(request.param)
     return batches_
@@ -91,12 +97,14 @@ def test_batches_follow_each_other_without_a_gap(gathered: list[TensorDictBase])
     assert torch.equal(whole["observation"][:, 1:][flying], whole["next", "observation"][:, :-1][flying])
 
 
-def test_the_workers_use_the_weights_of_the_trainer(gathered: list[TensorDictBase]):
-    first, second, third = (batch["action"] for batch in gathered)
-    for action in range(4):
-        assert (first == action).any()
-        assert (second == action).any()
-    assert (third == 2).all()
+@pytest.mark.parametrize(("kind", "late"), [("one", 0), ("two", 0), ("ahead", 1)])
+def test_the_workers_use_the_weights_of_the_trainer(kind: str, late: int, request: pytest.FixtureRequest):
+    """At once, or, where the next batch was under way already, one batch later and not in the middle of one."""
+    actions = [batch["action"] for batch in request.getfixturevalue(kind)]
+    for before in actions[: 2 + late]:
+        assert all((before == action).any() for action in range(4))
+    for after in actions[2 + late :]:
+        assert (after == 2).all()
 
 
 def test_the_rows_of_a_process_are_the_same_collected_alone(two: list[TensorDictBase]):
@@ -115,6 +123,11 @@ def test_the_rows_of_a_process_are_the_same_collected_alone(two: list[TensorDict
 def test_the_same_seed_collects_the_same(one: list[TensorDictBase]):
     for batch, expected in zip(gather(1), one, strict=True):
         assert (batch == expected).all()
+
+
+def test_a_batch_that_is_collected_ahead_is_the_same_batch(one: list[TensorDictBase], ahead: list[TensorDictBase]):
+    for batch, expected in zip(ahead[:2], one[:2], strict=True):
+        assert (batch.exclude("collector") == expected.exclude("collector")).all()
 
 
 def test_the_rows_differ(two: list[TensorDictBase]):

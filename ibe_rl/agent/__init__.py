@@ -24,6 +24,9 @@ class Agent(Protocol):
     def update(self, batch: TensorDictBase) -> dict[str, float]:
         """Learn from a batch ``[N, T]``; returns figures for the log, the same names every time."""
 
+    def publish(self) -> None:
+        """Let ``policy`` have what has been learnt; not while it collects, which would not be repeatable."""
+
     def state_dict(self) -> dict[str, Any]:
         """All that learning goes on from."""
 

@@ -69,6 +69,11 @@ class ClusterMapping:
         """Changes ``(W, S)`` to the purities ``(W,)`` of their clusters; not calibrated."""
         return self.purities[self.cluster(delta)]
 
+    def centre_changes(self) -> Array:
+        """The centres ``(k, S)`` as changes of the state; a dimension left out has its mean."""
+        shares = np.divide(self.centres, self.weight, out=np.zeros_like(self.centres), where=self.weight > 0)
+        return self.mean + shares
+
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, for JSON."""
         return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
@@ -96,6 +101,7 @@ class PaperMapping(BaseEstimator):
         normalisation: "minmax" (literal) or "sign" (keeps the sign of each mean instruction).
         dimensions: indices of the state dimensions to cluster on; None takes all.
         n_init: k-means starts, the best is kept.
+        start: ``(k, S)`` centres in observation units to start from instead, such as those of an earlier mapping.
         max_fit_windows: k-means runs on at most this many windows, drawn at random; sizes and mean
             instructions are of all of them.
         random_state: seed of the k-means starts and of the draw.
@@ -111,6 +117,7 @@ class PaperMapping(BaseEstimator):
         normalisation: str = "minmax",
         dimensions: Sequence[int] | None = None,
         n_init: int = 4,
+        start: Array | None = None,
         max_fit_windows: int = 20_000,
         random_state: int | None = None,
     ):
@@ -118,6 +125,7 @@ class PaperMapping(BaseEstimator):
         self.normalisation = normalisation
         self.dimensions = dimensions
         self.n_init = n_init
+        self.start = start
         self.max_fit_windows = max_fit_windows
         self.random_state = random_state
 
@@ -131,7 +139,7 @@ class PaperMapping(BaseEstimator):
 
         Raises:
             TooLittleDataError: with fewer distinct windows than clusters.
-            ValueError: if ``n_clusters`` is below 2 or the lengths differ.
+            ValueError: if ``n_clusters`` is below 2, the lengths differ, or ``start`` has another shape.
         """
         if self.n_clusters < 2:
             raise ValueError(f"n_clusters={self.n_clusters}: at least 2")
@@ -164,7 +172,11 @@ class PaperMapping(BaseEstimator):
         distinct = len(np.unique(standard, axis=0))
         if distinct < self.n_clusters:
             raise TooLittleDataError(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
-        kmeans = KMeans(self.n_clusters, n_init=self.n_init, random_state=int(random.integers(2**31)))
+        starts: dict[str, Any] = {"n_init": self.n_init}
+        if self.start is not None:
+            first = read_only(self.start, (self.n_clusters, delta.shape[1]), "start")
+            starts = {"n_init": 1, "init": (first - scaler.mean_) * weight}
+        kmeans = KMeans(self.n_clusters, random_state=int(random.integers(2**31)), **starts)
         return kmeans.fit(standard).cluster_centers_, scaler.mean_, weight
 
     def _name(self, delta: Array, instruction: Array, centres: Array, mean: Array, weight: Array) -> ClusterMapping:

@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 import torch
 from tensordict import TensorDict
+from tensordict.nn import TensorDictModule
 from torch import nn
+from torchrl.modules import ProbabilisticActor, ValueOperator
+from torchrl.objectives import ClipPPOLoss
 
 from ibe_rl.agent import Agent, GreedyPolicy, make_agent
 from ibe_rl.agent.networks import linear, make_network
+from ibe_rl.agent.ppo import Steps, clipped_losses
 from ibe_rl.config import AgentConfig, DQNConfig, PPOConfig
 from ibe_rl.data import ConfigError
 
@@ -57,6 +61,7 @@ def batch(agent: Agent, rows: int = 4, steps: int = 100) -> TensorDict:
 def learn(agent: Agent, updates: int) -> dict[str, float]:
     for _ in range(updates):
         figures = agent.update(batch(agent))
+        agent.publish()
     return figures
 
 
@@ -80,6 +85,17 @@ def test_the_exploring_policy_learns_too(kind: str):
     learn(agent, 20)
     assert before < 0.6
     assert batch(agent)["next", "reward"].mean() > 0.8
+
+
+@EVERY
+def test_the_exploring_policy_stands_still_until_it_is_told(kind: str):
+    """A worker may be collecting with it while the learner learns."""
+    agent, seen = make(kind), torch.rand(50, 2)
+    before = agent.policy.network(seen)
+    agent.update(batch(agent, steps=300))
+    assert torch.equal(agent.policy.network(seen), before)
+    agent.publish()
+    assert not torch.equal(agent.policy.network(seen), before)
 
 
 @EVERY
@@ -137,17 +153,57 @@ def test_the_state_loads_without_running_code(kind: str):
 
 
 def test_ppo_falls_silent_towards_the_end():
-    """Learning rate and entropy bonus go to 0 in a straight line."""
-    agent = make("ppo", entropy=0.02, epochs=1)
-    rates, bonuses = [], []
+    """The learning rate goes to 0 in a straight line."""
+    agent, rates = make("ppo", epochs=1), []
     for _ in range(22):
         learn(agent, 1)
-        state = agent.state_dict()
-        rates.append(state["optimizer"]["param_groups"][0]["lr"])
-        bonuses.append(float(state["loss"]["entropy_coeff"]))
-    expected = np.clip(1 - np.arange(22) * 400 / TOTAL, 0, 1)
-    np.testing.assert_allclose(rates, 0.01 * expected)
-    np.testing.assert_allclose(bonuses, 0.02 * expected, rtol=1e-6)
+        rates.append(agent.state_dict()["optimizer"]["param_groups"][0]["lr"])
+    np.testing.assert_allclose(rates, 0.01 * np.clip(1 - np.arange(22) * 400 / TOTAL, 0, 1))
+
+
+def test_ppos_entropy_bonus_keeps_it_curious():
+    def entropy(weight: float) -> float:
+        torch.manual_seed(0)
+        return learn(make("ppo", entropy=weight), 6)["entropy"]
+
+    assert entropy(1.0) > entropy(0.0) + 0.3
+
+
+def test_ppos_losses_and_gradients_are_torchrls():
+    torch.manual_seed(1)
+    count, clip = 200, 0.2
+    actor, critic = make_network(4, [8], 3, nn.ReLU, 1.0), make_network(4, [8], 1, nn.ReLU, 1.0)
+    names = ("observation", "action", "log_prob", "advantage", "value_target")
+    seen, action = torch.randn(count, 4), torch.randint(3, (count,))
+    noted = actor(seen).log_softmax(-1).gather(-1, action[:, None]).squeeze(-1).detach() + 0.3 * torch.randn(count)
+    steps = Steps(seen, action, noted, 2 * torch.randn(count) + 1, torch.randn(count))
+    ours = clipped_losses(actor(seen).log_softmax(-1), critic(seen).squeeze(-1), steps, clip)
+
+    logits = TensorDictModule(actor, in_keys=["observation"], out_keys=["logits"])
+    draw = {"distribution_class": torch.distributions.Categorical, "return_log_prob": True}
+    theirs = ClipPPOLoss(
+        ProbabilisticActor(logits, in_keys=["logits"], **draw),
+        ValueOperator(critic, in_keys=["observation"]),
+        clip_epsilon=clip,
+        normalize_advantage=True,
+        entropy_coeff=1.0,
+        critic_coeff=1.0,
+        loss_critic_type="l2",
+    )
+    data = TensorDict(dict(zip(names, steps, strict=True)), [count])
+    data["action_log_prob"] = data.pop("log_prob")
+    for column in ("advantage", "value_target"):
+        data[column] = data[column][:, None]
+    expected = theirs(data)
+    values = [expected["loss_objective"], expected["loss_critic"], expected["entropy"]]
+    for one, other in zip(ours, values, strict=True):
+        torch.testing.assert_close(one, other)
+    own = [*actor.parameters(), *critic.parameters()]
+    weighted = ours[0] + ours[1] - ours[2]
+    gradients = torch.autograd.grad(weighted, own)
+    sum(expected[name] for name in ("loss_objective", "loss_critic", "loss_entropy")).backward()
+    for gradient, parameter in zip(gradients, theirs.parameters(), strict=True):
+        torch.testing.assert_close(gradient, parameter.grad)
 
 
 def test_dqn_explores_less_and_less():
