@@ -79,21 +79,24 @@ class PPOConfig(AgentConfig):
 
 @dataclass
 class DQNConfig(AgentConfig):
-    """Deep Q-learning with a slowly following target network, the paper's kind of agent."""
+    """Deep Q-learning with a slowly following target network, the paper's kind of agent.
+
+    The learning rate falls linearly to 0 over the run; epsilon from 1 to ``epsilon_early`` and on to ``epsilon_end``.
+    """
 
     kind: str = setting("dqn", choices=("dqn",))
-    gamma: float = setting(0.99, low=0.0, high=1.0)
-    learning_rate: float = setting(6e-4, low=0.0, high=1.0)
-    hidden: list[int] = field(default_factory=lambda: [128, 128])
-    buffer_frames: int = setting(300_000, low=1_000)
-    minibatch_size: int = setting(128, low=1)
+    gamma: float = setting(0.995, low=0.0, high=1.0)
+    learning_rate: float = setting(1e-3, low=0.0, high=1.0)
+    n_steps: int = setting(10, low=1, high=1_000)  # of real rewards before the target network is asked
+    buffer_frames: int = setting(400_000, low=1_000)
+    minibatch_size: int = setting(256, low=1)
     frames_per_update: int = setting(4, low=1)
-    learn_after_frames: int = setting(10_000, low=0)
-    epsilon_end: float = setting(0.05, low=0.0, high=1.0)
-    epsilon_share: float = setting(0.15, low=0.0, high=1.0)  # of the run over which epsilon falls from 1
-    target_rate: float = setting(0.01, low=TINY, high=1.0)
-    max_grad_norm: float = setting(10.0, low=TINY)
-    average_decay: float = setting(0.9, low=0.0, high=0.9999)
+    learn_after_frames: int = setting(5_000, low=0)
+    epsilon_early: float = setting(0.15, low=0.0, high=1.0)
+    epsilon_end: float = setting(0.01, low=0.0, high=1.0)
+    epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
+    target_rate: float = setting(0.3, low=TINY, high=1.0)  # share of the way to the network's weights, a batch
+    average_decay: float = setting(0.94, low=0.0, high=0.9999)
 
 
 @dataclass

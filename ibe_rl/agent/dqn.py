@@ -1,16 +1,15 @@
-"""Deep Q-learning on TorchRL's loss and replay buffer: the paper's kind of agent."""
+"""Deep Q-learning on TorchRL's replay buffer: double, with returns of several steps; the paper's kind of agent."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
-from torch import nn
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
-from torchrl.modules import QValueActor
-from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ibe_rl.agent.networks import GreedyPolicy, linear, make_network
 from ibe_rl.config import DQNConfig
@@ -38,14 +37,51 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
         return tensordict.set("action", torch.where(explore, torch.randint_like(best, self._n_actions), best))
 
 
+def several_steps(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
+    """Look ``n_steps`` ahead from every step that has so many after and with it, or to the end of its episode.
+
+    TorchRL's ``MultiStepTransform`` is not used: it moves the next observation on but not ``terminated``, so
+    that the steps before an end would be worth more than the end.
+
+    Args:
+        steps: ``[N, T]``, each row one environment without gaps, ``T >= n_steps``.
+        n_steps: 1 for what was rewarded at once and the next observation.
+        gamma: of the rewards.
+
+    Returns:
+        ``(N * (T - n_steps + 1),)``: ``observation``, ``action``, discounted ``reward``, ``later`` (the observation
+        to go on from) and its ``discount``, 0 where the game has ended.
+    """
+    starts = steps.shape[1] - n_steps + 1
+    reward, done, terminated = (steps["next", name].squeeze(-1) for name in ("reward", "done", "terminated"))
+    ahead = torch.zeros(len(steps), starts, dtype=torch.long)  # how far the step is that is looked at last
+    going, total = torch.ones_like(ahead, dtype=torch.bool), torch.zeros(ahead.shape)
+    for step in range(n_steps):
+        ahead = torch.where(going, step, ahead)
+        total += gamma**step * reward[:, step : step + starts] * going
+        going = going & ~done[:, step : step + starts]
+    rows, last = torch.arange(len(steps))[:, None], torch.arange(starts) + ahead
+    looked = {
+        "observation": steps["observation"][:, :starts],
+        "action": steps["action"][:, :starts],
+        "reward": total,
+        "later": steps["next", "observation"][rows, last],
+        "discount": gamma ** (ahead + 1) * ~terminated[rows, last],
+    }
+    return TensorDict(looked, ahead.shape).reshape(-1)
+
+
 class DQN:
     """The learner and its policies.
+
+    A batch of experience brings many gradient steps. All their minibatches are drawn and valued at once before the
+    first of them, and the target network follows after the last.
 
     Args:
         config: see ``DQNConfig``.
         observation_size: O.
         n_actions: A.
-        total_frames: length of the run, over a share of which epsilon falls.
+        total_frames: frames after which the learning rate reaches 0 and epsilon its end.
 
     Attributes:
         policy: what the collector runs; it explores.
@@ -57,52 +93,77 @@ class DQN:
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0)
         self._network, self.policy = network, EpsilonGreedyPolicy(network, n_actions)
         self.greedy = GreedyPolicy(network, config.average_decay)
-        actor = QValueActor(network, in_keys=["observation"], action_space="categorical")
-        self._loss = DQNLoss(
-            actor, loss_function="smooth_l1", delay_value=True, double_dqn=True, action_space="categorical"
-        )
-        self._loss.make_value_estimator(gamma=config.gamma)
-        self._target = SoftUpdate(self._loss, tau=config.target_rate)
-        self._optimizer = torch.optim.Adam(self._loss.parameters(), lr=config.learning_rate, fused=True)
-        self._buffer = TensorDictReplayBuffer(
-            storage=LazyTensorStorage(config.buffer_frames), batch_size=config.minibatch_size
-        )
+        self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
+        self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
+        self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
+        self._unfinished: TensorDictBase | None = None  # the newest steps, whose n-th next is still to come
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
-        """Take in a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon."""
+        """Take in a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon.
+
+        Row i of every batch has to be the same environment, going on where it stopped.
+        """
         self._store(batch)
         self._anneal()
         before, self._frames = self._frames, self._frames + batch.numel()
-        losses = []
-        if self._frames >= self._config.learn_after_frames:
-            every = self._config.frames_per_update
-            losses = [self._step() for _ in range(self._frames // every - before // every)]
+        loss, every = 0.0, self._config.frames_per_update
+        updates = self._frames // every - before // every
+        if self._frames >= self._config.learn_after_frames and updates and len(self._buffer):
+            loss = self._learn(updates)
+            self._target.update_parameters(self._network)
             self.greedy.follow(self._network)
-        return {"q_loss": sum(losses) / max(len(losses), 1), "epsilon": self.policy.epsilon.item()}
+        return {"q_loss": loss, "epsilon": self.policy.epsilon.item()}
 
     def _store(self, batch: TensorDictBase) -> None:
         ends = [("next", name) for name in ("observation", "reward", "done", "terminated")]
-        data = batch.select("observation", "action", *ends).reshape(-1)
-        data["next", "reward"] = data["next", "reward"] * self._config.reward_scale
-        self._buffer.extend(data)
+        steps = batch.select("observation", "action", *ends)
+        if self._unfinished is not None:
+            steps = torch.cat([self._unfinished, steps], 1)
+        whole = max(steps.shape[1] - self._config.n_steps + 1, 0)
+        if whole:
+            data = several_steps(steps, self._config.n_steps, self._config.gamma)
+            data["reward"] *= self._config.reward_scale
+            self._buffer.extend(data)
+        self._unfinished = steps[:, whole:].clone()
 
     def _anneal(self) -> None:
-        progress = self._frames / (self._config.epsilon_share * self._total_frames + 1)
-        self.policy.epsilon.fill_(linear(1.0, self._config.epsilon_end, progress))
+        config, progress = self._config, self._frames / self._total_frames
+        self._optimizer.param_groups[0]["lr"] = linear(config.learning_rate, 0.0, progress)
+        early = config.epsilon_share
+        if progress < early:
+            epsilon = linear(1.0, config.epsilon_early, progress / early)
+        else:
+            epsilon = linear(config.epsilon_early, config.epsilon_end, (progress - early) / (1 - early + 1e-9))
+        self.policy.epsilon.fill_(epsilon)
 
-    def _step(self) -> float:
-        loss = self._loss(self._buffer.sample())["loss"]
+    def _learn(self, updates: int) -> float:
+        size = self._config.minibatch_size
+        data = self._buffer.sample(updates * size)
+        parts = zip(
+            data["observation"].split(size), data["action"].split(size), self._worth(data).split(size), strict=True
+        )
+        losses = [self._step(*part) for part in parts]
+        return torch.stack(losses).mean().item()
+
+    @torch.no_grad()
+    def _worth(self, data: TensorDictBase) -> Tensor:
+        """What the network shall say: the network chooses the action to go on with, the target network values it."""
+        best = self._network(data["later"]).argmax(-1, keepdim=True)
+        return data["reward"] + data["discount"] * self._target.module(data["later"]).gather(-1, best).squeeze(-1)
+
+    def _step(self, observation: Tensor, action: Tensor, worth: Tensor) -> Tensor:
+        said = self._network(observation).gather(-1, action[:, None]).squeeze(-1)
+        loss = nn.functional.smooth_l1_loss(said, worth)
         loss.backward()
-        nn.utils.clip_grad_norm_(self._loss.parameters(), self._config.max_grad_norm)
         self._optimizer.step()
         self._optimizer.zero_grad()
-        self._target.step()
-        return float(loss.item())
+        return loss.detach()
 
     def state_dict(self) -> dict[str, Any]:
         """All that learning goes on from, but for the buffer."""
         return {
-            "loss": self._loss.state_dict(),
+            "network": self._network.state_dict(),
+            "target": self._target.state_dict(),
             "optimizer": self._optimizer.state_dict(),
             "greedy": self.greedy.state_dict(),
             "frames": self._frames,

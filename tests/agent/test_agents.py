@@ -207,11 +207,21 @@ def test_ppos_losses_and_gradients_are_torchrls():
 
 
 def test_dqn_explores_less_and_less():
-    agent = make("dqn", epsilon_share=0.5, epsilon_end=0.1)
-    shown = [learn(agent, 1)["epsilon"] for _ in range(14)]
-    expected = 1 - 0.9 * np.clip(np.arange(14) * 400 / 4000, 0, 1)
-    np.testing.assert_allclose(shown, expected, atol=1e-3)
+    """From 1 to 0.4 in half of the run, from there to 0.1 at its end."""
+    agent = make("dqn", epsilon_share=0.5, epsilon_early=0.4, epsilon_end=0.1)
+    shown = [learn(agent, 1)["epsilon"] for _ in range(22)]
+    expected = np.interp(np.arange(22) * 400, [0, TOTAL / 2, TOTAL], [1.0, 0.4, 0.1])
+    np.testing.assert_allclose(shown, expected, atol=1e-6)
     assert float(agent.policy.epsilon) == pytest.approx(0.1)
+
+
+def test_dqn_learns_less_and_less():
+    agent = make("dqn", frames_per_update=400, learn_after_frames=0)
+    rates = []
+    for _ in range(22):
+        learn(agent, 1)
+        rates.append(agent.state_dict()["optimizer"]["param_groups"][0]["lr"])
+    np.testing.assert_allclose(rates, 0.01 * np.clip(1 - np.arange(22) * 400 / TOTAL, 0, 1))
 
 
 def test_dqn_waits_then_learns_at_its_own_rate():
