@@ -1,0 +1,96 @@
+"""How each figure is measured, in a sentence or two, for docs/BENCHMARKS.md."""
+
+from __future__ import annotations
+
+ALGORITHMS = {"ppo": "PPO", "dqn": "DQN"}
+LEVELS = {"83": "83 %", "95": "95 %"}
+
+TITLES = {
+    "skill-ppo": "Time to skill, PPO: ours against Stable-Baselines3",
+    "skill-dqn": "Time to skill, DQN: ours against Stable-Baselines3",
+    "frames": "Frames a second",
+    "explanations": "Exact explanations of the next 60 steps",
+    "refresh": "A refresh of the vocabulary",
+    "overhead": "What IBE, the log and the recording cost",
+}
+
+HOW = {
+    "sb3_dummy_frames": "Stable-Baselines3's PPO collecting in 16 environments of a DummyVecEnv, without learning; the "
+    "faster of its two vector environments is used in all other figures.",
+    "sb3_subproc_frames": "The same in a SubprocVecEnv, a process for each environment, forked where "
+    "that is possible: Stable-Baselines3 is then not charged for 16 imports of torch.",
+    "frames_whole_ppo": "The whole pipeline of train.py, IBE, log and recording on, without set-up and evaluation, "
+    "against learn() of Stable-Baselines3's PPO without its set-up.",
+    "frames_whole_bare": "The whole pipeline against gymnasium's own LunarLander-v3, unwrapped, stepped with random "
+    "actions in two processes, their frames added up.",
+    "frames_collect": "Our collector over two processes with an untrained PPO, without learning, against "
+    "Stable-Baselines3's PPO with its learning taken out.",
+    "frames_collect_bare": "Our collector against the same bare stepping.",
+    "time_share_setup": "Share of the wall time of the shortened train.py run: making everything, starting workers.",
+    "time_share_collect": "Waiting for the collector.",
+    "time_share_learn": "The agent's updates.",
+    "time_share_log": "Joining episodes and writing them to the log.",
+    "time_share_refresh": "Learning the vocabulary anew.",
+    "time_share_explain": "Flying the watched episode and explaining its every step.",
+    "time_share_stream": "The recording, metrics.csv and the progress line.",
+    "time_share_eval": "Evaluations.",
+    "time_share_checkpoint": "Writing weights and flushing the log.",
+    "explanations_batched_vs_naive": "explain() on moments of watched episodes of the demo agent, against one game "
+    "that is restored at each moment and stepped with the policy called on one observation at a time.",
+    "explanations_vs_engine": "The same explain() against Box2D alone: the engines' impulses and world.Step from the "
+    "same moments with the actions of the naive loop; restoring, observations, rewards, policy and vocabulary are "
+    "not in it, nor is the engines' noise.",
+    "explanation_live_ms": "explain() on one moment at a time, median milliseconds, against one frame of a game at "
+    "50 frames a second.",
+    "refresh_10k_s": "learn_vocabulary with the default settings on a log of 10,000 frames: flown ones of the demo "
+    "agent and of random actions, repeated with a little noise in the states where more are needed.",
+    "refresh_100k_s": "The same with 100,000 frames, against 10,000.",
+    "refresh_1m_s": "The same with 1,000,000 frames, against 10,000.",
+    "refresh_3m_seen_s": "The same after 3,000,000 frames in a log that holds 1,000,000, against 1,000,000 seen: "
+    "it must not grow.",
+    "refresh_1m_mb": "By how much the refresh on 1,000,000 frames raised the most resident memory of its process, "
+    "pages of the log that it read included.",
+    "overhead_recording": "Wall time of a shortened run of train.py with its recording against viewer=off, same seed.",
+    "overhead_ibe": "The same run against one in which every refresh gives up at once (more clusters than windows), "
+    "so that nothing is learnt from the log and nothing explained.",
+    "share_log": "Share of the wall time that goes into the log, from time_s of the shortened run; there is no "
+    "switch for it.",
+    "share_ibe_log_recording": "Refresh, explanations, recording and log together as a share of the wall time of the "
+    "default run of train.py.",
+}
+
+
+def _skill() -> dict[str, str]:
+    told: dict[str, str] = {}
+    for algorithm, name in ALGORITHMS.items():
+        for label, level in LEVELS.items():
+            told[f"time_to_{label}_{algorithm}"] = (
+                f"Seconds until the second of two {name} evaluations in a row with at least {level} of 100 unseen "
+                "episodes landed on the pad; everything counts but imports and evaluations. Median over seeds."
+            )
+            told[f"frames_to_{label}_{algorithm}"] = "The same in frames."
+        told[f"final_success_{algorithm}"] = (
+            "Success of ours at the end of train.py's default length, median over seeds."
+        )
+        told[f"final_success_{algorithm}_min"] = "The worst seed's."
+        told[f"run_wall_s_{algorithm}"] = (
+            "Seconds of that whole run, with more evaluations than the default has; median over seeds."
+        )
+        told[f"run_wall_s_{algorithm}_min"] = "The fastest seed's."
+    return told
+
+
+HOW |= _skill()
+
+RULES = """\
+Each ratio is ours divided by the other. Both sides of a ratio were run in turn, in one run, on the same machine, in
+fresh processes with one thread each, in the same environment (Lunar Lander with pads) with the same observation
+(state 9, instruction 1, given 1), unless its line says otherwise. Values are medians over the repeats; all single
+measurements are in results.json. `>` and `<` mark a median over runs of which some ended before they reached the
+level: they count up to their last evaluation, so that the median is a lower bound; where both sides are such bounds
+there is no ratio. Below 1 is good for seconds and frames, above 1 for what is counted by the second.
+
+Stable-Baselines3 runs with the settings of rl-zoo3 for the Lunar Lander on the CPU, in the faster of its vector
+environments here (DQN: one environment, as in the zoo), and is evaluated by the same function on the same seeds as
+ours. Its run ends as soon as both levels are reached, or at a cap; ours always flies its default length.
+"""

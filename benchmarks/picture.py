@@ -1,0 +1,42 @@
+"""The learning curves as a picture; the only place that knows matplotlib."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from benchmarks.records import Record, load
+from benchmarks.skill import ALGORITHMS, LEVELS
+
+COLOURS = {"ibe_rl": "#6d5bd0", "other": "#d9822b"}
+
+
+def draw(curves_file: str, picture: str) -> None:
+    """Draw success over seconds, one line a run, one panel an algorithm."""
+    curves = load(Path(curves_file))
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    panels = figure.subplots(1, len(ALGORITHMS), sharey=True)
+    for panel, (part, algorithm) in zip(panels, ALGORITHMS.items(), strict=True):
+        draw_panel(panel, algorithm, [curve for curve in curves if curve["part"] == part])
+    panels[0].set_ylabel("success on 100 unseen episodes")
+    Path(picture).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(picture, dpi=150, metadata={"Software": None})
+
+
+def draw_panel(panel: Axes, algorithm: str, curves: list[Record]) -> None:
+    """One algorithm: ours against theirs."""
+    for level in LEVELS.values():
+        panel.axhline(level, color="#999999", linewidth=0.7, linestyle=":")
+    named: set[str] = set()
+    for curve in curves:
+        style: dict[str, Any] = {"color": COLOURS.get(curve["side"], COLOURS["other"]), "linewidth": 1.0}
+        if curve["side"] not in named:
+            style["label"] = curve["side"]
+            named.add(curve["side"])
+        panel.plot(curve["seconds"], curve["success"], **style)
+    panel.set(title=algorithm.upper(), xlabel="seconds without evaluations", xscale="log", ylim=(-0.02, 1.02))
+    if named:
+        panel.legend(loc="best", framealpha=0.9)

@@ -1,0 +1,121 @@
+"""How much is run: the sizes of a real run, and tiny ones that only show that everything works."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What each part runs.
+
+    Attributes:
+        overrides: of every run of train.py.
+        evaluate_every: frames between two evaluations on the way to skill, by algorithm.
+        evaluation_episodes: of each of them.
+        cap_frames: where a run of Stable-Baselines3 ends that has not reached the levels, by algorithm.
+        rollout_steps: of each environment, in Stable-Baselines3's PPO.
+        vec_env_steps: the same where its two vector environments are compared.
+        short_frames: of the shortened runs of train.py.
+        default_frames: of the runs that show how the time of the default run is spent; None: its own.
+        learn_frames: of Stable-Baselines3's learn() where frames a second are counted.
+        collect: settings of our collector that differ from the default.
+        collect_batches: batches of our collector that are timed.
+        bare_seconds: how long gymnasium's own game is stepped.
+        moments: explained together.
+        live_moments: explained one at a time.
+        flown_frames: real frames that the logs are filled with.
+        logs: frames seen and capacity of each log, by the name in the figures.
+    """
+
+    overrides: tuple[str, ...] = ()
+    evaluate_every: Mapping[str, int] = field(default_factory=lambda: {"ppo": 50_000, "dqn": 20_000})
+    evaluation_episodes: int = 100
+    cap_frames: Mapping[str, int] = field(default_factory=lambda: {"ppo": 3_000_000, "dqn": 400_000})
+    rollout_steps: int = 1024
+    vec_env_steps: int = 256
+    short_frames: int = 400_000
+    default_frames: int | None = None
+    learn_frames: int = 49_152
+    collect: Mapping[str, int] = field(default_factory=dict)
+    collect_batches: int = 10
+    bare_seconds: float = 5.0
+    moments: int = 300
+    live_moments: int = 100
+    flown_frames: int = 20_000
+    logs: Mapping[str, tuple[int, int]] = field(
+        default_factory=lambda: {
+            "10k": (10_000, 1_000_000),
+            "100k": (100_000, 1_000_000),
+            "1m": (1_000_000, 1_000_000),
+            "3m_seen": (3_000_000, 1_000_000),
+        }
+    )
+
+
+TINY_COLLECTION = {"processes": 2, "envs_per_process": 4, "steps_per_batch": 64}
+QUICK = Sizes(
+    overrides=(
+        *(f"collect.{name}={value}" for name, value in TINY_COLLECTION.items()),
+        *("total_frames=3000", "refresh_every_frames=1500", "mapping.horizon_steps=20", "agent.hidden=[16]"),
+        *("log.capacity_frames=10000", "eval_every_frames=3000", "eval_episodes=4"),
+    ),
+    evaluate_every={"ppo": 1000, "dqn": 1000},
+    evaluation_episodes=4,
+    cap_frames={"ppo": 3000, "dqn": 2000},
+    rollout_steps=64,
+    vec_env_steps=32,
+    short_frames=3000,
+    default_frames=4000,
+    learn_frames=2048,
+    collect=TINY_COLLECTION,
+    collect_batches=3,
+    bare_seconds=0.5,
+    moments=20,
+    live_moments=5,
+    flown_frames=2000,
+    logs={"10k": (2000, 20_000), "100k": (5000, 20_000), "1m": (20_000, 20_000), "3m_seen": (60_000, 20_000)},
+)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What was asked for on the command line.
+
+    Attributes:
+        seeds: of the runs to skill.
+        repeats: of everything else.
+        cap_seconds: where a run of Stable-Baselines3 ends that has not reached the levels.
+        sizes: how much is run.
+        results: the file of all records.
+        curves: the file of the learning curves.
+        document: written anew from both.
+        picture: of the learning curves.
+    """
+
+    seeds: tuple[int, ...]
+    repeats: int
+    cap_seconds: float
+    sizes: Sizes
+    results: Path
+    curves: Path
+    document: Path
+    picture: Path
+
+
+def make_plan(
+    seeds: tuple[int, ...], repeats: int, cap_seconds: float, quick: bool = False, output: Path | None = None
+) -> Plan:
+    """Say what is run and where it goes: into the repository, or all into ``output``."""
+    data, pages = (output, output) if output else (ROOT / "benchmarks", ROOT / "docs")
+    return Plan(
+        *(seeds, repeats, cap_seconds, QUICK if quick else Sizes()),
+        results=data / "results.json",
+        curves=data / "curves.json",
+        document=pages / "BENCHMARKS.md",
+        picture=(pages if output else pages / "img") / "time_to_skill.png",
+    )

@@ -1,0 +1,238 @@
+"""The pure parts of the benchmarks, by hand, and the smallest real measurement; without Stable-Baselines3."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import __main__ as program
+from benchmarks import explaining, explanations, frames, ours, overhead, refilling, refreshes, skill
+from benchmarks.child import measure
+from benchmarks.how import HOW, TITLES
+from benchmarks.levels import Measured, Point, figure, median, plain, reached, to_level
+from benchmarks.plan import ROOT, make_plan
+from benchmarks.records import load, replace_part, save, stamp
+from benchmarks.report import cells, document, table
+from ibe_rl.config import MappingConfig
+from ibe_rl.env import LANDER_TASK
+from ibe_rl.ibe import TooLittleDataError
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.refresh import learn_vocabulary
+
+CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
+PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead")
+ABOUT = {"date": "2026-01-02 03:04 UTC", "versions": {"python": "3.11.1"}}
+MACHINE = {"processor": "A processor", "cores": 2, "memory_gb": 8.0}
+
+
+def record(part: str = "frames", name: str = "frames_collect", **changed: Any) -> dict[str, Any]:
+    made = figure(name, "frames/s", plain([900, 1000, 1100]), plain([400, 500, 600]))
+    return {"part": part, **made, **ABOUT, "machine": MACHINE, **changed}
+
+
+def training_run() -> ours.TrainingRun:
+    times = dict.fromkeys(frames.TIMES, 1.0) | {"collect": 5.0, "learn": 7.0}
+    return ours.TrainingRun({"frames": 1800, "wall_s": 20.0, "time_s": times, "success_rate": 0.9}, CLIMB)
+
+
+def test_level_counts_at_the_second_of_two_in_a_row():
+    assert reached(CLIMB, 0.83) == CLIMB[4]  # .9 alone was no two in a row
+    assert reached(CLIMB, 0.9) == CLIMB[5]
+    assert reached(CLIMB, 0.95) is None
+    assert reached([], 0.5) is None
+
+
+def test_run_without_the_level_counts_as_long_as_it_flew():
+    assert to_level(CLIMB, 0.83, "seconds") == Measured(50.0)
+    assert to_level(CLIMB, 0.83, "frames") == Measured(500)
+    assert to_level(CLIMB, 0.95, "seconds") == Measured(60.0, reached=False)
+
+
+@pytest.mark.parametrize(
+    ("measured", "expected"),
+    [
+        ([Measured(1), Measured(2), Measured(9)], Measured(2)),
+        ([Measured(1), Measured(2), Measured(9, False)], Measured(2)),  # 9 or more: the median is 2 in any case
+        ([Measured(1), Measured(2, False), Measured(9)], Measured(2, False)),
+        ([Measured(1, False), Measured(2), Measured(9)], Measured(2, False)),  # if it was 5, the median would be 5
+        ([Measured(1), Measured(3, False)], Measured(2, False)),
+    ],
+)
+def test_median_says_when_it_is_a_lower_bound(measured: list[Measured], expected: Measured):
+    assert median(measured) == expected
+
+
+def test_median_of_nothing_is_not_a_number():
+    assert math.isnan(median([]).value)
+
+
+def test_figure_is_a_ratio_of_medians():
+    made = figure("a", "s", plain([2, 4, 6]), plain([8]))
+    assert (made["ours"], made["other"], made["ratio"], made["at_least"]) == (4, 8, 0.5, [])
+    assert made["repeats"]["ours"][0] == {"value": 2.0, "reached": True}
+
+
+def test_figure_without_a_counterpart_has_no_ratio():
+    made = figure("a", "s", plain([2, 4, 6]), what="min")
+    assert (made["ours"], made["other"], made["ratio"]) == (2, None, None)
+
+
+def test_figure_does_not_divide_by_zero():
+    assert figure("a", "s", plain([1]), plain([0]))["ratio"] is None
+
+
+@pytest.mark.parametrize(
+    ("ours_reached", "other_reached", "shown"),
+    [
+        (True, True, ("2", "4", "0.5")),
+        (True, False, ("2", "> 4", "< 0.5")),
+        (False, True, ("> 2", "4", "> 0.5")),
+        (False, False, ("> 2", "> 4", "-")),
+    ],
+)
+def test_lower_bounds_are_shown_as_such(ours_reached: bool, other_reached: bool, shown: tuple[str, str, str]):
+    made = figure("a", "s", [Measured(2, ours_reached)], [Measured(4, other_reached)])
+    assert cells(made) == ["a", shown[0], shown[1], "s", shown[2], "1"]
+
+
+def test_one_part_replaces_its_own_records_only():
+    old = [record("skill-ppo", "a"), record("frames", "b"), record("frames", "c"), record("overhead", "d")]
+    merged = replace_part(old, "frames", [record("frames", "e")], PARTS)
+    assert [made["name"] for made in merged] == ["a", "e", "d"]
+    merged = replace_part(merged, "skill-dqn", [record("skill-dqn", "f")], PARTS)
+    assert [made["name"] for made in merged] == ["a", "f", "e", "d"]
+
+
+def test_records_come_back_from_their_file(tmp_path: Path):
+    path = tmp_path / "new" / "results.json"
+    assert load(path) == []
+    save(path, [record()])
+    assert load(path) == [record()]
+
+
+def test_file_of_something_else_is_refused(tmp_path: Path):
+    (tmp_path / "results.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"results\.json: not a list of records"):
+        load(tmp_path / "results.json")
+
+
+def test_stamp_names_no_machine():
+    made = stamp("frames", [figure("a", "s")])[0]
+    assert (made["part"], made["machine"].keys()) == ("frames", {"processor", "cores", "memory_gb"})
+    assert {"python", "torch"} <= made["versions"].keys()
+
+
+def test_document_is_made_from_the_records():
+    text = document([record(), record("overhead", "overhead_ibe")], "img/curves.png")
+    assert "| frames_collect | 1,000 | 500 | frames/s | 2 | 3 |" in text
+    assert f"- `overhead_ibe`: {HOW['overhead_ibe']}" in text
+    assert "- frames: 2026-01-02 03:04 UTC; overhead: 2026-01-02 03:04 UTC\n  on A processor, 2 cores, 8.0 GB;" in text
+    assert "(img/curves.png)" in text
+    assert "Learning curves" not in document([record()])
+
+
+def test_terminal_shows_every_record():
+    assert table([record(), record("overhead", "overhead_ibe")]).row_count == 2
+
+
+def test_every_figure_says_how_it_was_measured():
+    run = training_run()
+    found = [
+        *skill.figures("ppo", [run], [CLIMB]),
+        *skill.figures("dqn", [run], [CLIMB]),
+        *frames.figures([run], {name: [1.0] for name in ("collect", "bare", "sb3_whole", "sb3_collect")}),
+        *explanations.figures([{"batched": 4, "naive": 1, "engine": 5, "live_ms": 6, "game_frame_ms": 20}]),
+        *refreshes.figures({name: [{"seconds": 1.0, "mb": 2.0}] for name in refreshes.COMPARED}),
+        *overhead.figures({name: [run] for name in (*overhead.SWITCHES, "default")}),
+    ]
+    assert {made["name"] for made in found} == HOW.keys() - {"sb3_dummy_frames", "sb3_subproc_frames"}
+    assert tuple(TITLES) == tuple(program.PARTS) == PARTS
+
+
+def test_rate_and_shares_of_a_run():
+    run = training_run()
+    assert run.frames_per_s() == 1800 / 18  # without set-up and evaluation
+    assert run.share("collect", "learn") == pytest.approx(12 / 20)
+
+
+def test_evaluations_are_read_from_the_metrics(tmp_path: Path):
+    path = tmp_path / "metrics.csv"
+    path.write_text(
+        "frames,time/setup,time/learn,time/eval,eval/success_rate\n100,1,2,0,\n200,1,3.5,40,0.25\n300,1,5,40,\n"
+    )
+    with path.open() as stream:
+        assert ours.read_points(list(csv.DictReader(stream))) == [Point(200, 4.5, 0.25)]
+
+
+def test_output_folder_takes_everything(tmp_path: Path):
+    plan = make_plan((0,), 1, 10.0, quick=True, output=tmp_path)
+    assert {path.parent for path in (plan.results, plan.curves, plan.document, plan.picture)} == {tmp_path}
+    assert make_plan((0,), 1, 10.0).document == ROOT / "docs" / "BENCHMARKS.md"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["speed"], "PART=speed: allowed is one of skill-ppo,"),
+        (["refresh", "--repeats", "0"], "--repeats=0: allowed is at least 1"),
+        (["refresh", "--seeds", "-1"], "--seeds=-1: allowed is at least 0"),
+    ],
+)
+def test_bad_command_line_ends_in_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit):
+        program.main(arguments)
+    assert said in capsys.readouterr().err
+
+
+def test_part_without_its_package_is_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.setattr(program, "find_spec", lambda _: None)
+    with pytest.raises(SystemExit):
+        program.main(["frames"])
+    assert "PART=frames: needs stable_baselines3, which is not installed" in capsys.readouterr().err
+
+
+def test_part_is_written_after_each_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    rates = {"batched": 8.0, "naive": 2.0, "engine": 16.0, "live_ms": 5.0}
+    monkeypatch.setattr(explanations, "measure", lambda *_, **__: rates)
+    program.main(["explanations", "--quick", "--repeats", "2", "--output", str(tmp_path)])
+    found = {made["name"]: made for made in load(tmp_path / "results.json")}
+    assert found["explanations_batched_vs_naive"]["ratio"] == 4
+    assert len(found["explanation_live_ms"]["repeats"]["ours"]) == 2
+    assert "explanations_vs_engine" in (tmp_path / "BENCHMARKS.md").read_text()
+
+
+def test_failed_measurement_says_what_it_printed():
+    with pytest.raises(RuntimeError, match=r"(?s)benchmarks\.child records\.missing.*AttributeError"):
+        measure("records.missing")
+
+
+def test_measurement_comes_back_from_its_own_process():
+    assert measure("records.machine")["cores"] >= 1
+
+
+def test_explanations_are_really_measured():
+    rates = explaining.rates(moments=4, live_moments=2)
+    assert rates.keys() == {"batched", "naive", "engine", "live_ms"}
+    assert all(value > 0 for value in rates.values())
+
+
+def test_log_is_filled_past_its_capacity_and_refreshed(tmp_path: Path):
+    assert 12_000 <= refilling.fill(str(tmp_path), frames=12_000, capacity=10_000, flown_frames=500) < 14_000
+    log = TrajectoryLog.open(tmp_path)
+    assert len(log.index) < log.episodes_ended  # the oldest made room
+    assert len(np.unique(log.index["number"])) == len(log.index)
+    assert refilling.refresh(str(tmp_path))["windows"] > 100
+
+
+def test_every_refresh_without_ibe_gives_up(tmp_path: Path):
+    refilling.fill(str(tmp_path), frames=3_000, capacity=10_000, flown_frames=500)
+    switch = dict(setting.removeprefix("mapping.").split("=") for setting in overhead.SWITCHES["without_ibe"])
+    config = MappingConfig(top_fraction=float(switch.pop("top_fraction")), n_clusters=int(switch.pop("n_clusters")))
+    assert not switch
+    with pytest.raises(TooLittleDataError):
+        learn_vocabulary(TrajectoryLog.open(tmp_path), config, LANDER_TASK, seed=0)
