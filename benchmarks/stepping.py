@@ -30,7 +30,7 @@ def collect(settings: dict[str, int], count: int) -> float:
     task = task_of(env)
     agent = make_agent(PPOConfig(), task.observation_size, env.action_space, total_frames=1_000_000)
     collector = make_collector(agent, EnvConfig(LANDER_ID), CollectConfig(**settings), task, "oracle", seed=0)
-    endless = batches(collector)
+    endless = batches(collector, agent, overlap=False)
     next(endless)
     start = time.perf_counter()
     frames = sum(next(endless).numel() for _ in range(count))

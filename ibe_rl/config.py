@@ -41,7 +41,7 @@ class CollectConfig:
     processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself
     envs_per_process: int = setting(64, low=1, high=1024)
     steps_per_batch: int = setting(128, low=1, high=100_000)  # of each environment
-    overlap: bool = True  # collect a batch while learning from the one before
+    overlap: bool = False  # collect a batch, in processes of its own, while learning from the one before
 
 
 @dataclass

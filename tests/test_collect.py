@@ -166,7 +166,7 @@ def seeds_of(seed: int, config: CollectConfig, monkeypatch: pytest.MonkeyPatch) 
 
 
 def largest() -> CollectConfig:
-    limits = {item.name: item.metadata["high"] for item in fields(CollectConfig)}
+    limits = {item.name: item.metadata.get("high") for item in fields(CollectConfig)}
     return CollectConfig(limits["processes"], limits["envs_per_process"], 1)
 
 

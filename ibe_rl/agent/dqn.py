@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import torch
@@ -91,7 +92,7 @@ class DQN:
     def __init__(self, config: DQNConfig, observation_size: int, n_actions: int, total_frames: int):
         self._config, self._total_frames, self._frames = config, total_frames, 0
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0)
-        self._network, self.policy = network, EpsilonGreedyPolicy(network, n_actions)
+        self._network, self.policy, self._epsilon = network, EpsilonGreedyPolicy(deepcopy(network), n_actions), 1.0
         self.greedy = GreedyPolicy(network, config.average_decay)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
@@ -112,7 +113,7 @@ class DQN:
             loss = self._learn(updates)
             self._target.update_parameters(self._network)
             self.greedy.follow(self._network)
-        return {"q_loss": loss, "epsilon": self.policy.epsilon.item()}
+        return {"q_loss": loss, "epsilon": self._epsilon}
 
     def _store(self, batch: TensorDictBase) -> None:
         ends = [("next", name) for name in ("observation", "reward", "done", "terminated")]
@@ -131,10 +132,9 @@ class DQN:
         self._optimizer.param_groups[0]["lr"] = linear(config.learning_rate, 0.0, progress)
         early = config.epsilon_share
         if progress < early:
-            epsilon = linear(1.0, config.epsilon_early, progress / early)
+            self._epsilon = linear(1.0, config.epsilon_early, progress / early)
         else:
-            epsilon = linear(config.epsilon_early, config.epsilon_end, (progress - early) / (1 - early + 1e-9))
-        self.policy.epsilon.fill_(epsilon)
+            self._epsilon = linear(config.epsilon_early, config.epsilon_end, (progress - early) / (1 - early + 1e-9))
 
     def _learn(self, updates: int) -> float:
         size = self._config.minibatch_size
@@ -158,6 +158,11 @@ class DQN:
         self._optimizer.step()
         self._optimizer.zero_grad()
         return loss.detach()
+
+    def publish(self) -> None:
+        """See ``Agent``."""
+        self.policy.network.load_state_dict(self._network.state_dict())
+        self.policy.epsilon.fill_(self._epsilon)
 
     def state_dict(self) -> dict[str, Any]:
         """All that learning goes on from, but for the buffer."""
