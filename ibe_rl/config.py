@@ -128,7 +128,7 @@ class PredictorConfig:
     """How the future is predicted: in the environment's own engine, from a snapshot."""
 
     future_instruction: str = setting("hold", choices=("hold", "rule"))
-    moments_at_once: int = setting(256, low=1)  # copies of the environment
+    moments_at_once: int = setting(32, low=1)  # copies of the environment; more of them crowd the processor's cache
 
 
 @dataclass

@@ -10,7 +10,7 @@ import pytest
 from ibe_rl import refresh as module
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import ConfigError, Phrases, Task
-from ibe_rl.ibe import TooLittleDataError
+from ibe_rl.ibe import PaperMapping, TooLittleDataError
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.refresh import check_mapping, learn_vocabulary, load_mapping, save_refresh
 
@@ -135,6 +135,18 @@ def test_the_same_seed_learns_the_same(log: TrajectoryLog):
     one, other = (learn_vocabulary(log, many, TASK, seed=3).mapping for _ in range(2))
     assert len(one.sizes) == 6
     assert one.to_dict() == other.to_dict()
+
+
+def test_a_refresh_starts_where_the_last_one_ended(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
+    last = learn_vocabulary(log, config(), TASK, seed=0).mapping
+    starts = []
+    monkeypatch.setattr(module, "PaperMapping", lambda **settings: starts.append(settings) or PaperMapping(**settings))
+    again = learn_vocabulary(log, config(), TASK, 0, last).mapping
+    learn_vocabulary(log, config(warm_start=False), TASK, 0, last)
+    learn_vocabulary(log, config(), TASK, 0)
+    np.testing.assert_allclose(starts[0]["start"], last.centre_changes())
+    assert [settings["start"] is None for settings in starts] == [False, True, True]
+    assert again.to_dict() == last.to_dict()
 
 
 def test_without_an_episode_nothing_is_learnt(tmp_path: Path):

@@ -51,7 +51,8 @@ def _fire(lunar: Any, action: int) -> None:
     angle = body.angle
     tip_x, tip_y = math.sin(angle), math.cos(angle)
     side_x, side_y = -tip_y, tip_x
-    x, y = body.position
+    position = body.position  # its x and y cost half of what unpacking it does
+    x, y = position.x, position.y
     if action == 2:
         along = game.MAIN_ENGINE_Y_LOCATION / SCALE + 2 * first
         push_x, push_y = tip_x * along + side_x * second, -tip_y * along - side_y * second
@@ -66,16 +67,16 @@ def _fire(lunar: Any, action: int) -> None:
 
 def _state(lunar: Any) -> list[float]:
     body = lunar.lander
-    (x, y), (speed_x, speed_y) = body.position, body.linearVelocity
+    position, velocity, legs = body.position, body.linearVelocity, lunar.legs
     return [
-        (x - HALF_WIDTH) / HALF_WIDTH,
-        (y - (lunar.helipad_y + LEGS_BELOW)) / HALF_HEIGHT,
-        speed_x * HALF_WIDTH / game.FPS,
-        speed_y * HALF_HEIGHT / game.FPS,
+        (position.x - HALF_WIDTH) / HALF_WIDTH,
+        (position.y - (lunar.helipad_y + LEGS_BELOW)) / HALF_HEIGHT,
+        velocity.x * HALF_WIDTH / game.FPS,
+        velocity.y * HALF_HEIGHT / game.FPS,
         body.angle,
         20.0 * body.angularVelocity / game.FPS,
-        1.0 if lunar.legs[0].ground_contact else 0.0,
-        1.0 if lunar.legs[1].ground_contact else 0.0,
+        1.0 if legs[0].ground_contact else 0.0,
+        1.0 if legs[1].ground_contact else 0.0,
     ]
 
 

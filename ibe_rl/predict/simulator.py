@@ -57,10 +57,12 @@ class Simulator:
             if self._follow_rule and step > 1:
                 instruction[flying], given[flying] = self._rule(states), 1.0
             actions = policy(observe(states, instruction[flying], given[flying]))
-            ended = np.zeros(len(flying), bool)
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
-            for place, (row, action) in enumerate(zip(flying.tolist(), choices, strict=True)):
-                paths[row, step:], _, ended[place], _, _ = games[row].step(action)
+            steps = [games[row].step(action) for row, action in zip(flying.tolist(), choices, strict=True)]
+            paths[flying, step] = np.array([after[0] for after in steps])
+            ended = np.array([after[2] for after in steps])
+            for row in flying[ended]:
+                paths[row, step:] = paths[row, step]
             flying = flying[~ended]
             if not len(flying):
                 break

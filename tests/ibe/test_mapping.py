@@ -130,6 +130,28 @@ def test_the_same_seed_learns_the_same():
     assert learn(3) != learn(4)
 
 
+def test_clusters_start_where_they_are_told():
+    """Six groups in a row, three clusters: k-means stays in the grouping it is started in, or finds its own."""
+    delta = np.repeat([0.0, 1.0, 10.0, 11.0, 20.0, 21.0], 5)[:, None]
+    told = np.repeat([-1.0, -1.0, 0.0, 0.0, 1.0, 1.0], 5)
+    start = np.array([[0.0], [1.0], [15.5]])  # a poor grouping that no step of k-means leaves
+    learnt = PaperMapping(3, start=start, random_state=0).fit(delta, told).mapping_
+    np.testing.assert_allclose(np.sort(learnt.centre_changes(), axis=0), start, atol=1e-9)
+    free = PaperMapping(3, random_state=0).fit(delta, told).mapping_
+    np.testing.assert_allclose(np.sort(free.centre_changes(), axis=0), [[0.5], [10.5], [20.5]], atol=1e-9)
+
+
+def test_centres_are_told_as_changes_of_the_state():
+    mapping = fit(dimensions=[0]).mapping_
+    np.testing.assert_allclose(mapping.centre_changes()[:, 0], [-3, 0, 3], atol=0.1)
+    np.testing.assert_allclose(mapping.centre_changes()[:, 1], groups()[0][:, 1].mean())
+
+
+def test_a_start_for_another_number_of_clusters_is_refused():
+    with pytest.raises(ValueError, match=r"start has shape \(2, 2\), expected \(3, 2\)"):
+        fit(start=np.zeros((2, 2)))
+
+
 def test_fewer_distinct_windows_than_clusters_are_too_little():
     with pytest.raises(TooLittleDataError, match="2 distinct windows for n_clusters=3"):
         PaperMapping(3).fit(np.array([LEFT, RIGHT] * 10), np.zeros(20))

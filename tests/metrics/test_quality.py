@@ -51,6 +51,12 @@ def test_each_phrase_is_judged_at_its_own_moment(episode: Episode):
     assert phrases_true(episode, said, Sign(), WORDS).tolist() == [True, False, True, False]
 
 
+def test_only_what_is_newly_said_counts(episode: Episode):
+    said = [spoken(phrase) for phrase in ("up", "up", "down", "down")]  # one every second step, held in between
+    assert came_true(episode, said, Sign(), WORDS, every_steps=2) == 1
+    assert came_true(episode, said, Sign(), WORDS) == 0.75
+
+
 def test_the_horizon_is_the_explanations_own(episode: Episode):
     """Over one step: up, up, down, down."""
     said = [spoken(phrase, horizon_steps=1) for phrase in ("up", "up", "down", "down")]
