@@ -100,9 +100,9 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
         if stop:
             parts.progress.say("stopping in order, with a last refresh and evaluation; Ctrl-C again ends at once")
         row = training_row(log, losses)
-        if refresh_due(log.frames) or last:
+        if refresh_due(log.frames, last):
             row |= refresh_and_explain(cfg, parts)  # episodes → vocabulary → words → rerun
-        if evaluation_due(log.frames) or last:
+        if evaluation_due(log.frames, last):
             row |= evaluate(cfg, parts)
         with timeit("stream"):
             parts.table.write(row | times())

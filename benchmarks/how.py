@@ -51,8 +51,7 @@ HOW = {
     "refresh_1m_mb": "By how much the refresh on 1,000,000 frames raised the most resident memory of its process, "
     "pages of the log that it read included.",
     "overhead_recording": "Wall time of a shortened run of train.py with its recording against viewer=off, same seed.",
-    "overhead_ibe": "The same run against one in which every refresh gives up at once (more clusters than windows), "
-    "so that nothing is learnt from the log and nothing explained.",
+    "overhead_ibe": "The same run against refresh_every_frames=null: no vocabulary is learnt and nothing explained.",
     "share_log": "Share of the wall time that goes into the log, from time_s of the shortened run; there is no "
     "switch for it.",
     "share_ibe_log_recording": "Refresh, explanations, recording and log together as a share of the wall time of the "

@@ -12,8 +12,7 @@ from benchmarks.skill import Figures, Say
 SWITCHES = {
     "on": (),
     "without_recording": ("viewer=off",),
-    # There is no switch for IBE: with more clusters than windows each refresh gives up at once, nothing is explained.
-    "without_ibe": ("mapping.top_fraction=1e-9", "mapping.n_clusters=1000000"),
+    "without_ibe": ("refresh_every_frames=null",),
 }
 PARTS_OF_SHARE = ("refresh", "explain", "stream", "log")
 

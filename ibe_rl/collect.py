@@ -111,12 +111,18 @@ def steps_of(batch: TensorDictBase, success_key: str) -> dict[str, Array]:
 
 
 class Every:
-    """A clock: true once in every ``frames`` frames, at the first batch that reaches them."""
+    """A clock: true once in every ``frames`` frames, at the first batch that reaches them, and at the end.
 
-    def __init__(self, frames: int):
+    Args:
+        frames: between two times; None stands for never, not even at the end.
+    """
+
+    def __init__(self, frames: int | None):
         self._frames, self._passed = frames, 0
 
-    def __call__(self, frames: int) -> bool:
-        """Whether a multiple has been reached since the last call."""
+    def __call__(self, frames: int, last: bool = False) -> bool:
+        """Whether a multiple has been reached since the last call, or this is the ``last`` one."""
+        if self._frames is None:
+            return False
         before, self._passed = self._passed, frames // self._frames
-        return self._passed > before
+        return last or self._passed > before

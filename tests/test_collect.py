@@ -194,3 +194,9 @@ def test_every_is_true_once_at_each_multiple():
     assert [due(frames) for frames in (50, 99, 100, 150, 199, 350, 399, 400, 1000, 1001)] == [
         False, False, True, False, False, True, False, True, True, False,
     ]  # fmt: skip
+
+
+def test_every_is_true_at_the_end_unless_it_never_is():
+    assert [Every(100)(150, last) for last in (False, True)] == [True, True]
+    assert [Every(100)(50, last) for last in (False, True)] == [False, True]
+    assert [Every(None)(150, last) for last in (False, True)] == [False, False]
