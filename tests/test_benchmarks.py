@@ -18,11 +18,7 @@ from benchmarks.levels import Measured, Point, figure, median, plain, reached, t
 from benchmarks.plan import ROOT, make_plan
 from benchmarks.records import load, replace_part, save, stamp
 from benchmarks.report import cells, document, table
-from ibe_rl.config import MappingConfig
-from ibe_rl.env import LANDER_TASK
-from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.refresh import learn_vocabulary
 
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
 PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead")
@@ -227,12 +223,3 @@ def test_log_is_filled_past_its_capacity_and_refreshed(tmp_path: Path):
     assert len(log.index) < log.episodes_ended  # the oldest made room
     assert len(np.unique(log.index["number"])) == len(log.index)
     assert refilling.refresh(str(tmp_path))["windows"] > 100
-
-
-def test_every_refresh_without_ibe_gives_up(tmp_path: Path):
-    refilling.fill(str(tmp_path), frames=3_000, capacity=10_000, flown_frames=500)
-    switch = dict(setting.removeprefix("mapping.").split("=") for setting in overhead.SWITCHES["without_ibe"])
-    config = MappingConfig(top_fraction=float(switch.pop("top_fraction")), n_clusters=int(switch.pop("n_clusters")))
-    assert not switch
-    with pytest.raises(TooLittleDataError):
-        learn_vocabulary(TrajectoryLog.open(tmp_path), config, LANDER_TASK, seed=0)
