@@ -60,6 +60,7 @@ class AgentConfig:
     gamma: float = setting(0.999, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
     reward_scale: float = setting(0.05, low=TINY)  # rewards are multiplied with it, for the learner only
+    average_share: float = setting(0.1, low=0.0, high=1.0)  # of the updates so far: what is explained averages them
 
 
 @dataclass
@@ -74,7 +75,6 @@ class PPOConfig(AgentConfig):
     entropy: float = setting(0.01, low=0.0)
     value_weight: float = setting(0.5, low=0.0)
     max_grad_norm: float = setting(0.5, low=TINY)
-    average_decay: float = setting(0.9, low=0.0, high=0.9999)  # of the weights that are explained, a batch
 
 
 @dataclass
@@ -96,7 +96,6 @@ class DQNConfig(AgentConfig):
     epsilon_end: float = setting(0.01, low=0.0, high=1.0)
     epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
     target_rate: float = setting(0.3, low=TINY, high=1.0)  # share of the way to the network's weights, a batch
-    average_decay: float = setting(0.94, low=0.0, high=0.9999)
 
 
 @dataclass

@@ -93,7 +93,7 @@ class DQN:
         self._config, self._total_frames, self._frames = config, total_frames, 0
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0)
         self._network, self.policy, self._epsilon = network, EpsilonGreedyPolicy(deepcopy(network), n_actions), 1.0
-        self.greedy = GreedyPolicy(network, config.average_decay)
+        self.greedy = GreedyPolicy(network, config.average_share)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
         self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))

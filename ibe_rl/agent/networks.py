@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.optim.swa_utils import AveragedModel
 from torchrl.modules import MLP
 
 from ibe_rl.data import Array
@@ -26,17 +26,21 @@ def make_network(
 
 
 class GreedyPolicy:
-    """The action with the highest output of an exponential average of a network's weights.
+    """The action with the highest output of an average of a network's weights.
 
-    The average wavers less between updates than the weights themselves; with a decay of 0 it is the weights.
+    The average wavers less between updates than the weights themselves. It reaches back over a share of all
+    updates so far: early it follows fast, late it is steady (Shamir and Zhang 2013, polynomial-decay averaging).
 
     Args:
         network: observations ``(N, O)`` to one output per action ``(N, A)``; not changed.
-        decay: share of the average that stays at each ``follow``.
+        share: of the updates so far that the average reaches back over, about; 0 follows the weights themselves.
     """
 
-    def __init__(self, network: nn.Module, decay: float):
-        self._average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(decay))
+    def __init__(self, network: nn.Module, share: float):
+        def move(average: Tensor, present: Tensor, updates: Tensor | int) -> Tensor:
+            return torch.lerp(average, present, 1 / (1 + share * float(updates)))
+
+        self._average = AveragedModel(network, avg_fn=move)
 
     def follow(self, network: nn.Module) -> None:
         """Move the average towards the network's present weights."""

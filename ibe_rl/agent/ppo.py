@@ -90,7 +90,7 @@ class PPO:
         self._actor = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=0.01)
         self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0)
         self.policy = SamplingPolicy(deepcopy(self._actor))
-        self.greedy = GreedyPolicy(self._actor, config.average_decay)
+        self.greedy = GreedyPolicy(self._actor, config.average_share)
         value = ValueOperator(self._critic, in_keys=["observation"])
         self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
         self._parameters = [*self._actor.parameters(), *self._critic.parameters()]

@@ -262,8 +262,8 @@ def test_linear():
 def test_the_greedy_policy_is_an_average_of_the_weights():
     network = make_network(2, [4], 3, nn.Tanh, last_gain=1.0)
 
-    def followed(decay: float) -> list[float]:
-        policy, shown = GreedyPolicy(network, decay), []
+    def followed(share: float) -> list[float]:
+        policy, shown = GreedyPolicy(network, share), []
         for value in (1.0, 2.0, 4.0):
             nn.init.constant_(network[-1].bias, value)
             policy.follow(network)
@@ -271,7 +271,8 @@ def test_the_greedy_policy_is_an_average_of_the_weights():
         return shown
 
     assert followed(0.0) == [1, 2, 4]
-    assert followed(0.5) == [1, 1.5, 2.75]
+    assert followed(0.5) == pytest.approx([1, 5 / 3, 17 / 6])  # two thirds of the way, then half
+    assert followed(1.0) == pytest.approx([1, 3 / 2, 7 / 3])  # the mean of all
 
 
 def test_a_network_begins_orthogonal_with_its_last_gain():
