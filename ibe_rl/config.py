@@ -40,7 +40,7 @@ class CollectConfig:
 
     processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself
     envs_per_process: int = setting(64, low=1, high=1024)
-    steps_per_batch: int = setting(128, low=1, high=100_000)  # of each environment
+    steps_per_batch: int = setting(64, low=1, high=100_000)  # of each environment
     overlap: bool = False  # collect a batch, in processes of its own, while learning from the one before
 
 
@@ -57,7 +57,7 @@ class AgentConfig:
 
     kind: str = MISSING
     hidden: list[int] = field(default_factory=lambda: [64, 64])
-    gamma: float = setting(0.999, low=0.0, high=1.0)
+    gamma: float = setting(0.995, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
     reward_scale: float = setting(0.05, low=TINY)  # rewards are multiplied with it, for the learner only
     average_share: float = setting(0.1, low=0.0, high=1.0)  # of the updates so far: what is explained averages them
@@ -70,7 +70,7 @@ class PPOConfig(AgentConfig):
     kind: str = setting("ppo", choices=("ppo",))
     gae_lambda: float = setting(0.98, low=0.0, high=1.0)
     clip: float = setting(0.2, low=1e-6, high=1.0)
-    epochs: int = setting(6, low=1)
+    epochs: int = setting(4, low=1)
     minibatch_size: int = setting(512, low=2)
     entropy: float = setting(0.01, low=0.0)
     value_weight: float = setting(0.5, low=0.0)
@@ -85,15 +85,13 @@ class DQNConfig(AgentConfig):
     """
 
     kind: str = setting("dqn", choices=("dqn",))
-    gamma: float = setting(0.995, low=0.0, high=1.0)
-    learning_rate: float = setting(1e-3, low=0.0, high=1.0)
-    n_steps: int = setting(10, low=1, high=1_000)  # of real rewards before the target network is asked
+    n_steps: int = setting(5, low=1, high=1_000)  # of real rewards before the target network is asked
     buffer_frames: int = setting(400_000, low=1_000)
     minibatch_size: int = setting(256, low=1)
-    frames_per_update: int = setting(4, low=1)
+    frames_per_update: int = setting(10, low=1)
     learn_after_frames: int = setting(5_000, low=0)
-    epsilon_early: float = setting(0.15, low=0.0, high=1.0)
-    epsilon_end: float = setting(0.01, low=0.0, high=1.0)
+    epsilon_early: float = setting(0.1, low=0.0, high=1.0)
+    epsilon_end: float = setting(0.0, low=0.0, high=1.0)
     epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
     target_rate: float = setting(0.3, low=TINY, high=1.0)  # share of the way to the network's weights, a batch
 
@@ -144,11 +142,11 @@ class TrainConfig:
     """``train.py``."""
 
     seed: int = setting(0, low=0, high=MAX_SEED)
-    total_frames: int = setting(1_600_000, low=1)  # rounded up to whole batches
+    total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
-    refresh_every_frames: int | None = setting(180_000, low=1)  # and at the end; None: no vocabulary at all
+    refresh_every_frames: int | None = setting(220_000, low=1)  # and at the end; None: no vocabulary at all
     explain_every_steps: int = setting(4, low=1)  # of the episode watched at a refresh; in between the last one holds
-    eval_every_frames: int = setting(320_000, low=1)  # and at the end
+    eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)
