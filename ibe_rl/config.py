@@ -72,7 +72,7 @@ class PPOConfig(AgentConfig):
     clip: float = setting(0.2, low=1e-6, high=1.0)
     epochs: int = setting(4, low=1)
     minibatch_size: int = setting(512, low=2)
-    entropy: float = setting(0.01, low=0.0)
+    entropy: float = setting(0.004, low=0.0)
     value_weight: float = setting(0.5, low=0.0)
     max_grad_norm: float = setting(0.5, low=TINY)
 
