@@ -95,7 +95,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
         with timeit("learn"):
             losses = agent.update(batch)  # batch → learner
         with timeit("log"):
-            log.add(steps_of(batch, parts.task.success_key), parts.task.context)  # batch → episodes
+            log.add(steps_of(batch), parts.task.context)  # batch → episodes
         last = bool(stop) or log.frames >= cfg.total_frames
         if stop:
             parts.progress.say("stopping in order, with a last refresh and evaluation; Ctrl-C again ends at once")

@@ -84,7 +84,8 @@ HOW |= _skill()
 RULES = """\
 Each ratio is ours divided by the other. Both sides of a ratio were run in turn, in one run, on the same machine, in
 fresh processes with one thread each, in the same environment (Lunar Lander with pads) with the same observation
-(state 9, instruction 1, given 1), unless its line says otherwise. Values are medians over the repeats; all single
+(state 9, instruction 1, given 1) and the same reward (the game's and our bonus of 100 for a success), unless its line
+says otherwise. Values are medians over the repeats; all single
 measurements are in results.json. `>` and `<` mark a median over runs of which some ended before they reached the
 level: they count up to their last evaluation, so that the median is a lower bound; where both sides are such bounds
 there is no ratio. Below 1 is good for seconds and frames, above 1 for what is counted by the second.

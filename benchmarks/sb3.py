@@ -24,6 +24,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from benchmarks.levels import Point, reached
 from ibe_rl.collect import EVALUATION_SEED, Every
+from ibe_rl.config import AgentConfig
 from ibe_rl.data import Array, observe
 from ibe_rl.env import LANDER_ID
 from ibe_rl.env.make import make_gym, task_of
@@ -44,6 +45,8 @@ ZOO_DQN: dict[str, Any] = {
     "exploration_final_eps": 0.1,
     "policy_kwargs": {"net_arch": [256, 256]},
 }
+SUCCESS_BONUS = AgentConfig().success_bonus
+"""Both sides learn from the same reward."""
 EXPLORED_FRAMES = 12_000
 """The zoo explores over 12 % of its 100,000 frames; ours may fly longer, the schedule stays."""
 START = "fork" if "fork" in multiprocessing.get_all_start_methods() else None
@@ -54,18 +57,29 @@ VEC_ENVS: dict[str, Callable[..., VecEnv]] = {
 }
 
 
-class Told(gymnasium.ObservationWrapper[Array, Any, Array]):
-    """Writes the oracle's instruction behind the state, as our agents read it."""
+class Told(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """Writes the oracle's instruction behind the state and pays the bonus for a success, as our agents have it."""
 
     def __init__(self, env: gymnasium.Env[Array, Any]):
         super().__init__(env)
         task = task_of(env)
-        self._rule, self._given = task.rule, np.ones(1, np.float32)
+        self._rule, self._given, self._success_key = task.rule, np.ones(1, np.float32), task.success_key
         self.observation_space = spaces.Box(-np.inf, np.inf, (task.observation_size,), np.float32)
 
-    def observation(self, observation: Array) -> Array:
+    def reset(self, **kwargs: Any) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode."""
+        state, info = self.env.reset(**kwargs)
+        return self._seen(state), info
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Step, with the bonus."""
+        state, reward, terminated, truncated, info = self.env.step(action)
+        bonus = SUCCESS_BONUS if info[self._success_key] else 0.0
+        return self._seen(state), float(reward) + bonus, terminated, truncated, info
+
+    def _seen(self, state: Array) -> Array:
         """State ``(S,)`` to what the policy reads ``(O,)``."""
-        return observe(observation, self._rule(observation), self._given)
+        return observe(state, self._rule(state), self._given)
 
 
 def make_told() -> Told:

@@ -92,7 +92,7 @@ def batches(collector: BaseCollector, agent: Agent, overlap: bool) -> Generator[
                 coming = ask()
 
 
-def steps_of(batch: TensorDictBase, success_key: str) -> dict[str, Array]:
+def steps_of(batch: TensorDictBase) -> dict[str, Array]:
     """Plain arrays ``(N, T, ...)`` of a batch ``[N, T]``, as the log takes them."""
     after = batch["next"]
     columns = {
@@ -104,7 +104,7 @@ def steps_of(batch: TensorDictBase, success_key: str) -> dict[str, Array]:
         "next_state": after["state"],
         "done": after["done"].squeeze(-1),
         "terminated": after["terminated"].squeeze(-1),
-        "success": after[success_key].reshape(batch.shape),
+        "success": after["success"].squeeze(-1),
         "episode": batch["collector", "traj_ids"],
     }
     return {name: column.numpy() for name, column in columns.items()}

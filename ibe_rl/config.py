@@ -59,7 +59,8 @@ class AgentConfig:
     hidden: list[int] = field(default_factory=lambda: [64, 64])
     gamma: float = setting(0.995, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
-    reward_scale: float = setting(0.05, low=TINY)  # rewards are multiplied with it, for the learner only
+    success_bonus: float = setting(100.0, low=0.0)  # added where the environment says success, for the learner only
+    reward_scale: float = setting(0.05, low=TINY)  # both are multiplied with it
     average_share: float = setting(0.1, low=0.0, high=1.0)  # of the updates so far: what is explained averages them
 
 
@@ -93,7 +94,7 @@ class DQNConfig(AgentConfig):
     epsilon_early: float = setting(0.1, low=0.0, high=1.0)
     epsilon_end: float = setting(0.0, low=0.0, high=1.0)
     epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
-    target_rate: float = setting(0.3, low=TINY, high=1.0)  # share of the way to the network's weights, a batch
+    target_rate: float = setting(1.0, low=TINY, high=1.0)  # share of the way to the network's weights, a batch
 
 
 @dataclass

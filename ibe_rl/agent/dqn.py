@@ -13,6 +13,7 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from ibe_rl.agent.networks import GreedyPolicy, linear, make_network
+from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import DQNConfig
 
 
@@ -116,15 +117,14 @@ class DQN:
         return {"q_loss": loss, "epsilon": self._epsilon}
 
     def _store(self, batch: TensorDictBase) -> None:
-        ends = [("next", name) for name in ("observation", "reward", "done", "terminated")]
+        ends = [("next", name) for name in ("observation", "done", "terminated")]
         steps = batch.select("observation", "action", *ends)
+        steps["next", "reward"] = learning_reward(batch, self._config)
         if self._unfinished is not None:
             steps = torch.cat([self._unfinished, steps], 1)
         whole = max(steps.shape[1] - self._config.n_steps + 1, 0)
         if whole:
-            data = several_steps(steps, self._config.n_steps, self._config.gamma)
-            data["reward"] *= self._config.reward_scale
-            self._buffer.extend(data)
+            self._buffer.extend(several_steps(steps, self._config.n_steps, self._config.gamma))
         self._unfinished = steps[:, whole:].clone()
 
     def _anneal(self) -> None:

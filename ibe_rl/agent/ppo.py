@@ -17,6 +17,7 @@ from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
 from ibe_rl.agent.networks import GreedyPolicy, make_network
+from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import PPOConfig
 
 
@@ -110,9 +111,9 @@ class PPO:
 
     def _prepare(self, batch: TensorDictBase) -> Steps:
         """Estimate advantages, which needs whole rows of time, then forget which row a step came from."""
-        ends = [("next", name) for name in ("observation", "reward", "done", "terminated")]
+        ends = [("next", name) for name in ("observation", "done", "terminated")]
         data = batch.select("observation", *ends)
-        data["next", "reward"] = data["next", "reward"] * self._config.reward_scale
+        data["next", "reward"] = learning_reward(batch, self._config)
         with torch.no_grad():
             self._estimate(data)
         return Steps(

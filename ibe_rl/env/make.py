@@ -45,10 +45,10 @@ def task_of(env: gymnasium.Env[Any, Any]) -> Task:
 class InstructedEnvs(EnvBase):
     """Games that step together and are instructed together, one row each.
 
-    Writes ``state``, ``instruction``, ``instruction_given`` and ``observation`` (all three, what the policy reads)
-    in reset and step alike, and the task's success key in step. It leaves beginning anew to the collector: nothing
-    is lost at the end of an episode. One object for all, without gymnasium's vector environment and TorchRL's
-    transforms, because their overhead a step was as large as the game (benchmarks in docs/LOG.md).
+    Writes ``state``, ``instruction``, ``instruction_given``, ``observation`` (all three, what the policy reads) and
+    ``success`` (``info`` at the task's success key) in reset and step alike. It leaves beginning anew to the
+    collector: nothing is lost at the end of an episode. One object for all, without gymnasium's vector environment
+    and TorchRL's transforms, which took a third of the time (docs/LOG.md).
 
     Args:
         games: environments of one kind that declare a task.
@@ -71,9 +71,9 @@ class InstructedEnvs(EnvBase):
             state=state.expand(rows, *state.shape),
             instruction=Bounded(-1.0, 1.0, shape=(rows, task.instruction_size), dtype=torch.float32),
             instruction_given=Bounded(0.0, 1.0, shape=(rows, 1), dtype=torch.float32),
+            success=flag,
             shape=[rows],
         )
-        self.observation_spec[task.success_key] = Unbounded(shape=(rows,), dtype=torch.bool)
         action = torchrl_spec(game.action_space, categorical_action_encoding=True)
         self.action_spec = action.expand(rows, *action.shape)
         self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
@@ -92,8 +92,8 @@ class InstructedEnvs(EnvBase):
         for row in np.flatnonzero(rows).tolist():
             self._states[row], _ = self._games[row].reset()
         self._instructor.reset(rows)
-        no = torch.zeros(len(self._games), dtype=torch.bool)
-        return TensorDict(self._seen() | {self._task.success_key: no}, self.batch_size)
+        no = torch.zeros(len(self._games), 1, dtype=torch.bool)
+        return TensorDict(self._seen() | {"success": no}, self.batch_size)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
@@ -108,7 +108,7 @@ class InstructedEnvs(EnvBase):
             "terminated": ended[0],
             "truncated": ended[1],
             "done": ended.any(dim=0),
-            self._task.success_key: torch.tensor(success),
+            "success": torch.tensor(success).unsqueeze(-1),
         }
         return TensorDict(entries, self.batch_size)
 

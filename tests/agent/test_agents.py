@@ -17,6 +17,7 @@ from torchrl.objectives import ClipPPOLoss
 from ibe_rl.agent import Agent, GreedyPolicy, make_agent
 from ibe_rl.agent.networks import linear, make_network
 from ibe_rl.agent.ppo import Steps, clipped_losses
+from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import AgentConfig, DQNConfig, PPOConfig
 from ibe_rl.data import ConfigError
 
@@ -55,7 +56,8 @@ def batch(agent: Agent, rows: int = 4, steps: int = 100) -> TensorDict:
     ends = torch.ones(rows * steps, 1, dtype=torch.bool)
     after = {"observation": torch.zeros(rows * steps, 2), "done": ends, "terminated": ends.clone()}
     reward = (flat["action"] == right).float()[:, None]
-    return flat.set("next", TensorDict(after | {"reward": reward}, rows * steps)).reshape(size)
+    after |= {"reward": reward, "success": torch.zeros_like(ends)}
+    return flat.set("next", TensorDict(after, rows * steps)).reshape(size)
 
 
 def learn(agent: Agent, updates: int) -> dict[str, float]:
@@ -253,6 +255,26 @@ def test_ppo_draws_with_the_probabilities_it_notes():
         noted = drawn["action_log_prob"][rows].exp()
         assert torch.allclose(noted, noted[0])
         assert rows.float().mean().item() == pytest.approx(noted[0].item(), abs=0.03)
+
+
+def test_a_success_is_worth_a_bonus():
+    after = {"reward": torch.tensor([[1.0], [-3.0], [2.0]]), "success": torch.tensor([[False], [True], [True]])}
+    data = TensorDict({"next": TensorDict(after, [3])}, [3])
+    learnt = learning_reward(data, AgentConfig(success_bonus=10.0, reward_scale=0.5))
+    assert learnt[:, 0].tolist() == [0.5, 3.5, 6.0]
+    assert data["next", "reward"][:, 0].tolist() == [1, -3, 2]
+
+
+@EVERY
+def test_it_learns_what_is_a_success(kind: str):
+    agent = make(kind, success_bonus=1.0)
+    for _ in range(20):
+        steps = batch(agent)
+        steps["next", "success"] = steps["next", "reward"] > 0
+        steps["next", "reward"].zero_()
+        agent.update(steps)
+        agent.publish()
+    assert share_right(agent) > 0.97
 
 
 def test_linear():

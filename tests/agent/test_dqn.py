@@ -16,6 +16,7 @@ def steps_of(rewards: list[float], done: str, terminated: str) -> TensorDict:
     after = {
         "observation": numbers + 0.5,
         "reward": torch.tensor(rewards).reshape(1, count, 1),
+        "success": torch.zeros(1, count, 1, dtype=torch.bool),
         "done": torch.tensor([mark == "x" for mark in done]).reshape(1, count, 1),
         "terminated": torch.tensor([mark == "x" for mark in terminated]).reshape(1, count, 1),
     }

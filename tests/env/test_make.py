@@ -54,7 +54,12 @@ def test_every_row_equals_the_game_played_alone(flown: TensorDictBase):
             after = step["next"]
             np.testing.assert_array_equal(after["state"], state)
             assert after["reward"].item() == np.float32(reward)
-            ends = (after["terminated"].item(), after["truncated"].item(), after["done"].item(), after["landed"].item())
+            ends = (
+                after["terminated"].item(),
+                after["truncated"].item(),
+                after["done"].item(),
+                after["success"].item(),
+            )
             assert ends == (terminated, truncated, terminated or truncated, info["landed"])
             if terminated or truncated:
                 state, _ = game.reset()
@@ -74,9 +79,9 @@ def test_a_step_begins_where_the_one_before_ended(flown: TensorDictBase):
 def test_some_rows_land_and_some_crash(flown: TensorDictBase):
     """Otherwise the tests above would show less than they say."""
     done = flown["next", "done"].squeeze(-1)
-    assert flown["next", "landed"][done].any()
-    assert not flown["next", "landed"][done].all()
-    assert not flown["next", "landed"][~done].any()
+    assert flown["next", "success"][done].any()
+    assert not flown["next", "success"][done].all()
+    assert not flown["next", "success"][~done].any()
     assert (done.sum(dim=0) == 1).any()  # a partial reset
 
 
