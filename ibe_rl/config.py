@@ -145,8 +145,8 @@ class TrainConfig:
     seed: int = setting(0, low=0, high=MAX_SEED)
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
-    refresh_every_frames: int | None = setting(220_000, low=1)  # and at the end; None: no vocabulary at all
-    explain_every_steps: int = setting(4, low=1)  # of the episode watched at a refresh; in between the last one holds
+    refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
+    explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds
     eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
     env: EnvConfig = MISSING

@@ -149,8 +149,7 @@ class PaperMapping(BaseEstimator):
         if len(delta) != len(instruction):
             raise ValueError(f"{len(delta)} windows but {len(instruction)} instructions")
         centres, mean, weight = self._split(delta)
-        self.mapping_ = self._name(delta, instruction, centres, mean, weight)
-        self.labels_ = self.mapping_.cluster(delta)
+        self.mapping_, self.labels_ = self._name(delta, instruction, centres, mean, weight)
         return self
 
     def predict(self, delta: Array) -> Array:
@@ -179,14 +178,16 @@ class PaperMapping(BaseEstimator):
         kmeans = KMeans(self.n_clusters, random_state=int(random.integers(2**31)), **starts)
         return kmeans.fit(standard).cluster_centers_, scaler.mean_, weight
 
-    def _name(self, delta: Array, instruction: Array, centres: Array, mean: Array, weight: Array) -> ClusterMapping:
-        """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and normalise."""
+    def _name(
+        self, delta: Array, instruction: Array, centres: Array, mean: Array, weight: Array
+    ) -> tuple[ClusterMapping, Array]:
+        """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and normalise; and labels."""
         labels = pairwise_distances_argmin((delta - mean) * weight, centres)
         sizes = np.bincount(labels, minlength=len(centres))
         sums = np.stack([np.bincount(labels, column, len(centres)) for column in instruction.T], axis=1)
         means = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], instruction.mean(axis=0))
         order = np.argsort(means[:, 0], kind="stable")
-        return ClusterMapping(
+        named = ClusterMapping(
             mean,
             weight,
             centres[order],
@@ -195,6 +196,7 @@ class PaperMapping(BaseEstimator):
             sizes=sizes[order],
             purities=_purities(labels, sizes, instruction)[order],
         )
+        return named, np.argsort(order)[labels]
 
 
 def _purities(labels: Array, sizes: Array, instruction: Array) -> Array:
