@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from itertools import groupby
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
 from ibe_rl.metrics import phrases_true
 from ibe_rl.play import watch
-from ibe_rl.predict import Simulator
+from ibe_rl.predict import make_simulator
 from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import find_run
 from ibe_rl.stream import SILENCE, Recorder
@@ -60,9 +61,8 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
     """Fly the episode, then explain its every step."""
     instructor = make_instructor(run.config.instructor.kind, run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
-    ahead = cfg.predictor
-    predictor = Simulator(run.make_env, run.task.rule, ahead.future_instruction, ahead.moments_at_once, cfg.seed)
-    said = explain(watched.moments, run.policy, predictor, run.mapping, run.horizon_steps, run.task.phrases)
+    with closing(make_simulator(cfg.predictor, run.make_env, run.task.rule, cfg.seed)) as predictor:
+        said = explain(watched.moments, run.policy, predictor, run.mapping, run.horizon_steps, run.task.phrases)
     return watched, said
 
 

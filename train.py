@@ -39,7 +39,7 @@ from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import came_true
 from ibe_rl.play import play, watch
-from ibe_rl.predict import Simulator
+from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
 from ibe_rl.refresh import check_mapping, learn_vocabulary, save_refresh
 from ibe_rl.relay import Ports, Relay, choose_ports, invitation
@@ -145,12 +145,11 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
     recording = cfg.viewer.mode != "off"
     recorder = Recorder(folder / RECORDING, task, folder.name) if recording else NoRecorder()
     owned.callback(recorder.close)
-    ahead = cfg.predictor
     return Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames),
         instructor=make_instructor(cfg.instructor.kind, task),
-        predictor=Simulator(make_one, task.rule, ahead.future_instruction, ahead.moments_at_once, cfg.seed),
+        predictor=owned.enter_context(closing(make_simulator(cfg.predictor, make_one, task.rule, cfg.seed))),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         recorder=recorder,
         watched_env=env,

@@ -19,7 +19,7 @@ from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
 from ibe_rl.play import watch
-from ibe_rl.predict import Simulator
+from ibe_rl.predict import make_simulator
 
 STEP = (1.0 / game.FPS, 6 * 30, 2 * 30)
 """What gymnasium's game asks of Box2D at each step."""
@@ -57,8 +57,7 @@ def watched_moments(run: TrainedRun, count: int) -> list[Moment]:
 
 def explain_all(run: TrainedRun, warm: Sequence[Moment]) -> Any:
     """``explain`` with everything but the moments filled in; its games are made already."""
-    ahead = run.config.predictor
-    simulator = Simulator(run.make_env, run.task.rule, ahead.future_instruction, ahead.moments_at_once, seed=0)
+    simulator = make_simulator(run.config.predictor, run.make_env, run.task.rule, seed=0)
     simulator.rollout(warm, run.policy, 1)
     rest = (run.policy, simulator, run.mapping, run.horizon_steps, run.task.phrases)
     return lambda moments: explain(moments, *rest)

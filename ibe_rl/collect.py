@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -19,7 +17,7 @@ from ibe_rl.config import CollectConfig, EnvConfig
 from ibe_rl.data import Array, Task
 from ibe_rl.env.make import make_env
 from ibe_rl.instruct import make_instructor
-from ibe_rl.signals import interrupts_stay_here
+from ibe_rl.signals import interrupts_stay_here, script_stays_here
 
 SEEDS_PER_RUN = 100_000
 """Training seeds of a run: ``seed * SEEDS_PER_RUN`` and up; all stay below ``EVALUATION_SEED``."""
@@ -51,18 +49,6 @@ def make_collector(
             auto_register_policy_transforms=False,  # they are for recurrent policies
             **(many if apart else {}),
         )
-
-
-@contextmanager
-def script_stays_here() -> Iterator[None]:
-    """Start processes without the script: they would import all that it imports, the viewer too, and use none."""
-    names = vars(sys.modules["__main__"])
-    file = names.pop("__file__", None)
-    try:
-        yield
-    finally:
-        if file is not None:
-            names["__file__"] = file
 
 
 def batches(collector: BaseCollector, agent: Agent, overlap: bool) -> Generator[TensorDictBase, None, None]:

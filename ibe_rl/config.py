@@ -126,6 +126,7 @@ class PredictorConfig:
     """How the future is predicted: in the environment's own engine, from a snapshot."""
 
     future_instruction: str = setting("hold", choices=("hold", "rule"))
+    processes: int = setting(1, low=1, high=64)  # that share many moments; more than 1 takes seconds to start
     moments_at_once: int = setting(32, low=1)  # copies of the environment; more of them crowd the processor's cache
 
 

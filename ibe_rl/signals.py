@@ -1,9 +1,10 @@
-"""Stopping in order: a signal asks the loop to end after the batch at hand."""
+"""Stopping in order, and starting processes that leave it to the one that started them."""
 
 from __future__ import annotations
 
 import multiprocessing.resource_tracker
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -44,3 +45,15 @@ def interrupts_stay_here() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+@contextmanager
+def script_stays_here() -> Iterator[None]:
+    """Start processes without the script: they would import all that it imports, the viewer too, and use none."""
+    names = vars(sys.modules["__main__"])
+    file = names.pop("__file__", None)
+    try:
+        yield
+    finally:
+        if file is not None:
+            names["__file__"] = file

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import torch
@@ -37,10 +38,7 @@ class GreedyPolicy:
     """
 
     def __init__(self, network: nn.Module, share: float):
-        def move(average: Tensor, present: Tensor, updates: Tensor | int) -> Tensor:
-            return torch.lerp(average, present, 1 / (1 + share * float(updates)))
-
-        self._average = AveragedModel(network, avg_fn=move)
+        self._average = AveragedModel(network, avg_fn=partial(_move, share))
 
     def follow(self, network: nn.Module) -> None:
         """Move the average towards the network's present weights."""
@@ -60,6 +58,10 @@ class GreedyPolicy:
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
         """The inverse of ``state_dict``."""
         self._average.load_state_dict(state)
+
+
+def _move(share: float, average: Tensor, present: Tensor, updates: Tensor | int) -> Tensor:
+    return torch.lerp(average, present, 1 / (1 + share * float(updates)))
 
 
 def linear(start: float, end: float, progress: float) -> float:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import multiprocessing
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
 from typing import Any
 
 import gymnasium
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from ibe_rl.config import PredictorConfig
 from ibe_rl.data import Array, Moment, Policy, observe
+from ibe_rl.signals import interrupts_stay_here, script_stays_here
+
+MakeEnv = Callable[[], gymnasium.Env[Any, Any]]
+Rule = Callable[[Array], Array]
+Part = tuple[Sequence[Moment], Sequence[Any]]
+"""Moments, and the seed of the noise for each of them."""
 
 
 class Simulator:
@@ -21,33 +31,69 @@ class Simulator:
         rule: the environment's instruction rule, states ``(N, S)`` to instructions ``(N, d)``.
         future_instruction: what the policy is told inside the prediction: "hold" keeps the moment's
             instruction, all that a person's student can know; "rule" asks the rule in the predicted states.
-        moments_at_once: environments kept, stepped side by side.
+        moments_at_once: environments kept in each process, stepped side by side.
+        processes: that share the moments, with the same result; 1 stays in this one. With more of them, which
+            take seconds to start, ``make_env``, ``rule`` and the policy must be picklable.
         seed: of the engine's noise. Each prediction draws its own, since nobody knows the future's.
         own_noise: False repeats the draws of the original instead: only for testing the engine.
     """
 
     def __init__(
         self,
-        make_env: Callable[[], gymnasium.Env[Any, Any]],
-        rule: Callable[[Array], Array],
+        make_env: MakeEnv,
+        rule: Rule,
         future_instruction: str = "hold",
-        moments_at_once: int = 256,
+        moments_at_once: int = 32,
+        processes: int = 1,
         seed: int = 0,
         own_noise: bool = True,
     ):
-        self._make_env, self._rule, self._own_noise = make_env, rule, own_noise
-        self._follow_rule = future_instruction == "rule"
-        self._at_once = moments_at_once
+        self._at_once, self._processes, self._own_noise = moments_at_once, processes, own_noise
+        self._games = _Games(make_env, rule, future_instruction == "rule")
         self._seeds = np.random.SeedSequence(seed)
-        self._games: list[Any] = []
+        self._pool: Executor | None = None
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
         """See ``ibe_rl.data.Predictor``."""
-        parts = [moments[first : first + self._at_once] for first in range(0, len(moments), self._at_once)]
-        return np.concatenate([self._roll(part, policy, horizon_steps) for part in parts])
+        noises = self._seeds.spawn(len(moments)) if self._own_noise else [None] * len(moments)
+        cuts = range(0, len(moments), self._at_once)
+        parts = [(moments[cut : cut + self._at_once], noises[cut : cut + self._at_once]) for cut in cuts]
+        return np.concatenate(list(self._roll_all(parts, policy, horizon_steps)))
 
-    def _roll(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
-        games = self._at(moments)
+    def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
+        if self._processes == 1 or len(parts) == 1:
+            return [self._games.roll(part, policy, horizon_steps) for part in parts]
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                self._processes, multiprocessing.get_context("spawn"), _keep, (self._games,)
+            )
+        with interrupts_stay_here(), script_stays_here():
+            rolled = [self._pool.submit(_roll, part, policy, horizon_steps) for part in parts]
+        return [part.result() for part in rolled]
+
+    def close(self) -> None:
+        """Stop the processes, if there are any."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+
+def make_simulator(config: PredictorConfig, make_env: MakeEnv, rule: Rule, seed: int) -> Simulator:
+    """Make the simulator that ``config`` asks for."""
+    settings = (config.future_instruction, config.moments_at_once, config.processes)
+    return Simulator(make_env, rule, *settings, seed)
+
+
+class _Games:
+    """Copies of the environment, kept for the next moments."""
+
+    def __init__(self, make_env: MakeEnv, rule: Rule, follow_rule: bool):
+        self._make_env, self._rule, self._follow_rule = make_env, rule, follow_rule
+        self._games: list[Any] = []
+
+    def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
+        """Paths ``(N, H + 1, S)``; a seed of None repeats the original's noise."""
+        moments, games = part[0], self._at(*part)
         paths = np.repeat(np.array([m.state for m in moments], np.float32)[:, None], horizon_steps + 1, axis=1)
         instruction = np.array([m.instruction for m in moments], np.float32)
         given = np.array([[m.given] for m in moments], np.float32)
@@ -68,13 +114,25 @@ class Simulator:
                 break
         return paths
 
-    def _at(self, moments: Sequence[Moment]) -> list[Any]:
+    def _at(self, moments: Sequence[Moment], noises: Sequence[Any]) -> list[Any]:
         """Take an environment for each moment and set it there."""
         while len(self._games) < len(moments):
             game = self._make_env().unwrapped
             game.reset(seed=0)
             self._games.append(game)
-        noises = self._seeds.spawn(len(moments)) if self._own_noise else [None] * len(moments)
         for game, moment, noise in zip(self._games, moments, noises, strict=False):
             game.restore(moment.snapshot, None if noise is None else np.random.default_rng(noise))
         return self._games[: len(moments)]
+
+
+_kept: list[_Games] = []
+"""The games of a process that rolls out for another one."""
+
+
+def _keep(games: _Games) -> None:
+    threadpool_limits(1)
+    _kept[:] = [games]
+
+
+def _roll(part: Part, policy: Policy, horizon_steps: int) -> Array:
+    return _kept[0].roll(part, policy, horizon_steps)

@@ -1,20 +1,25 @@
 """The simulator goes where the game would go, and leaves the game alone."""
 
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from gymnasium.envs.box2d.lunar_lander import heuristic
+from torch import nn
 
+from ibe_rl.agent.networks import GreedyPolicy, make_network
+from ibe_rl.config import PredictorConfig
 from ibe_rl.data import Array, Moment, Policy, Predictor
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.play import watch
-from ibe_rl.predict import Simulator
+from ibe_rl.predict import Simulator, make_simulator
 
 RULE = LANDER_TASK.rule
 STEADY = SimpleNamespace(unwrapped=SimpleNamespace(continuous=False))
@@ -64,6 +69,28 @@ def test_the_same_seed_predicts_the_same(make: Callable[..., Predictor]):
     paths, again, other = (make(seed=seed).rollout(moments[::30], pilot, 40) for seed in (1, 1, 2))
     np.testing.assert_array_equal(paths, again)
     assert np.abs(paths - other).max() > 1e-3
+
+
+def test_several_processes_predict_the_same():
+    _, moments = flown()
+    several = moments[::20]
+    torch.manual_seed(0)
+    policy = GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
+    settings = PredictorConfig(moments_at_once=4, processes=2)
+    with closing(make_simulator(settings, make_one, RULE, seed=3)) as spread:
+        first, second = (spread.rollout(several, policy, 30) for _ in range(2))
+        assert spread._pool is not None
+    assert spread._pool is None
+    alone = make_simulator(PredictorConfig(moments_at_once=4), make_one, RULE, seed=3)
+    np.testing.assert_array_equal(first, alone.rollout(several, policy, 30))
+    np.testing.assert_array_equal(second, alone.rollout(several, policy, 30))
+
+
+def test_few_moments_start_no_process():
+    _, moments = flown()
+    simulator = Simulator(make_one, RULE, processes=2)
+    simulator.rollout(moments[:3], pilot, 2)
+    assert simulator._pool is None
 
 
 def test_nobody_knows_the_noise_of_the_future():
