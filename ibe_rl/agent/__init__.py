@@ -1,4 +1,4 @@
-"""Agents on TorchRL's losses; they know observations and actions, no environment."""
+"""Agents on TorchRL's parts; they know observations and actions, no environment."""
 
 from __future__ import annotations
 

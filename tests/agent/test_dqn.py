@@ -1,9 +1,13 @@
 """Returns of several steps, across ends and the edges of batches, and what the network is taught, by hand."""
 
+from copy import deepcopy
+
 import pytest
 import torch
 from tensordict import TensorDict
 from torch import nn
+from torchrl.modules import QValueActor
+from torchrl.objectives import DQNLoss
 
 from ibe_rl.agent.dqn import DQN, several_steps
 from ibe_rl.config import DQNConfig
@@ -89,3 +93,35 @@ def test_the_target_follows_once_a_batch():
     expected = before + 0.25 * (agent._network[-1].bias - before)
     torch.testing.assert_close(agent._target.module[-1].bias, expected)
     assert not torch.equal(before, agent._network[-1].bias)
+
+
+@pytest.mark.filterwarnings("ignore:No target network updater")
+def test_with_one_step_loss_and_gradients_are_torchrls():
+    torch.manual_seed(2)
+    agent = DQN(DQNConfig(n_steps=1, gamma=0.9, hidden=[8]), 1, 3, 1_000)
+    steps = steps_of(torch.rand(12).tolist(), "---x-------x", "---x--------")
+    steps["observation"], steps["next", "observation"] = torch.randn(1, 12, 1), torch.randn(1, 12, 1)
+    steps["action"] = torch.randint(3, (1, 12))
+    learnt_weights = deepcopy(agent._network.state_dict())
+    for parameter in agent._network.parameters():
+        nn.init.normal_(parameter)
+    agent._target.module.load_state_dict(agent._network.state_dict())
+    theirs = DQNLoss(
+        QValueActor(agent._network, in_keys=["observation"], action_space="categorical"),
+        loss_function="smooth_l1",
+        delay_value=True,
+        double_dqn=True,
+        action_space="categorical",
+    )  # its target network is a copy of the network as it is now
+    theirs.make_value_estimator(gamma=0.9)
+    agent._network.load_state_dict(learnt_weights)
+    expected = theirs(steps.reshape(-1))["loss"]
+    expected.backward()
+    gradients = [parameter.grad.clone() for parameter in agent._network.parameters()]
+
+    data = several_steps(steps, 1, 0.9)
+    said = agent._network(data["observation"]).gather(-1, data["action"][:, None]).squeeze(-1)
+    ours = nn.functional.smooth_l1_loss(said, agent._worth(data))
+    torch.testing.assert_close(ours, expected)
+    for one, other in zip(torch.autograd.grad(ours, agent._network.parameters()), gradients, strict=True):
+        torch.testing.assert_close(one, other)
