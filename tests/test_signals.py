@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -73,3 +74,24 @@ def test_processes_started_so_do_not_hear_interrupts():
 def test_interrupts_come_back_also_after_an_error():
     with pytest.raises(OSError, match="no process"), interrupts_stay_here():
         raise OSError("no process")
+
+
+def test_processes_started_so_do_not_run_the_script(tmp_path: Path):
+    """Without it a spawned process imports the script that started it, with all that it imports."""
+    script = tmp_path / "script.py"
+    script.write_text("""
+import multiprocessing, sys
+from contextlib import nullcontext
+from ibe_rl.signals import script_stays_here
+print("imported", flush=True)
+if __name__ == "__main__":
+    for context in (nullcontext(), script_stays_here()):
+        print("start", flush=True)
+        process = multiprocessing.get_context("spawn").Process(target=print, args=("works",))
+        with context:
+            process.start()
+        process.join()
+    print(__file__ == sys.argv[0])
+""")
+    out = subprocess.run([sys.executable, str(script)], check=True, capture_output=True, text=True).stdout
+    assert out.split() == ["imported", "start", "imported", "works", "start", "works", "True"]

@@ -165,6 +165,20 @@ def test_arguments_reach_the_environment():
     assert (data["state"][..., 8] == np.float32(-0.6)).all()
 
 
+def test_continuous_engines_take_a_row_of_numbers_each():
+    torch.manual_seed(0)
+    check_env_specs(make(continuous=True, count=2))
+    data = make(continuous=True, count=2).rollout(5)
+    assert data["action"].shape == (2, 5, 2)
+    for row in range(2):
+        game = make_gym(LANDER_ID, {"continuous": True})
+        game.reset(seed=SEED + row)
+        game.reset()
+        for step in data[row]:
+            state, *_ = game.step(step["action"].numpy())
+            np.testing.assert_array_equal(step["next", "state"], state)
+
+
 def test_make_gym_makes_one_with_its_time_limit():
     env = make_gym(LANDER_ID, {"pad": "right"})
     assert env.spec is not None
