@@ -22,7 +22,7 @@ train: $(INSTALLED) ## install, then train with the defaults and watch it live
 	$(BIN)/python train.py
 
 demo: $(INSTALLED) ## a small trained agent explains an episode, in under a minute
-	$(BIN)/python explain.py run=demo seed=3 context=left viewer=live output=runs/demo.rrd
+	$(BIN)/python explain.py run=demo seed=1 context=right viewer=live output=runs/demo.rrd
 
 test: $(INSTALLED) ## every check: format, lint, types, tests
 	$(BIN)/ruff format --check .
