@@ -94,7 +94,7 @@ class DQNConfig(AgentConfig):
     epsilon_early: float = setting(0.1, low=0.0, high=1.0)
     epsilon_end: float = setting(0.0, low=0.0, high=1.0)
     epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
-    target_rate: float = setting(1.0, low=TINY, high=1.0)  # share of the way to the network's weights, a batch
+    target_rate: float = setting(1.0, low=TINY, high=1.0)  # share of the way to the network, a batch; 1: all of it
 
 
 @dataclass

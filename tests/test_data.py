@@ -73,7 +73,7 @@ def test_episode_refuses_a_wrong_shape_by_name(changes: dict[str, Any]):
 def test_episode_cannot_be_changed():
     whole = episode()
     with pytest.raises(FrozenInstanceError):
-        whole.success = True  # type: ignore[misc]
+        whole.success = True
     for name in ("states", "actions", "rewards", "instructions", "given"):
         assert not getattr(whole, name).flags.writeable
 

@@ -164,7 +164,7 @@ class Counter:
 
 def test_what_cannot_be_drawn_can_be_watched():
     instructor, env = make_instructor("oracle", Counter.task), Counter()
-    watched = watch(env, lambda observations: np.zeros(len(observations), int), instructor, 4)  # type: ignore[arg-type]
+    watched = watch(env, lambda observations: np.zeros(len(observations), int), instructor, 4)
     assert (watched.background, list(watched.figures)) == ([], [[]] * 4)
     assert [moment.snapshot for moment in watched.moments] == [0, 1, 2]
     assert watched.episode.success

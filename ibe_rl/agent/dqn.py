@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any
 
+import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
@@ -42,8 +43,8 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
 def several_steps(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
     """Look ``n_steps`` ahead from every step that has so many after and with it, or to the end of its episode.
 
-    TorchRL's ``MultiStepTransform`` is not used: it moves the next observation on but not ``terminated``, so
-    that the steps before an end would be worth more than the end.
+    TorchRL's ``MultiStepTransform`` is not used: by the source of torchrl 0.14.1 it moves the next observation on
+    but not ``terminated``, so that the steps before an end would be worth more than the end.
 
     Args:
         steps: ``[N, T]``, each row one environment without gaps, ``T >= n_steps``.
@@ -130,11 +131,8 @@ class DQN:
     def _anneal(self) -> None:
         config, progress = self._config, self._frames / self._total_frames
         self._optimizer.param_groups[0]["lr"] = linear(config.learning_rate, 0.0, progress)
-        early = config.epsilon_share
-        if progress < early:
-            self._epsilon = linear(1.0, config.epsilon_early, progress / early)
-        else:
-            self._epsilon = linear(config.epsilon_early, config.epsilon_end, (progress - early) / (1 - early + 1e-9))
+        turns = (1.0, config.epsilon_early, config.epsilon_end)
+        self._epsilon = float(np.interp(progress, (0.0, config.epsilon_share, 1.0), turns))
 
     def _learn(self, updates: int) -> float:
         size = self._config.minibatch_size

@@ -140,7 +140,7 @@ def test_a_config_that_is_none_is_refused(folder: Path, text: str | None):
 )
 def test_a_config_that_does_not_fit_is_refused(folder: Path, changes: dict[str, Any], message: str):
     saved = OmegaConf.to_container(OmegaConf.load(folder / CONFIG))
-    OmegaConf.save(OmegaConf.create({**saved, **changes}), folder / CONFIG)  # type: ignore[dict-item]
+    OmegaConf.save(OmegaConf.create({**saved, **changes}), folder / CONFIG)
     with pytest.raises(ConfigError, match=message):
         load_run(folder)
 
