@@ -12,9 +12,10 @@ from view_data import HORIZON_STEPS, TASK, WATCHED, explain, flights, record, re
 
 from ibe_rl import picture, stream
 from ibe_rl.data import Phrases, Task
+from ibe_rl.film import SILENCE
 from ibe_rl.ibe import ClusterMapping, phrase
 from ibe_rl.refresh import Refresh
-from ibe_rl.stream import SILENCE, NoRecorder, Recorder
+from ibe_rl.stream import NoRecorder, Recorder
 
 Rows = dict[str, list[dict[str, Any]]]
 

@@ -1,0 +1,177 @@
+"""One watched episode as a film: the scene, what was told and said, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from ibe_rl import picture, view
+from ibe_rl.data import Array, Explanation, Task, Watched
+from ibe_rl.ibe import phrase
+
+SILENCE = "(silent)"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something begins on both timelines."""
+
+    frame: int
+    step: int
+
+    def columns(self, steps: Array | Sequence[int]) -> list[rr.TimeColumn]:
+        """Both timelines for rows that lie so many ``steps`` later."""
+        offsets = np.asarray(steps, dtype=np.int64)
+        return [
+            rr.TimeColumn(view.FRAMES, sequence=self.frame + offsets),
+            rr.TimeColumn(view.WATCHED_STEP, sequence=self.step + offsets),
+        ]
+
+    def set(self, recording: rr.RecordingStream) -> None:
+        """Let what is logged next lie here."""
+        recording.set_time(view.FRAMES, sequence=self.frame)
+        recording.set_time(view.WATCHED_STEP, sequence=self.step)
+
+
+class Film:
+    """Writes watched episodes into a recording.
+
+    Args:
+        recording: where to.
+        task: what the environment declares of itself.
+    """
+
+    def __init__(self, recording: rr.RecordingStream, task: Task) -> None:
+        self._recording, self._task = recording, task
+        self._shades: dict[str, Array] = {}  # of each phrase, as it was first said
+
+    def send(
+        self,
+        place: Place,
+        watched: Watched,
+        said: Sequence[Explanation],
+        head: str,
+        standing: Callable[[int], str],
+    ) -> None:
+        """Write one episode.
+
+        Args:
+            place: of its first step.
+            watched: the episode, ``T`` steps.
+            said: ``T`` explanations, one a step.
+            head: first line of the panel of words, in markdown.
+            standing: from the cluster just spoken to what that panel says of the vocabulary.
+        """
+        instructed = [self._instructed(moment.instruction, moment.given) for moment in watched.moments]
+        if self._task.scene_path is not None:
+            self._send_scene(place, watched, said)
+            self._send_told(place, instructed)
+        self._send_signals(place, watched, said)
+        self._send_lanes(place, instructed, said)
+        self._send_now(place, head, instructed, said, standing)
+        self._send_spoken(place, watched, said)
+
+    def _send(self, path: str, times: list[rr.TimeColumn], columns: rr.ComponentColumnList) -> None:
+        rr.send_columns(path, times, columns, recording=self._recording)
+
+    def _instructed(self, instruction: Array, given: bool) -> str:
+        if not given:
+            return SILENCE
+        words = phrase(instruction, self._task.phrases)
+        self._shades.setdefault(words, picture.colours(instruction[:1])[0])
+        return words
+
+    def _send_scene(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
+        assert self._task.scene_path is not None
+        height = self._task.scene_size[1]
+        place.set(self._recording)
+        view.log_background(self._recording, watched.background, height)
+        every = place.columns(np.arange(len(watched.figures)))
+        self._send_figures(every, watched, height)
+        path = picture.flipped(self._task.scene_path(watched.episode.states), height)
+        trails = picture.trails(path)
+        self._send("scene/trail", every, rr.LineStrips2D.columns(strips=trails))
+        before = place.columns(np.arange(len(said)))
+        real = picture.thinned(picture.ahead(path, said[0].horizon_steps))
+        self._send("scene/really", before, rr.LineStrips2D.columns(strips=real))
+        predicted = picture.flipped(self._task.scene_path(np.stack([one.path for one in said])), height)
+        self._send_predicted(place, picture.thinned(predicted), said)
+
+    def _send_predicted(self, place: Place, predicted: Array, said: Sequence[Explanation]) -> None:
+        before, (steps, points) = place.columns(np.arange(len(said))), predicted.shape[:2]
+        dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
+        self._send("scene/predicted", before, dots)
+        shades = picture.colours(np.array([one.expression[0] for one in said]))
+        words = [f"says: {one.phrase}" for one in said]
+        self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
+        every = said[0].horizon_steps
+        kept = picture.kept(predicted, every)
+        lines = rr.LineStrips2D.columns(strips=np.concatenate(kept)).partition([len(lines) for lines in kept])
+        self._send("scene/said", place.columns(np.arange(len(kept)) * every), lines)
+
+    def _send_figures(self, times: list[rr.TimeColumn], watched: Watched, height: float) -> None:
+        if not watched.figures[0]:
+            return
+        strips = picture.moving_strips(watched.figures, height)
+        steps, shapes = strips.shape[:2]
+        columns = rr.LineStrips2D.columns(strips=strips.reshape(-1, *strips.shape[2:])).partition([shapes] * steps)
+        look = view.look(watched.figures[0])
+        self._recording.log("scene/figures", look)
+        self._send("scene/figures", times, columns)
+
+    def _send_told(self, place: Place, instructed: Sequence[str]) -> None:
+        rows = picture.changes(instructed)
+        top = np.tile([self._task.scene_size[0] / 2, 0.0], (len(rows), 1))
+        labels = [f"told: {instructed[i]}" for i in rows]
+        self._send("scene/told", place.columns(rows), rr.Points2D.columns(positions=top, labels=labels))
+
+    def _send_signals(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
+        silent = ~np.asarray(watched.episode.given, bool)
+        instructions = np.array(watched.episode.instructions, float)
+        instructions[silent] = np.nan
+        expressions = np.array([one.expression for one in said], float)
+        times = place.columns(np.arange(len(said) + 1))
+        for name, values in (("instruction", instructions), ("explanation", expressions)):
+            values = np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan)  # no line on to the next episode
+            columns = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
+            self._send(f"signal/{name}", times, columns)
+
+    def _send_lanes(self, place: Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
+        for one in said:
+            self._shades.setdefault(one.phrase, picture.colours(one.expression[:1])[0])
+        words = list(self._shades)
+        states = rr.StateConfiguration(
+            values=[SILENCE, *words],
+            labels=[SILENCE, *picture.short(words, self._task.phrases)],
+            colors=np.array([view.SILENT, *self._shades.values()], np.uint8),
+        )
+        for lane, spoken in (("instructor", instructed), ("agent", [one.phrase for one in said])):
+            self._recording.log(f"says/{lane}", states, static=True)
+            rows = picture.changes(spoken)
+            times = place.columns([*rows, len(spoken)])
+            self._send(f"says/{lane}", times, rr.StateChange.columns(state=[*(spoken[i] for i in rows), ""]))
+
+    def _send_now(
+        self,
+        place: Place,
+        head: str,
+        instructed: Sequence[str],
+        said: Sequence[Explanation],
+        standing: Callable[[int], str],
+    ) -> None:
+        rows = picture.changes([(words, one.phrase, one.cluster) for words, one in zip(instructed, said, strict=True)])
+        texts = [f"{head}  \n{picture.said_lines(instructed[i], said[i])}\n\n{standing(said[i].cluster)}" for i in rows]
+        columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
+        self._send("now", place.columns(rows), columns)
+
+    def _send_spoken(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
+        rows = picture.changes([one.phrase for one in said])
+        end = "success" if watched.episode.success else "no success"
+        texts = [f"+{i}  {said[i].phrase}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
+        shades = picture.colours(np.array([said[i].expression[0] for i in rows]))
+        shades = np.concatenate([shades, [view.GREEN if watched.episode.success else view.PINK]]).astype(np.uint8)
+        columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)
+        self._send("log", place.columns([*rows, len(said)]), columns)
