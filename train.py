@@ -32,16 +32,16 @@ from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, step
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
+from ibe_rl.development import FIGURES, Development, figures, truth
 from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.explainer import explain
-from ibe_rl.ibe import ClusterMapping, TooLittleDataError
+from ibe_rl.explainer import narrate
+from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import came_true
 from ibe_rl.play import play, watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
-from ibe_rl.refresh import check_mapping, learn_vocabulary, save_refresh
+from ibe_rl.refresh import check_mapping
 from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import (
     CHECKPOINTS,
@@ -60,9 +60,7 @@ from ibe_rl.stream import NoRecorder, Recorder
 LATER_COLUMNS = (
     "eval/return_mean",
     "eval/success_rate",
-    "ibe/came_true",
-    "ibe/episodes",
-    "ibe/windows",
+    *FIGURES,
     "ibe/skipped",
 )
 """Columns of metrics.csv that only some rows fill."""
@@ -130,8 +128,9 @@ class Parts:
     progress: TrainingProgress
     table: MetricsTable
     folder: Path
-    mapping: ClusterMapping | None = None
+    development: Development
     refreshes: int = 0
+    kept: int = 0
     skipped: int = 0
 
 
@@ -157,6 +156,7 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
         progress=owned.enter_context(TrainingProgress(cfg.total_frames)),
         table=owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS)),
         folder=folder,
+        development=Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale),
     )
 
 
@@ -186,31 +186,29 @@ def training_row(log: TrajectoryLog, losses: dict[str, float]) -> dict[str, floa
 
 
 def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
-    """Learn the vocabulary anew, fly one greedy episode and explain its every step with it."""
+    """Learn the vocabulary anew, fly one greedy episode and explain it step by step."""
     frames, task, policy = parts.log.frames, parts.task, parts.agent.greedy
     try:
         with timeit("refresh"):
-            refresh = learn_vocabulary(parts.log, cfg.mapping, task, cfg.seed, parts.mapping)
-            save_refresh(parts.folder / REFRESHES, refresh, cfg.mapping, task)
+            refresh = parts.development.refresh(parts.log, policy)
+            parts.development.save(parts.folder / REFRESHES, refresh)
     except TooLittleDataError as reason:
         parts.skipped += 1
         parts.recorder.skipped(frames, str(reason))
         parts.progress.skipped(frames, str(reason))
         return {"ibe/skipped": parts.skipped}
-    parts.refreshes += 1
-    parts.mapping = refresh.mapping
+    parts.refreshes += refresh.taken
+    parts.kept += not refresh.taken
     with timeit("explain"):
-        watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + parts.refreshes)
-        horizon = cfg.mapping.horizon_steps
-        every = cfg.explain_every_steps
-        new = explain(watched.moments[::every], policy, parts.predictor, refresh.mapping, horizon, task.phrases)
-        said = [new[step // every] for step in range(len(watched.moments))]  # holds until something new is said
-        true = came_true(watched.episode, said, refresh.mapping, task.phrases, every)
+        watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + parts.refreshes + parts.kept)
+        horizon, every = cfg.mapping.horizon_steps, cfg.explain_every_steps
+        said = narrate(watched, every, policy, parts.predictor, refresh.standing, horizon, task.phrases)
+        row = figures(refresh) | truth(refresh, watched.episode, said, every, task.phrases)
     with timeit("stream"):
         parts.recorder.refresh(refresh)
         parts.recorder.watched(frames, watched, said)
-        parts.progress.refreshed(parts.refreshes, refresh, said[-1].phrase, true)
-    return {"ibe/came_true": true, "ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
+        parts.progress.refreshed(parts.refreshes, refresh, said[-1].phrase, row["ibe/came_true"])
+    return row
 
 
 def evaluate(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
@@ -237,6 +235,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
         "return_mean": row["eval/return_mean"],
         "evaluation_episodes": cfg.eval_episodes,
         "refreshes": parts.refreshes,
+        "refreshes_kept": parts.kept,
         "refreshes_skipped": parts.skipped,
         "stopped_early": stopped,
         "time_s": {name.removeprefix("time/"): seconds for name, seconds in times().items()},

@@ -116,8 +116,11 @@ class MappingConfig:
     normalisation: str = setting("minmax", choices=("minmax", "sign"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster on; empty: all
-    n_init: int = setting(4, low=1)  # k-means starts of the first refresh, or of each without warm_start
-    warm_start: bool = True  # clusters start where the last refresh left them
+    n_init: int = setting(4, low=1)  # k-means starts of a refresh that starts from nothing
+    newest_frames: int | None = setting(250_000, low=1)  # episodes that ended in these count; None: the whole log
+    memory: float | None = setting(0.75, low=0.0, high=0.99)  # what earlier windows still count; None: from nothing
+    survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # with less in common a cluster is not the same one
+    hold_within: float = setting(0.1, low=0.0, high=2.0)  # a surviving cluster's expression moves by more or not at all
     max_fit_windows: int = setting(20_000, low=100)  # k-means sees at most so many, drawn at random
 
 
@@ -141,12 +144,18 @@ class ViewerConfig:
 
 @dataclass
 class TrainConfig:
-    """``train.py``."""
+    """``train.py``.
+
+    With ``refresh_when_stale`` the vocabulary is not replaced by the clock: every ``refresh_every_frames`` a new one
+    is learnt, and replaces the standing one if it puts the newest episodes into words better by more than this
+    (``motion_auc``).
+    """
 
     seed: int = setting(0, low=0, high=MAX_SEED)
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
     run_dir: str = MISSING
     refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
+    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below
     explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds
     eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)

@@ -120,7 +120,7 @@ class Explanation:
     Attributes:
         expression: ``(d,)`` in [-1, 1], the instructor's own scale (m_t in the paper).
         phrase: the expression in words.
-        cluster: index of the cluster that the predicted change falls into.
+        cluster: lasting id of the cluster that the predicted change falls into.
         delta_state: ``(S,)`` predicted change of the state.
         horizon_steps: how far ahead, in steps of the environment.
         confidence: share of the cluster's windows that carried its most frequent instruction, in [0, 1];
@@ -196,8 +196,9 @@ class Task:
         contexts: all such names; also the options that ``reset`` takes under ``context_option``.
         context_option: key of the reset option that fixes the context.
         success_key: the key in ``info`` that says whether the episode ended well.
-        explained: index of the state dimension that the instructions speak of, used for figures only,
+        explained: index of the state dimension that the instructions speak of, used for figures and metrics,
             never by the explainer.
+        explained_band: change of it, over an explanation's horizon, beyond which it went one way or the other.
         max_episode_steps: where the environment cuts an episode off.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
@@ -214,6 +215,7 @@ class Task:
     context_option: str
     success_key: str
     explained: int
+    explained_band: float
     max_episode_steps: int
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
@@ -248,6 +250,10 @@ class Instructor(Protocol):
 
 class Mapping(Protocol):
     """f: change of the state to expression, as it was learnt at one refresh."""
+
+    @property
+    def ids(self) -> Array:
+        """Names ``(k,)`` of the clusters that last over refreshes."""
 
     def cluster(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to cluster indices ``(W,)``."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ibe_rl.data import Explanation, Mapping, Moment, Phrases, Policy, Predictor
+from ibe_rl.data import Array, Explanation, Mapping, Moment, Phrases, Policy, Predictor, Watched
 from ibe_rl.ibe import phrase
 
 
@@ -31,9 +31,33 @@ def explain(
     """
     if not moments:
         return []
-    paths = predictor.rollout(moments, policy, horizon_steps)
+    return put_in_words(predictor.rollout(moments, policy, horizon_steps), mapping, horizon_steps, vocabulary)
+
+
+def narrate(
+    watched: Watched,
+    every_steps: int,
+    policy: Policy,
+    predictor: Predictor,
+    mapping: Mapping,
+    horizon_steps: int,
+    vocabulary: Sequence[Phrases],
+) -> list[Explanation]:
+    """Explain every so many steps of an episode of ``T`` steps, as ``explain``; in between the last one holds.
+
+    Returns:
+        ``T`` explanations.
+    """
+    new = explain(watched.moments[::every_steps], policy, predictor, mapping, horizon_steps, vocabulary)
+    return [new[step // every_steps] for step in range(len(watched.moments))]
+
+
+def put_in_words(
+    paths: Array, mapping: Mapping, horizon_steps: int, vocabulary: Sequence[Phrases]
+) -> list[Explanation]:
+    """Say what predictions ``(N, H + 1, S)`` are called in a vocabulary; the rest is as in ``explain``."""
     delta = paths[:, -1] - paths[:, 0]
-    columns = (mapping.express(delta), mapping.cluster(delta), mapping.confidence(delta))
+    columns = (mapping.express(delta), mapping.ids[mapping.cluster(delta)], mapping.confidence(delta))
     return [
         Explanation(
             expression=expression,

@@ -229,7 +229,7 @@ def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> 
     """A vocabulary and what it stands on, in markdown."""
     return (
         f"{vocabulary_table(refresh.mapping, words, spoken)}\n\n"
-        f"Best {refresh.episodes_used:,} of {refresh.episodes_logged:,} episodes: "
+        f"Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
         f"{counts(refresh.episodes_by_context)}  \n"
         f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
         f"by instruction: {counts(refresh.windows_by_instruction)}"

@@ -58,7 +58,7 @@ class TrainingProgress:
         """Report a refresh and what the watched episode ended on."""
         self._bar.update(self._task, phrase=phrase)
         expressions = " ".join(f"{value:+.2f}" for value in refresh.mapping.expressions[:, 0])
-        episodes = f"{refresh.episodes_used} of {refresh.episodes_logged} episodes"
+        episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
         self.say(
             f"refresh {number} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,45 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array, ConfigError, Episode, Task
-from ibe_rl.ibe import ClusterMapping, PaperMapping, TooLittleDataError, Windows, cut_windows, phrase, top_episodes
+from ibe_rl.ibe import (
+    ClusterMapping,
+    PaperMapping,
+    TooLittleDataError,
+    Transition,
+    Windows,
+    cut_windows,
+    phrase,
+    top_episodes,
+)
 from ibe_rl.log import TrajectoryLog
+from ibe_rl.metrics import VocabularyDrift
 from ibe_rl.run_folder import write_json
 
 OTHER_EPISODES = 300
 """How many of the episodes that are not among the best are read for comparison."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a refresh changed.
+
+    Attributes:
+        last: the vocabulary before.
+        since_frame: training frames when that was learnt.
+        transition: what became of its clusters.
+        drift: how far the new vocabulary is from it, on windows that are the same at every refresh.
+        policy_drift: share of states, the same at every refresh, in which the policy acts otherwise than then.
+        last_scores: see ``vocabulary_scores``; of the vocabulary before, on the newest episodes.
+        staleness: by how much the new one puts these into words better than the one before (``motion_auc``).
+    """
+
+    last: ClusterMapping
+    since_frame: int
+    transition: Transition
+    drift: VocabularyDrift
+    policy_drift: float
+    last_scores: Dict[str, float]
+    staleness: float
 
 
 @dataclass(frozen=True)
@@ -31,10 +65,14 @@ class Refresh:
         top: the windows of the best episodes that it was learnt from.
         others: windows with an instruction of other episodes, a sample, for comparison only.
         episodes_logged: whole episodes in the log.
-        episodes_used: the best ones among them.
+        episodes_counted: those of them that the best were chosen from.
+        episodes_used: the best ones.
         episodes_by_context: of the best ones.
         windows_by_context: windows used, likewise.
         windows_by_instruction: windows used, by the instruction they began with.
+        change: what came of the vocabulary before, None if this is the first.
+        scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
+        taken: False if the vocabulary before was good enough and stays.
     """
 
     frame: int
@@ -42,10 +80,19 @@ class Refresh:
     top: Windows
     others: Windows
     episodes_logged: int
+    episodes_counted: int
     episodes_used: int
     episodes_by_context: Dict[str, int]
     windows_by_context: Dict[str, int]
     windows_by_instruction: Dict[str, int]
+    change: Change | None = None
+    scores: Dict[str, float] = field(default_factory=dict)
+    taken: bool = True
+
+    @property
+    def standing(self) -> ClusterMapping:
+        """The vocabulary that is spoken from now on."""
+        return self.mapping if self.taken or self.change is None else self.change.last
 
 
 def check_mapping(config: MappingConfig, task: Task) -> None:
@@ -75,7 +122,7 @@ def learn_vocabulary(
         config: see ``MappingConfig``.
         task: the environment's own names.
         seed: of the clustering; with the same log it gives the same vocabulary.
-        last: the vocabulary so far; with ``config.warm_start`` its clusters are where the new ones start.
+        last: the vocabulary so far, where the new one starts unless ``config.memory`` is None.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
@@ -83,8 +130,12 @@ def learn_vocabulary(
     index, contexts = log.index, log.context_names
     if not len(index):
         raise TooLittleDataError("no episode has ended yet")
-    best = top_episodes(
-        index["total_reward"], config.top_fraction, contexts if config.top_within == "context" else None
+    counted = _counted(index["frame"], log.frames, config.newest_frames)
+    best = np.zeros(len(index), bool)
+    best[counted] = top_episodes(
+        index["total_reward"][counted],
+        config.top_fraction,
+        contexts[counted] if config.top_within == "context" else None,
     )
     episodes = log.read(np.flatnonzero(best))
     top = cut_windows(episodes, config.horizon_steps, config.window_end)
@@ -92,23 +143,33 @@ def learn_vocabulary(
     if not len(top):
         longest = max(len(episode) for episode in episodes)
         raise TooLittleDataError(
-            f"the best {len(episodes)} of {len(index)} episodes have no window of {config.horizon_steps} steps with "
+            f"the best {len(episodes)} of {len(counted)} episodes have no window of {config.horizon_steps} steps with "
             f"an instruction (the longest has {longest} steps)"
         )
-    mapping = (
-        _estimator(config, task, seed, last if config.warm_start else None).fit(top.delta, top.instruction).mapping_
-    )
     return Refresh(
         frame=log.frames,
-        mapping=mapping,
+        mapping=_estimator(config, task, seed, last).fit(top.delta, top.instruction).mapping_,
         top=top,
-        others=_other_windows(log, ~best, config, seed) or top[:0],
+        others=_other_windows(log, counted[~best[counted]], config, seed) or top[:0],
         episodes_logged=len(index),
+        episodes_counted=len(counted),
         episodes_used=len(episodes),
         episodes_by_context=_count(contexts[best], task.contexts),
         windows_by_context=_count(contexts[best][top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
     )
+
+
+def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
+    """Rows of the episodes that count.
+
+    Raises:
+        TooLittleDataError: if there are none.
+    """
+    counted = np.flatnonzero(ended_at > (-1 if newest_frames is None else frames - newest_frames))
+    if not len(counted):
+        raise TooLittleDataError(f"no episode has ended in the newest {newest_frames:,} frames")
+    return counted
 
 
 def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> PaperMapping:
@@ -117,14 +178,15 @@ def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMappin
         normalisation=config.normalisation,
         dimensions=[task.state_names.index(name) for name in config.dimensions] or None,
         n_init=config.n_init,
-        start=last.centre_changes() if last else None,
+        last=None if config.memory is None else last,
+        memory=config.memory or 0.0,
         max_fit_windows=config.max_fit_windows,
         random_state=seed,
     )
 
 
 def _other_windows(log: TrajectoryLog, others: Array, config: MappingConfig, seed: int) -> Windows | None:
-    rows = np.random.default_rng(seed).permutation(np.flatnonzero(others))[:OTHER_EPISODES]
+    rows = np.random.default_rng(seed).permutation(others)[:OTHER_EPISODES]
     episodes: Sequence[Episode] = log.read(rows)
     if not episodes:
         return None
@@ -150,17 +212,18 @@ def save_refresh(folder: Path, refresh: Refresh, config: MappingConfig, task: Ta
     mapping = refresh.mapping
     clusters = [
         {
-            "id": i,
+            "id": int(mapping.ids[i]),
             "size": int(mapping.sizes[i]),
             "mean_instruction": mapping.mean_instructions[i].tolist(),
             "expression": mapping.expressions[i].tolist(),
             "phrase": phrase(mapping.expressions[i], task.phrases),
             "purity": float(mapping.purities[i]),
+            "evidence": float(mapping.evidence[i]),
         }
         for i in range(len(mapping.sizes))
     ]
     path = folder / f"{refresh.frame:012d}.json"
-    episodes = {"logged": refresh.episodes_logged, "used": refresh.episodes_used}
+    episodes = {"logged": refresh.episodes_logged, "counted": refresh.episodes_counted, "used": refresh.episodes_used}
     windows = {"used": len(refresh.top), "by_context": refresh.windows_by_context}
     write_json(
         path,
@@ -170,11 +233,29 @@ def save_refresh(folder: Path, refresh: Refresh, config: MappingConfig, task: Ta
             "episodes": episodes | {"by_context": refresh.episodes_by_context},
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,
+            "scores": _without_nan(refresh.scores),
+            "change": None if refresh.change is None else _change(refresh.change),
             "state_names": list(task.state_names),
             "mapping": mapping.to_dict(),
         },
     )
     return path
+
+
+def _change(change: Change) -> dict[str, Any]:
+    return {
+        "since_frame": change.since_frame,
+        "transition": change.transition.to_dict(),
+        "vocabulary_drift": asdict(change.drift),
+        "policy_drift": change.policy_drift,
+        "scores_before": _without_nan(change.last_scores),
+        **_without_nan({"staleness": change.staleness}),
+    }
+
+
+def _without_nan(values: Dict[str, float]) -> dict[str, float | None]:
+    """JSON has no word for what cannot be told; null is the nearest."""
+    return {name: None if math.isnan(value) else value for name, value in values.items()}
 
 
 def load_mapping(path: Path) -> tuple[ClusterMapping, int, int]:

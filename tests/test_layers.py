@@ -13,12 +13,13 @@ SCRIPTS = ("train", "explain")
 LAYERS = (
     {"data", "config", "run_folder", "signals", "command_line", "checkpoint"},
     {"env", "log", "ibe"},
-    {"instruct", "agent", "predict"},
-    {"collect", "explainer", "metrics", "play", "refresh"},
+    {"instruct", "agent", "predict", "metrics"},
+    {"collect", "explainer", "play", "refresh", "development"},
     {"progress", "stream", "film", "view", "picture", "relay", "evaluation"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
+    *(("development", "refresh"), ("development", "explainer")),
     ("stream", "film"),
     ("stream", "view"),
     ("stream", "picture"),

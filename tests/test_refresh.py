@@ -27,6 +27,7 @@ TASK = Task(
     context_option="floor",
     success_key="arrived",
     explained=0,
+    explained_band=0.5,
     max_episode_steps=100,
 )
 STEPS = 12

@@ -85,6 +85,7 @@ def refreshed(frame: int = 50_000, count: int = 12, n_clusters: int = 8) -> Refr
         top=windows,
         others=cut_windows(others, HORIZON_STEPS),
         episodes_logged=len(episodes),
+        episodes_counted=len(episodes),
         episodes_used=len(top),
         episodes_by_context=Counter(episode.context for episode in top),
         windows_by_context=Counter(top[i].context for i in windows.episode),

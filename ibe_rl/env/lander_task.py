@@ -69,6 +69,7 @@ LANDER_TASK = Task(
     context_option="pad",
     success_key="landed",
     explained=X,
+    explained_band=0.05,
     max_episode_steps=MAX_EPISODE_STEPS,
     scene_path=scene_path,
     scene_size=(WIDTH, HEIGHT),

@@ -1,6 +1,7 @@
 """Instruction-based Behavior Explanation on plain arrays: numpy and scikit-learn, no torch."""
 
 from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
+from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping, PaperMapping, TooLittleDataError
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase
 
@@ -9,9 +10,11 @@ __all__ = [
     "ClusterMapping",
     "PaperMapping",
     "TooLittleDataError",
+    "Transition",
     "Windows",
     "cut_windows",
     "delta_states",
+    "keep_identity",
     "normalise",
     "phrase",
     "top_episodes",

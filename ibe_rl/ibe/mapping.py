@@ -33,6 +33,9 @@ class ClusterMapping:
         expressions: ``(k, d)`` m^i in [-1, 1]; clusters are sorted by the first number of e^i.
         sizes: ``(k,)`` windows in each cluster when it was learnt.
         purities: ``(k,)`` share of a cluster's windows that carried its most frequent instruction.
+        evidence: ``(k,)`` windows that the mean instructions stand on: the sizes, and what is remembered of
+            earlier windows.
+        ids: ``(k,)`` int, names of the clusters that last over refreshes (``ibe_rl.ibe.identity``).
     """
 
     mean: Array
@@ -42,6 +45,8 @@ class ClusterMapping:
     expressions: Array
     sizes: Array
     purities: Array
+    evidence: Array
+    ids: Array
 
     def __post_init__(self) -> None:
         k, dims = np.shape(self.centres)
@@ -53,9 +58,12 @@ class ClusterMapping:
             "expressions": (k, None),
             "sizes": (k,),
             "purities": (k,),
+            "evidence": (k,),
+            "ids": (k,),
         }
         for name, shape in shapes.items():
-            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), float), shape, name))
+            values = np.asarray(getattr(self, name), np.int64 if name == "ids" else np.float64)
+            object.__setattr__(self, name, read_only(values, shape, name))
 
     def cluster(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to the indices ``(W,)`` of their clusters."""
@@ -101,7 +109,9 @@ class PaperMapping(BaseEstimator):
         normalisation: "minmax" (literal) or "sign" (keeps the sign of each mean instruction).
         dimensions: indices of the state dimensions to cluster on; None takes all.
         n_init: k-means starts, the best is kept.
-        start: ``(k, S)`` centres in observation units to start from instead, such as those of an earlier mapping.
+        last: an earlier mapping: k-means starts from its centres instead.
+        memory: share in [0, 1) that the windows ``last`` stands on still count, each as one at its cluster's
+            centre; what it remembered itself fades likewise (streaming k-means with a decay factor).
         max_fit_windows: k-means runs on at most this many windows, drawn at random; sizes and mean
             instructions are of all of them.
         random_state: seed of the k-means starts and of the draw.
@@ -117,7 +127,8 @@ class PaperMapping(BaseEstimator):
         normalisation: str = "minmax",
         dimensions: Sequence[int] | None = None,
         n_init: int = 4,
-        start: Array | None = None,
+        last: ClusterMapping | None = None,
+        memory: float = 0.0,
         max_fit_windows: int = 20_000,
         random_state: int | None = None,
     ):
@@ -125,7 +136,8 @@ class PaperMapping(BaseEstimator):
         self.normalisation = normalisation
         self.dimensions = dimensions
         self.n_init = n_init
-        self.start = start
+        self.last = last
+        self.memory = memory
         self.max_fit_windows = max_fit_windows
         self.random_state = random_state
 
@@ -139,10 +151,13 @@ class PaperMapping(BaseEstimator):
 
         Raises:
             TooLittleDataError: with fewer distinct windows than clusters.
-            ValueError: if ``n_clusters`` is below 2, the lengths differ, or ``start`` has another shape.
+            ValueError: if ``n_clusters`` is below 2, ``memory`` is outside [0, 1), the lengths differ, or
+                ``last`` has another number of clusters or dimensions.
         """
         if self.n_clusters < 2:
             raise ValueError(f"n_clusters={self.n_clusters}: at least 2")
+        if not 0 <= self.memory < 1:
+            raise ValueError(f"memory={self.memory}: at least 0 and below 1")
         delta = np.asarray(delta, float)
         instruction = np.asarray(instruction, float)
         instruction = instruction[:, None] if instruction.ndim == 1 else instruction
@@ -162,30 +177,50 @@ class PaperMapping(BaseEstimator):
         if not len(delta):
             raise TooLittleDataError(f"0 distinct windows for n_clusters={self.n_clusters}")
         random = np.random.default_rng(self.random_state)
-        scaler = StandardScaler().fit(delta)
-        weight = 1 / scaler.scale_
-        if self.dimensions is not None:
-            weight[~np.isin(np.arange(delta.shape[1]), self.dimensions)] = 0
+        mean, weight = self._standard(delta)
         rows = random.permutation(len(delta))[: self.max_fit_windows]
-        standard = (delta[rows] - scaler.mean_) * weight
+        standard = (delta[rows] - mean) * weight
         distinct = len(np.unique(standard, axis=0))
         if distinct < self.n_clusters:
             raise TooLittleDataError(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
+        counts = np.full(len(rows), len(delta) / len(rows))
         starts: dict[str, Any] = {"n_init": self.n_init}
-        if self.start is not None:
-            first = read_only(self.start, (self.n_clusters, delta.shape[1]), "start")
-            starts = {"n_init": 1, "init": (first - scaler.mean_) * weight}
+        if self.last is not None:
+            first = (read_only(self.last.centre_changes(), (self.n_clusters, delta.shape[1]), "last") - mean) * weight
+            starts = {"n_init": 1, "init": first}
+            standard, counts = np.concatenate([standard, first]), np.append(counts, self.memory * self.last.evidence)
         kmeans = KMeans(self.n_clusters, random_state=int(random.integers(2**31)), **starts)
-        return kmeans.fit(standard).cluster_centers_, scaler.mean_, weight
+        return kmeans.fit(standard, sample_weight=counts).cluster_centers_, mean, weight
+
+    def _standard(self, delta: Array) -> tuple[Array, Array]:
+        """Mean, and 1 / standard deviation of the dimensions to cluster on; those of ``last`` count as remembered."""
+        scaler = StandardScaler().fit(delta)
+        mean, variance = scaler.mean_, scaler.scale_**2
+        if self.last is not None:
+            remembered = self.memory * self.last.evidence.sum()
+            new = len(delta) / (len(delta) + remembered)
+            earlier = np.divide(1, self.last.weight, out=np.ones_like(mean), where=self.last.weight > 0) ** 2
+            mean, variance = (1 - new) * self.last.mean + new * mean, (1 - new) * earlier + new * variance
+        weight = 1 / np.sqrt(variance)
+        if self.dimensions is not None:
+            weight[~np.isin(np.arange(delta.shape[1]), self.dimensions)] = 0
+        return mean, weight
 
     def _name(
         self, delta: Array, instruction: Array, centres: Array, mean: Array, weight: Array
     ) -> tuple[ClusterMapping, Array]:
         """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and normalise; and labels."""
+        k = len(centres)
         labels = pairwise_distances_argmin((delta - mean) * weight, centres)
-        sizes = np.bincount(labels, minlength=len(centres))
-        sums = np.stack([np.bincount(labels, column, len(centres)) for column in instruction.T], axis=1)
-        means = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], instruction.mean(axis=0))
+        sizes = np.bincount(labels, minlength=k)
+        sums = np.stack([np.bincount(labels, column, k) for column in instruction.T], axis=1)
+        evidence = sizes.astype(float)
+        if self.last is not None:
+            remembered = self.memory * self.last.evidence
+            earlier = pairwise_distances_argmin((self.last.centre_changes() - mean) * weight, centres)
+            np.add.at(evidence, earlier, remembered)
+            np.add.at(sums, earlier, remembered[:, None] * self.last.mean_instructions)
+        means = np.where(evidence[:, None] > 0, sums / np.maximum(evidence, 1e-9)[:, None], instruction.mean(axis=0))
         order = np.argsort(means[:, 0], kind="stable")
         named = ClusterMapping(
             mean,
@@ -195,6 +230,8 @@ class PaperMapping(BaseEstimator):
             expressions=normalise(means, self.normalisation)[order],
             sizes=sizes[order],
             purities=_purities(labels, sizes, instruction)[order],
+            evidence=evidence[order],
+            ids=np.arange(k),
         )
         return named, np.argsort(order)[labels]
 

@@ -1,5 +1,23 @@
-"""Whether explanations are true."""
+"""Whether explanations are true, and what moved since the last refresh."""
 
-from ibe_rl.metrics.quality import came_true, phrases_true
+from ibe_rl.metrics.drift import VocabularyDrift, policy_drift, vocabulary_drift
+from ibe_rl.metrics.quality import (
+    came_true,
+    instruction_f1,
+    motion_auc,
+    motion_spearman,
+    phrases_true,
+    vocabulary_scores,
+)
 
-__all__ = ["came_true", "phrases_true"]
+__all__ = [
+    "VocabularyDrift",
+    "came_true",
+    "instruction_f1",
+    "motion_auc",
+    "motion_spearman",
+    "phrases_true",
+    "policy_drift",
+    "vocabulary_drift",
+    "vocabulary_scores",
+]

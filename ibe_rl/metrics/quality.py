@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import spearmanr
+from sklearn.metrics import f1_score, roc_auc_score
 
-from ibe_rl.data import Array, Episode, Explanation, Mapping, Phrases
-from ibe_rl.ibe import delta_states, phrase
+from ibe_rl.data import Array, Episode, Explanation, Mapping, Phrases, Task
+from ibe_rl.ibe import Windows, delta_states, phrase
 
 
 def phrases_true(
@@ -37,3 +39,64 @@ def came_true(
 ) -> float:
     """Share of the moments at which ``phrases_true`` holds, of those that something new was said at."""
     return float(np.mean(phrases_true(episode, said, mapping, vocabulary)[::every_steps]))
+
+
+def motion_auc(expression: Array, change: Array, band: float) -> float:
+    """How well an expression tells which way it went, without any threshold on what was said.
+
+    Args:
+        expression: ``(W,)`` what was said.
+        change: ``(W,)`` how the explained dimension really changed.
+        band: beyond it, either way, it counts as having gone there.
+
+    Returns:
+        Mean of AUC(expression, went up) and AUC(-expression, went down); 1 is perfect, .5 is chance, not a number
+        if it never or always went one of the two ways.
+    """
+    ways = [(expression, change > band), (-expression, change < -band)]
+    if any(went.all() or not went.any() for _, went in ways):
+        return float("nan")
+    return float(np.mean([roc_auc_score(went, said) for said, went in ways]))
+
+
+def motion_spearman(expression: Array, change: Array) -> float:
+    """Rank correlation of what was said ``(W,)`` with the real change ``(W,)``; not a number if one is constant."""
+    if np.ptp(expression) == 0 or np.ptp(change) == 0:
+        return float("nan")
+    return float(spearmanr(expression, change).statistic)
+
+
+def instruction_f1(expression: Array, instruction: Array, values: Sequence[float]) -> float:
+    """Macro-F1 of the instruction value nearest to what was said ``(W,)``, against the instruction ``(W,)``.
+
+    A report, not a goal: an echo of the instruction scores 1.
+    """
+    allowed = np.asarray(values)
+    ranks = [np.abs(each[:, None] - allowed).argmin(axis=1) for each in (instruction, expression)]
+    return float(f1_score(*ranks, average="macro", zero_division=0))
+
+
+def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[str, float]:
+    """What can be had without a predictor: put into words what really happened, and see whether the words fit.
+
+    The first number of the expressions is held against the dimension that ``task`` says it speaks of. The
+    predicted change being the real one, ``vocabulary_loss`` is 1 - ``motion_auc``.
+
+    Args:
+        mapping: the vocabulary.
+        windows: with an instruction, of episodes that it is to be judged on.
+        task: the environment's own.
+
+    Returns:
+        Metric to value, not a number where the windows cannot tell: ``motion_auc``; ``motion_auc_disobeyed``,
+        the same on windows that did not go the way they were told; ``motion_spearman``; ``instruction_f1``.
+    """
+    said, told = mapping.express(windows.delta)[:, 0], windows.instruction[:, 0]
+    change, band = windows.delta[:, task.explained], task.explained_band
+    disobeyed = np.where(np.abs(change) > band, np.sign(change), 0) != np.sign(told)
+    return {
+        "motion_auc": motion_auc(said, change, band),
+        "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], band),
+        "motion_spearman": motion_spearman(said, change),
+        "instruction_f1": instruction_f1(said, told, task.instruction_values),
+    }

@@ -1,0 +1,185 @@
+"""The vocabulary of a run as it develops: learnt again and again, and what each time moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ibe_rl.config import MappingConfig
+from ibe_rl.data import Array, Episode, Explanation, Phrases, Policy, Task, observe
+from ibe_rl.explainer import put_in_words
+from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.metrics import came_true, policy_drift, vocabulary_drift, vocabulary_scores
+from ibe_rl.refresh import Change, Refresh, learn_vocabulary, save_refresh
+from ibe_rl.run_folder import write_atomically
+
+PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
+SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
+SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1")
+FIGURES = (
+    *("ibe/came_true", "ibe/came_true_stale"),
+    *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
+    *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
+    *(f"ibe/{name}" for name in SCORES),
+    *(f"ibe/{name}_stale" for name in SCORES),
+)
+"""What ``figures`` and ``truth`` can tell of a refresh; columns of metrics.csv."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What is the same at every refresh, so that only what is held against it can have moved.
+
+    Attributes:
+        delta: ``(P, S)`` changes of the state, for the vocabulary.
+        observations: ``(P, O)`` what the policy read where they began, for the policy.
+    """
+
+    delta: Array
+    observations: Array
+
+    def save(self, path: Path) -> None:
+        """Write both as ``.npz``, without pickles."""
+        write_atomically(path, lambda stream: np.savez(stream, delta=self.delta, observations=self.observations))
+
+
+class Development:
+    """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
+
+    Args:
+        config: of the mapping.
+        task: the environment's own names.
+        seed: of the clustering and of the probe.
+        when_stale: take a new vocabulary only if its ``motion_auc`` on the newest episodes is higher by more than
+            this; None takes it in any case.
+
+    Attributes:
+        mapping: the vocabulary that stands, None before the first refresh.
+        probe: drawn from the episodes of the first refresh.
+    """
+
+    def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
+        self._config, self._task, self._seed, self._when_stale = config, task, seed, when_stale
+        self.mapping: ClusterMapping | None = None
+        self.probe: Probe | None = None
+        self._learnt_at = self._next_id = 0
+        self._actions: Array | None = None
+
+    def refresh(self, log: TrajectoryLog, policy: Policy) -> Refresh:
+        """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
+
+        Args:
+            log: with whole episodes in it.
+            policy: the greedy policy as it is now.
+
+        Raises:
+            TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
+        """
+        learnt = learn_vocabulary(log, self._config, self._task, self._seed, self.mapping)
+        newest = self._newest(log)
+        if self.probe is None:
+            self.probe = draw_probe(log, self._config, self._seed)
+        actions = policy(self.probe.observations)
+        if self.mapping is not None:
+            learnt = self._held_against(self.mapping, learnt, self.probe, newest, actions)
+        else:
+            learnt = replace(learnt, scores=vocabulary_scores(learnt.mapping, newest, self._task))
+        if learnt.taken:
+            self.mapping, self._learnt_at, self._actions = learnt.mapping, learnt.frame, actions
+            self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
+        return learnt
+
+    def save(self, folder: Path, refresh: Refresh) -> None:
+        """Keep a refresh that was taken as JSON, and with the first one the probe."""
+        if refresh.change is None and self.probe is not None:
+            self.probe.save(folder / "probe.npz")
+        if refresh.taken:
+            save_refresh(folder, refresh, self._config, self._task)
+
+    def _held_against(
+        self, last: ClusterMapping, learnt: Refresh, probe: Probe, newest: Windows, actions: Array
+    ) -> Refresh:
+        mapping, transition = keep_identity(
+            last, learnt.mapping, probe.delta, self._next_id, self._config.survival_overlap, self._config.hold_within
+        )
+        before, after = (vocabulary_scores(each, newest, self._task) for each in (last, mapping))
+        staleness = after["motion_auc"] - before["motion_auc"]
+        assert self._actions is not None
+        change = Change(
+            last=last,
+            since_frame=self._learnt_at,
+            transition=transition,
+            drift=vocabulary_drift(last, mapping, probe.delta, self._task.phrases),
+            policy_drift=policy_drift(self._actions, actions),
+            last_scores=before,
+            staleness=staleness,
+        )
+        taken = self._when_stale is None or not staleness <= self._when_stale  # also if it cannot be told
+        return replace(learnt, mapping=mapping, change=change, scores=after, taken=taken)
+
+    def _newest(self, log: TrajectoryLog) -> Windows:
+        """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
+        count = len(log.index)
+        episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
+        windows = cut_windows(episodes, self._config.horizon_steps, "clamp")
+        return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
+
+
+def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
+    """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
+    random = np.random.default_rng(seed)
+    episodes = log.read(random.permutation(len(log.index))[:PROBE_EPISODES])
+    windows = cut_windows(episodes, config.horizon_steps, config.window_end)
+    rows = random.permutation(len(windows))[:PROBE_WINDOWS]
+    places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
+    states = np.array([episode.states[step] for episode, step in places])
+    instructions = np.array([episode.instructions[step] for episode, step in places])
+    given = np.array([[episode.given[step]] for episode, step in places])
+    return Probe(windows.delta[rows], observe(states, instructions, given))
+
+
+def figures(refresh: Refresh) -> dict[str, float]:
+    """What a refresh adds to metrics.csv; ``_stale`` is of the vocabulary before, on the same newest episodes."""
+    change, scores = refresh.change, refresh.scores
+    row: dict[str, float] = {"ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
+    if change is not None:
+        scores = refresh.scores if refresh.taken else change.last_scores
+        row |= {f"ibe/{name}_stale": value for name, value in change.last_scores.items()}
+        row |= {"ibe/policy_drift": change.policy_drift, "ibe/staleness": change.staleness}
+        row |= _moved(change) if refresh.taken else {}
+    return row | {f"ibe/{name}": value for name, value in scores.items()}
+
+
+def _moved(change: Change) -> dict[str, float]:
+    return {
+        "ibe/survived": len(change.transition.survived),
+        "ibe/vanished": len(change.transition.vanished),
+        "ibe/emerged": len(change.transition.emerged),
+        "ibe/vocabulary_drift": change.drift.phrase_changed,
+        "ibe/expression_moved": change.drift.expression_moved,
+        "ibe/cluster_agreement": change.drift.cluster_agreement,
+    }
+
+
+def truth(
+    refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int, words: Sequence[Phrases]
+) -> dict[str, float]:
+    """How much of what was said of an episode came true, and of what the vocabulary before would have said.
+
+    Args:
+        refresh: the newest one.
+        episode: ``T`` steps.
+        said: ``T`` explanations in the vocabulary that stands.
+        every_steps: something new was said once in so many steps.
+        words: of the environment.
+    """
+    row = {"ibe/came_true": came_true(episode, said, refresh.standing, words, every_steps)}
+    if refresh.change is not None:
+        last, horizon_steps = refresh.change.last, said[0].horizon_steps
+        stale = put_in_words(np.stack([one.path for one in said]), last, horizon_steps, words)
+        row["ibe/came_true_stale"] = came_true(episode, stale, last, words, every_steps)
+    return row

@@ -1,0 +1,82 @@
+"""Clusters that keep their names from one refresh to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as Dict
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from sklearn.metrics.cluster import contingency_matrix
+
+from ibe_rl.data import Array
+from ibe_rl.ibe.mapping import ClusterMapping
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What became of the clusters of one mapping in the next (survival as in MONIC, Spiliopoulou et al. 2006).
+
+    Attributes:
+        survived: id to the overlap of the cluster before with the one after: the share of the windows in either
+            of them that lie in both.
+        vanished: ids that are no more.
+        emerged: ids that are new.
+    """
+
+    survived: Dict[int, float]
+    vanished: tuple[int, ...]
+    emerged: tuple[int, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        survived = [{"id": name, "overlap": overlap} for name, overlap in self.survived.items()]
+        return {"survived": survived, "vanished": list(self.vanished), "emerged": list(self.emerged)}
+
+
+def keep_identity(
+    last: ClusterMapping,
+    new: ClusterMapping,
+    probe: Array,
+    next_id: int,
+    survival_overlap: float = 0.5,
+    hold_within: float = 0.0,
+) -> tuple[ClusterMapping, Transition]:
+    """Give the clusters of ``new`` the ids of those of ``last`` that they continue.
+
+    Clusters are paired so that the sum of their overlaps is largest (Hungarian method). Beside the probe, each
+    cluster's own centre counts as one window, so that one which the probe does not reach can be known again too.
+
+    Args:
+        last: the mapping before.
+        new: the one after.
+        probe: ``(P, S)`` changes of the state, the same at each refresh.
+        next_id: the first id that was never given.
+        survival_overlap: a pair with less in common is one that vanished and one that emerged.
+        hold_within: a survivor whose expression moved by no more than this keeps it: words shall not change for noise.
+
+    Returns:
+        ``new`` with lasting ids and held expressions, and what became of the clusters.
+    """
+    points = np.concatenate([probe, last.centre_changes(), new.centre_changes()])
+    overlap = _overlap(last.cluster(points), new.cluster(points), len(last.ids), len(new.ids))
+    pairs = [pair for pair in zip(*linear_sum_assignment(-overlap), strict=True) if overlap[pair] >= survival_overlap]
+    ids, expressions, survived = np.full(len(new.ids), -1), np.array(new.expressions), {}
+    for before, after in pairs:
+        ids[after] = last.ids[before]
+        survived[int(ids[after])] = float(overlap[before, after])
+        if np.abs(expressions[after] - last.expressions[before]).max() <= hold_within:
+            expressions[after] = last.expressions[before]
+    ids[ids < 0] = next_id + np.arange(np.sum(ids < 0))
+    vanished = tuple(int(name) for name in last.ids if int(name) not in survived)
+    emerged = tuple(int(name) for name in ids if int(name) not in survived)
+    return replace(new, ids=ids, expressions=expressions), Transition(survived, vanished, emerged)
+
+
+def _overlap(before: Array, after: Array, k_before: int, k_after: int) -> Array:
+    """Jaccard index ``(k_before, k_after)`` of each pair of clusters, from the labels of the same windows."""
+    both = np.zeros((k_before, k_after))
+    both[np.ix_(np.unique(before), np.unique(after))] = contingency_matrix(before, after)
+    either = both.sum(axis=1)[:, None] + both.sum(axis=0) - both
+    return np.divide(both, either, out=np.zeros_like(both), where=either > 0)

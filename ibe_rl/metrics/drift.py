@@ -1,0 +1,49 @@
+"""What moved since the last refresh: the vocabulary on fixed windows, the policy in fixed states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.metrics import adjusted_rand_score
+
+from ibe_rl.data import Array, Mapping, Phrases
+from ibe_rl.ibe import phrase
+
+
+@dataclass(frozen=True)
+class VocabularyDrift:
+    """How far one mapping lies from another, on the same windows.
+
+    Attributes:
+        phrase_changed: share of the windows that are called something else.
+        expression_moved: mean distance of their expressions, in [0, 2].
+        cluster_agreement: adjusted Rand index of the clusters; 1 if they group the windows alike.
+    """
+
+    phrase_changed: float
+    expression_moved: float
+    cluster_agreement: float
+
+
+def vocabulary_drift(before: Mapping, after: Mapping, probe: Array, words: Sequence[Phrases]) -> VocabularyDrift:
+    """Compare two mappings on fixed changes of the state ``(P, S)``."""
+    expressions = [mapping.express(probe) for mapping in (before, after)]
+    spoken = [_phrases(each, words) for each in expressions]
+    return VocabularyDrift(
+        phrase_changed=float(np.mean(spoken[0] != spoken[1])),
+        expression_moved=float(np.mean(np.linalg.norm(expressions[0] - expressions[1], axis=1))),
+        cluster_agreement=float(adjusted_rand_score(before.cluster(probe), after.cluster(probe))),
+    )
+
+
+def policy_drift(before: Array, after: Array) -> float:
+    """Share of the same states ``(P, ...)`` in which another action is taken than before."""
+    return float(np.mean(np.any((before != after).reshape(len(before), -1), axis=1)))
+
+
+def _phrases(expressions: Array, words: Sequence[Phrases]) -> Array:
+    """Expressions ``(P, d)``, few of them distinct, to phrases ``(P,)``."""
+    distinct, rows = np.unique(expressions, axis=0, return_inverse=True)
+    return np.array([phrase(expression, words) for expression in distinct])[rows]
