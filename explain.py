@@ -27,7 +27,7 @@ from ibe_rl.explainer import explain
 from ibe_rl.film import SILENCE
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
-from ibe_rl.metrics import phrases_true
+from ibe_rl.metrics import happened, phrases_true
 from ibe_rl.play import watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.relay import Ports, Relay, choose_ports, invitation
@@ -105,7 +105,8 @@ def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence
     except OSError as error:
         raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
     recorder = Recorder(path, run.task, name, training=False)
-    recorder.watched(run.policy_frame, watched, said)
+    real = happened(watched.episode, run.horizon_steps, run.mapping, run.task.phrases)
+    recorder.watched(run.policy_frame, watched, said, real)
     recorder.close()
     return path
 

@@ -38,6 +38,7 @@ from ibe_rl.explainer import narrate
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
+from ibe_rl.metrics import happened
 from ibe_rl.play import play, watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
@@ -206,7 +207,9 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         row = figures(refresh) | truth(refresh, watched.episode, said, every, task.phrases)
     with timeit("stream"):
         parts.recorder.refresh(refresh)
-        parts.recorder.watched(frames, watched, said)
+        parts.recorder.watched(
+            frames, watched, said, happened(watched.episode, horizon, refresh.standing, task.phrases)
+        )
         parts.progress.refreshed(parts.refreshes, refresh, said[-1].phrase, row["ibe/came_true"])
     return row
 

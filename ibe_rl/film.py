@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from ibe_rl import picture, view
+from ibe_rl import picture, sentences, view
 from ibe_rl.data import Array, Explanation, Task, Watched
 from ibe_rl.ibe import phrase
 
@@ -53,6 +53,7 @@ class Film:
         place: Place,
         watched: Watched,
         said: Sequence[Explanation],
+        real: Sequence[str],
         head: str,
         standing: Callable[[int], str],
     ) -> None:
@@ -62,16 +63,18 @@ class Film:
             place: of its first step.
             watched: the episode, ``T`` steps.
             said: ``T`` explanations, one a step.
+            real: ``T`` phrases of what then happened.
             head: first line of the panel of words, in markdown.
             standing: from the cluster just spoken to what that panel says of the vocabulary.
         """
         instructed = [self._instructed(moment.instruction, moment.given) for moment in watched.moments]
         if self._task.scene_path is not None:
             self._send_scene(place, watched, said)
+            self._send_judged(place, said, real)
             self._send_told(place, instructed)
         self._send_signals(place, watched, said)
         self._send_lanes(place, instructed, said)
-        self._send_now(place, head, instructed, said, standing)
+        self._send_now(place, head, instructed, said, real, standing)
         self._send_spoken(place, watched, said)
 
     def _send(self, path: str, times: list[rr.TimeColumn], columns: rr.ComponentColumnList) -> None:
@@ -94,9 +97,6 @@ class Film:
         path = picture.flipped(self._task.scene_path(watched.episode.states), height)
         trails = picture.trails(path)
         self._send("scene/trail", every, rr.LineStrips2D.columns(strips=trails))
-        before = place.columns(np.arange(len(said)))
-        real = picture.thinned(picture.ahead(path, said[0].horizon_steps))
-        self._send("scene/really", before, rr.LineStrips2D.columns(strips=real))
         predicted = picture.flipped(self._task.scene_path(np.stack([one.path for one in said])), height)
         self._send_predicted(place, picture.thinned(predicted), said)
 
@@ -107,10 +107,26 @@ class Film:
         shades = picture.colours(np.array([one.expression[0] for one in said]))
         words = [f"says: {one.phrase}" for one in said]
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
-        every = said[0].horizon_steps
-        kept = picture.kept(predicted, every)
-        lines = rr.LineStrips2D.columns(strips=np.concatenate(kept)).partition([len(lines) for lines in kept])
-        self._send("scene/said", place.columns(np.arange(len(kept)) * every), lines)
+
+    def _send_judged(self, place: Place, said: Sequence[Explanation], real: Sequence[str]) -> None:
+        """At the end of each window: the way that was predicted at its beginning, and whether the words came true."""
+        assert self._task.scene_path is not None
+        entities, steps_ago = ("scene/then", "scene/verdict"), said[0].horizon_steps
+        place.set(self._recording)
+        for entity in entities:
+            self._recording.log(entity, rr.Clear(recursive=False))
+        begun = np.unique(picture.made_at(said))
+        begun = begun[begun + steps_ago <= len(said)]
+        if not len(begun):
+            return
+        times = place.columns(begun + steps_ago)
+        height, true = self._task.scene_size[1], [said[i].phrase == real[i] for i in begun]
+        paths = picture.flipped(self._task.scene_path(np.stack([said[i].path for i in begun])), height)
+        shades = np.where(np.array(true)[:, None], view.GREEN, view.PINK).astype(np.uint8)
+        self._send(entities[0], times, rr.LineStrips2D.columns(strips=picture.thinned(paths), colors=shades))
+        words = [sentences.judged(steps_ago, said[i].phrase, real[i]) for i in begun]
+        bottom = np.tile(np.array([self._task.scene_size[0] / 2, height], np.float32), (len(begun), 1))
+        self._send(entities[1], times, rr.Points2D.columns(positions=bottom, colors=shades, labels=words))
 
     def _send_figures(self, times: list[rr.TimeColumn], watched: Watched, height: float) -> None:
         if not watched.figures[0]:
@@ -145,7 +161,7 @@ class Film:
         words = list(self._shades)
         states = rr.StateConfiguration(
             values=[SILENCE, *words],
-            labels=[SILENCE, *picture.short(words, self._task.phrases)],
+            labels=[SILENCE, *sentences.short(words, self._task.phrases)],
             colors=np.array([view.SILENT, *self._shades.values()], np.uint8),
         )
         for lane, spoken in (("instructor", instructed), ("agent", [one.phrase for one in said])):
@@ -160,10 +176,19 @@ class Film:
         head: str,
         instructed: Sequence[str],
         said: Sequence[Explanation],
+        real: Sequence[str],
         standing: Callable[[int], str],
     ) -> None:
-        rows = picture.changes([(words, one.phrase, one.cluster) for words, one in zip(instructed, said, strict=True)])
-        texts = [f"{head}  \n{picture.said_lines(instructed[i], said[i])}\n\n{standing(said[i].cluster)}" for i in rows]
+        steps_ago, made = said[0].horizon_steps, picture.made_at(said)
+        verdicts = [""] * min(steps_ago, len(said)) + [
+            sentences.judged(steps_ago, said[i].phrase, real[i]) for i in made[: max(0, len(said) - steps_ago)]
+        ]
+        spoken = [(one.phrase, one.cluster) for one in said]
+        rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
+        texts = [
+            f"{head}  \n{sentences.said_lines(instructed[i], said[i])}  \n{verdicts[i]}\n\n{standing(said[i].cluster)}"
+            for i in rows
+        ]
         columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
         self._send("now", place.columns(rows), columns)
 

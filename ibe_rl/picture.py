@@ -1,25 +1,37 @@
-"""From episodes, refreshes and explanations to what the view shows of them: coordinates, colours and words.
+"""From episodes, refreshes and explanations to what the view shows of them: coordinates and colours.
 
 Numpy only; the view draws what this module returns. Scene points have y down, as screens do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibe_rl.data import Array, Explanation, Phrases, Shape, Task
-from ibe_rl.ibe import ClusterMapping, Windows, phrase
+from ibe_rl.data import Array, Shape, Task
+from ibe_rl.ibe import ClusterMapping, Windows
 
 if TYPE_CHECKING:
-    from ibe_rl.refresh import Refresh
+    pass
 
 BLUE, GREY, ORANGE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions from -1 over 0 to +1, told apart also without red or green."""
+LASTING = (
+    *((230, 100, 140), (90, 190, 250), (250, 200, 60), (150, 120, 240), (80, 210, 160)),
+    *(
+        (250, 140, 70),
+        (200, 200, 210),
+        (190, 90, 210),
+        (170, 210, 80),
+        (110, 140, 220),
+        (220, 150, 180),
+        (60, 170, 170),
+    ),
+)
+"""Colours of clusters, by their lasting ids."""
 TRAIL_POINTS = 64
 SCATTER_POINTS = 600
 BINS = 41
@@ -31,6 +43,11 @@ def colours(values: Array) -> Array:
     values = np.clip(np.asarray(values, float), -1, 1)[:, None]
     ends = np.where(values < 0, BLUE, ORANGE)
     return (GREY + np.abs(values) * (ends - np.array(GREY))).round().astype(np.uint8)
+
+
+def lasting(ids: Array) -> Array:
+    """Ids ``(k,)`` to colours ``(k, 3)`` uint8 that are theirs for the whole run."""
+    return np.array(LASTING, np.uint8)[np.asarray(ids) % len(LASTING)]
 
 
 def flipped(points: Array, height: float) -> Array:
@@ -60,54 +77,21 @@ def trails(path: Array) -> Array:
     return path[np.minimum(marks, np.arange(len(path))[:, None])]
 
 
-def ahead(path: Array, steps: int) -> Array:
-    """The way before each step: a path ``(T + 1, 2)`` to lines ``(T, steps + 1, 2)``, the end repeated."""
-    last = len(path) - 1
-    return path[np.minimum(np.arange(last)[:, None] + np.arange(steps + 1), last)]
-
-
 def thinned(paths: Array) -> Array:
     """Every second point of paths ``(T, H + 1, 2)``, and the last in any case."""
     rows = np.arange(paths.shape[1])
     return paths[:, (rows % 2 == 0) | (rows == rows[-1])]
 
 
-def kept(predicted: Array, every: int) -> list[Array]:
-    """Predictions that stay in the picture, to be held against what came of them.
-
-    Args:
-        predicted: ``(T, P, 2)`` one a step.
-        every: one in so many stays, the first one included.
-
-    Returns:
-        for each of the steps 0, every, 2 every, ... all that stay by then, ``(n, P, 2)``.
-    """
-    staying = predicted[::every]
-    return [staying[: i + 1] for i in range(len(staying))]
+def made_at(said: Sequence[object]) -> Array:
+    """For each step, the step at which what is said there was said first: ``(T,)``; it is held until the next."""
+    new = [i == 0 or said[i] is not said[i - 1] for i in range(len(said))]
+    return np.maximum.accumulate(np.where(new, np.arange(len(said)), 0))
 
 
 def changes(words: Sequence[object]) -> list[int]:
     """Indices at which a sequence differs from the entry before, the first one included."""
     return [i for i, word in enumerate(words) if i == 0 or word != words[i - 1]]
-
-
-def shared_words(words: Sequence[Phrases]) -> int:
-    """How many words all phrases of a language begin with; they can be left out where room is short.
-
-    >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
-    1
-    """
-    spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
-    shared = 0
-    while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
-        shared += 1
-    return shared
-
-
-def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
-    """Phrases without the words that all of the language begin with."""
-    shared = shared_words(words)
-    return [" ".join(one.split()[shared:]) for one in phrases]
 
 
 @dataclass(frozen=True)
@@ -151,11 +135,11 @@ def second_dimension(mapping: ClusterMapping, explained: int, delta: Array) -> i
     return int(np.argmax(spread))
 
 
-def label_row(points: Array, y: float) -> Array:
-    """Places ``(k, 2)`` for the labels of points ``(k, 2)``: in the points' order from left to right, evenly spaced."""
+def label_rows(points: Array, y: float) -> Array:
+    """Places ``(k, 2)`` for the labels of points ``(k, 2)``: from left to right as the points, in two rows by turns."""
     order = np.argsort(np.argsort(points[:, 0], kind="stable"))
-    x = 1.25 * ((order + 0.5) / len(points) * 2 - 1)  # beyond the axes: the panel is wider than they are
-    return np.stack([x, np.full(len(points), y)], axis=-1)
+    x = 1.2 * ((order + 0.5) / len(points) * 2 - 1)  # beyond the axes: the panel is wider than they are
+    return np.stack([x, y - 0.16 * (order % 2)], axis=-1)
 
 
 def axis(task: Task, dimension: int, delta: Array, symmetric: bool) -> Axis:
@@ -166,12 +150,6 @@ def axis(task: Task, dimension: int, delta: Array, symmetric: bool) -> Axis:
         high = max(abs(low), abs(high)) or 1.0
         low = -high
     return Axis(dimension, min(low, 0.0), max(high, 0.0), f"Δ{name} ({unit})")
-
-
-def centres(mapping: ClusterMapping) -> Array:
-    """Centres ``(k, S)`` as changes of the state in observation units; the mean where a dimension is left out."""
-    used = mapping.weight > 0
-    return mapping.mean + np.divide(mapping.centres, mapping.weight, out=np.zeros_like(mapping.centres), where=used)
 
 
 def sample(windows: Windows, count: int = SCATTER_POINTS) -> Array:
@@ -202,44 +180,3 @@ def cut(densities: Sequence[Array]) -> list[Array]:
     """Cut one peak that would hide the rest, such as that of all who stand still, to twice what is beside it."""
     highest = np.sort(np.max(densities, axis=0))[-2]
     return [np.minimum(density, 2 * highest) if highest > 0 else density for density in densities]
-
-
-def counts(of: Dict[str, int]) -> str:
-    """Names and numbers in one line.
-
-    >>> counts({"left": 1200, "right": 3})
-    'left: 1,200, right: 3'
-    """
-    return ", ".join(f"{name}: {number:,}" for name, number in of.items())
-
-
-def vocabulary_table(mapping: ClusterMapping, words: Sequence[Phrases], spoken: int | None = None) -> str:
-    """The clusters as a markdown table, the one just spoken marked."""
-    rows = ["| # | says | windows | mean m* | in words |", "|--:|--:|--:|--:|:--|"]
-    phrases = short([phrase(expression, words) for expression in mapping.expressions], words)
-    for i, (expression, mean) in enumerate(zip(mapping.expressions, mapping.mean_instructions, strict=True)):
-        numbers = [" ".join(f"{value:+.2f}" for value in row) for row in (expression, mean)]
-        size = f"{int(mapping.sizes[i]):,}"
-        cells = [f"→ {i}" if i == spoken else str(i), numbers[0], size, numbers[1], phrases[i]]
-        rows.append("| " + " | ".join(f"**{cell}**" if i == spoken else cell for cell in cells) + " |")
-    return "\n".join(rows)
-
-
-def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> str:
-    """A vocabulary and what it stands on, in markdown."""
-    return (
-        f"{vocabulary_table(refresh.mapping, words, spoken)}\n\n"
-        f"Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
-        f"{counts(refresh.episodes_by_context)}  \n"
-        f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
-        f"by instruction: {counts(refresh.windows_by_instruction)}"
-    )
-
-
-def said_lines(instructed: str, explanation: Explanation) -> str:
-    """What both say at one step, in markdown."""
-    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
-    return (
-        f"Instructor: **{instructed}**  \n"
-        f"Agent: **{explanation.phrase}** ({number}), confidence {explanation.confidence:.0%}"
-    )

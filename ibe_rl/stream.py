@@ -5,7 +5,8 @@ the growing file from a process of its own.
 
 Two timelines: ``frames``, training frames, step j of an episode watched at frame F lying at F + j; and
 ``watched_step``, which counts the steps of all watched episodes one after the other, so that playing it is a
-film of them, each with the vocabulary of its time. Curves are on ``frames`` only.
+film of them, each with the vocabulary of its time. While an episode plays, the curves grow by the frames that
+were trained from it to the next one.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from ibe_rl import picture, view
+from ibe_rl import chart, sentences, view
 from ibe_rl.data import Explanation, Task, Watched
 from ibe_rl.film import Film, Place
 
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
 
 APPLICATION = "ibe_rl"
+GREETING = "It has just begun to train. Its first words come with the first refresh."
+INTRO_STEPS = 30
+"""Of the film, before the first episode: what was trained until then."""
 HOLD_S = 30.0
 """Longest time that rows of curves wait to be sent. They wait at all because a viewer that follows the newest
 data would leave the watched episode with every batch."""
@@ -46,7 +50,7 @@ class NoRecorder:
     def skipped(self, frames: int, reason: str) -> None:
         """Do nothing."""
 
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation]) -> None:
+    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Do nothing."""
 
     def flush(self) -> None:
@@ -73,7 +77,11 @@ class Recorder:
         self._recording.set_log_time_enabled(False)
         self._recording.send_recording_name(run_name)
         view.style(self._recording, task)
-        self._next = Place(0, 0)
+        if training:
+            Place(0, 0).set(self._recording)
+            self._recording.log("now", rr.TextDocument(GREETING, media_type="text/markdown"))
+        self._next = Place(0, INTRO_STEPS if training else 0)
+        self._drawn_to = 0  # step of the film that the curves have reached
         self._curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
         self._sent_at = time.monotonic()
         self._vocabulary: Refresh | None = None
@@ -94,16 +102,19 @@ class Recorder:
             self._send_curves()
 
     def refresh(self, refresh: Refresh) -> None:
-        """Show a new vocabulary: its clusters, expressions, what it was learnt from, and a line in the log."""
+        """Show a vocabulary: its clusters, expressions, what it was learnt from, and in the log what moved."""
         self._send_curves()
         self._vocabulary = refresh
         place = self._at(refresh.frame)
         place.set(self._recording)
-        view.log_clusters(self._recording, self._task, refresh)
-        view.log_bars(self._recording, self._task, refresh)
+        if refresh.taken:
+            chart.log_vocabulary(self._recording, self._task, refresh)
         self._recording.log("now", rr.TextDocument(self._standing(None), media_type="text/markdown"))
-        line = f"{refresh.frame:,} frames: vocabulary learnt anew from {refresh.episodes_used:,} episodes"
-        self._log_line(line, view.GREEN)
+        done = "vocabulary learnt anew" if refresh.taken else "vocabulary kept"
+        moved = sentences.moved(refresh)
+        self._log_line(f"{refresh.frame:,} frames: {done}{moved and ': '}{moved}", view.GREEN)
+        for line in sentences.transitions(refresh, self._task.phrases):
+            self._log_line(line, view.PALE)
 
     def skipped(self, frames: int, reason: str) -> None:
         """Say in the log that a refresh was due at ``frames`` and why there was none."""
@@ -111,24 +122,25 @@ class Recorder:
         self._at(frames).set(self._recording)
         self._log_line(f"{frames:,} frames: no new vocabulary, {reason}", view.PINK)
 
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation]) -> None:
+    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.
 
         Args:
             frames: training frames when it was flown.
             watched: the episode, ``T`` steps.
             said: ``T`` explanations, one a step.
+            real: ``T`` phrases of what then ``happened``.
 
         Raises:
-            ValueError: if there is not one explanation for each step.
+            ValueError: if there is not one explanation and one phrase for each step.
         """
         steps = len(watched.moments)
-        if len(said) != steps or not steps:
-            raise ValueError(f"{len(said)} explanations for an episode of {steps} steps")
+        if not len(said) == len(real) == steps or not steps:
+            raise ValueError(f"{len(said)} explanations and {len(real)} phrases for an episode of {steps} steps")
         self._send_curves()
         place = self._at(frames)
         head = f"**{frames:,}** frames, {self._task.context_option} **{watched.episode.context}**"
-        self._film.send(place, watched, said, head, self._standing)
+        self._film.send(place, watched, said, real, head, self._standing)
         self._next = Place(place.frame + steps + 1, place.step + steps + 1)
 
     def flush(self) -> None:
@@ -151,10 +163,18 @@ class Recorder:
         rr.send_columns(path, times, columns, recording=self._recording)
 
     def _send_curves(self) -> None:
+        """Send the rows of curves that wait; in the film they are spread up to where the next episode begins."""
+        arrived = {frames for rows in self._curves.values() for frames, _ in rows}
+        steps = np.linspace(self._drawn_to, self._next.step, len(arrived) + 1)[1:].astype(np.int64)
+        step_of = dict(zip(sorted(arrived), steps.tolist(), strict=True))
         for key, rows in self._curves.items():
             frames, values = zip(*rows, strict=True)
-            times = [rr.TimeColumn(view.FRAMES, sequence=np.array(frames))]
+            times = [
+                rr.TimeColumn(view.FRAMES, sequence=np.array(frames)),
+                rr.TimeColumn(view.WATCHED_STEP, sequence=np.array([step_of[frame] for frame in frames])),
+            ]
             self._send(f"curves/{key}", times, rr.Scalars.columns(scalars=np.array(values, float)))
+        self._drawn_to = self._next.step if arrived else self._drawn_to
         self._curves.clear()
         self._sent_at = time.monotonic()
 
@@ -163,4 +183,4 @@ class Recorder:
 
     def _standing(self, spoken: int | None) -> str:
         """The vocabulary in markdown, the cluster just spoken marked; nothing before the first one."""
-        return "" if self._vocabulary is None else picture.standing(self._vocabulary, self._task.phrases, spoken)
+        return "" if self._vocabulary is None else sentences.standing(self._vocabulary, self._task.phrases, spoken)

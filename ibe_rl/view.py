@@ -11,18 +11,20 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 
 from ibe_rl import picture
-from ibe_rl.data import Array, Shape, Task
+from ibe_rl.data import Shape, Task
 
 if TYPE_CHECKING:
-    from ibe_rl.refresh import Refresh
+    pass
 
 FRAMES, WATCHED_STEP = "frames", "watched_step"
 INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
-TRAIL, REALLY = (150, 140, 200), (235, 235, 240)
+TRAIL, BLUE, PALE = (150, 140, 200), (96, 165, 250), (190, 190, 200)
 GREEN, PINK, SILENT, OTHERS = (132, 224, 96), (244, 114, 182), (70, 70, 78), (130, 130, 140)
 BACKGROUND, AXIS = (13, 14, 20), (150, 150, 160)
 SCATTER_HEIGHT = 0.45
 """Of the scatter in units of its half width, for a panel that is broader than high."""
+FILM_FPS = 50
+"""Steps a second when the film plays."""
 WINDOW_STEPS = 320
 """How much of a watched episode the panels over time show; what is longer scrolls."""
 
@@ -32,39 +34,45 @@ CURVES = {
     "train/success_rate": ("success, training", (110, 110, 120)),
     "eval/success_rate": ("success, greedy", GREEN),
     "ibe/came_true": ("said came true", EXPLANATION),
+    "ibe/came_true_stale": ("in the words before", PALE),
+    "ibe/motion_auc": ("tells left from right", BLUE),
+    "ibe/staleness": ("staleness", INSTRUCTION),
+    "ibe/vocabulary_drift": ("words changed", PINK),
+    "ibe/policy_drift": ("acts otherwise", BLUE),
 }
 """Metrics with a curve in the view: name in the legend and colour."""
 
 
 def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
-    """Lay out all panels, or without ``training`` those of an episode; the view follows the newest data."""
+    """Lay out all panels, or without ``training`` those of an episode; the watched episodes play as a film."""
+    scene = [_scene(task)] if task.scene_path is not None else []
+    words = rrb.Vertical(*_episode(), row_shares=[22, 27, 51])
     if training:
-        panels = rrb.Horizontal(_left(task), _middle(), _right(task), column_shares=[38, 32, 30])
+        shown = rrb.Horizontal(*scene, words, column_shares=[54, 46][-1 - len(scene) :])
+        left = rrb.Vertical(shown, rrb.Horizontal(*_development()), row_shares=[67, 33])
+        panels = rrb.Horizontal(left, _right(task), column_shares=[69, 31])
     else:
-        scene = [_scene(task)] if task.scene_path is not None else []
         panels = rrb.Horizontal(*scene, rrb.Vertical(*_episode(), _spoken(), row_shares=[30, 24, 16, 30]))
     return rrb.Blueprint(
         panels,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TopPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=FRAMES, play_state="following", fps=50),
+        rrb.TimePanel(state="collapsed", timeline=WATCHED_STEP, play_state="playing", fps=FILM_FPS),
         auto_views=False,
     )
 
 
-def _left(task: Task) -> rrb.Container:
-    curves = rrb.Horizontal(
-        _curves("Return per episode", ["train/return_mean", "eval/return_mean"]),
-        _curves("Share of episodes", ["train/success_rate", "eval/success_rate", "ibe/came_true"], (-0.02, 1.06)),
-    )
-    if task.scene_path is None:
-        return rrb.Vertical(curves)
-    return rrb.Vertical(_scene(task), curves, row_shares=[60, 40])
-
-
-def _middle() -> rrb.Container:
-    return rrb.Vertical(*_episode(), row_shares=[22, 19, 59])
+def _development() -> list[rrb.View]:
+    """Curves over the training."""
+    shares = ["train/success_rate", "eval/success_rate", "ibe/came_true", "ibe/came_true_stale", "ibe/motion_auc"]
+    moved = ["ibe/vocabulary_drift", "ibe/policy_drift", "ibe/staleness"]
+    return [
+        _over_training("Return", _curves("train/return_mean", "eval/return_mean")),
+        _over_training("Success, truth", _curves(*shares), y_range=(-0.02, 1.06)),
+        _over_training("Moved since last", _curves(*moved), rrb.PlotLegend("RightTop")),
+        _over_training("Expressions", ["/development/**"], rrb.PlotLegend(visible=False)),
+    ]
 
 
 def _episode() -> list[rrb.View]:
@@ -92,11 +100,11 @@ def _right(task: Task) -> rrb.Container:
             origin="/vocabulary",
             name="What the best episodes did, by cluster",
             background=list(BACKGROUND),
-            visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.72, 0.76)),
+            visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.86, 0.72)),
         ),
         rrb.BarChartView(
             origin="/expression",
-            name="Expression of each cluster",
+            name="Expressions now",
             plot_legend=rrb.PlotLegend(visible=False),
         ),
         rrb.BarChartView(
@@ -125,22 +133,30 @@ def _scene(task: Task) -> rrb.View:
     width, height = task.scene_size
     return rrb.Spatial2DView(
         origin="/scene",
-        name=f"{task.name}: flown, predicted (dots), real (white)",
+        name=f"{task.name}: flown, predicted (dots), predicted before (line)",
         background=list(BACKGROUND),
         visual_bounds=rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height)),
     )
 
 
-def _curves(name: str, keys: Sequence[str], y_range: tuple[float, float] | None = None) -> rrb.View:
+def _curves(*metrics: str) -> list[str]:
+    return [f"/curves/{metric}" for metric in metrics]
+
+
+def _over_training(
+    name: str,
+    contents: Sequence[str],
+    legend: rrb.PlotLegend | None = None,
+    y_range: tuple[float, float] | None = None,
+) -> rrb.View:
     boundary = rrb.TimeRangeBoundary.infinite()
-    whole = rrb.TimeRange(start=boundary, end=boundary)
     return rrb.TimeSeriesView(
         name=name,
-        origin="/curves",
-        contents=[f"/curves/{key}" for key in keys],
-        axis_x=rrb.TimeAxis(view_range=whole),
+        origin="/",
+        contents=list(contents),
+        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary, end=boundary)),
         axis_y=None if y_range is None else rrb.ScalarAxis(range=y_range),
-        plot_legend=rrb.PlotLegend("RightBottom"),
+        plot_legend=legend or rrb.PlotLegend("RightBottom"),
     )
 
 
@@ -168,10 +184,10 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
         )
         static(f"signal/{name}", lines)
     static("scene/trail", rr.LineStrips2D.from_fields(colors=[TRAIL], radii=rr.Radius.ui_points(1.5)))
-    static("scene/really", rr.LineStrips2D.from_fields(colors=[REALLY], radii=rr.Radius.ui_points(0.8)))
+    static("scene/then", rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
+    static("scene/verdict", rr.Points2D.from_fields(radii=rr.Radius.ui_points(1), show_labels=True))
     static("scene/says", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4), show_labels=True, draw_order=55.0))
     static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTION], radii=rr.Radius.ui_points(1), show_labels=True))
-    static("scene/said", rr.LineStrips2D.from_fields(colors=[[*EXPLANATION, 110]], radii=rr.Radius.ui_points(0.8)))
     static(
         "scene/predicted",
         rr.Points2D.from_fields(colors=[EXPLANATION], radii=rr.Radius.ui_points(2.5), draw_order=50.0),
@@ -188,63 +204,3 @@ def log_background(recording: rr.RecordingStream, shapes: Sequence[Shape], heigh
     lines = [picture.strip(shape, height) for shape in shapes]
     colours, radii = [shape.colour for shape in shapes], [shape.radius for shape in shapes]
     recording.log("scene/background", rr.LineStrips2D(lines, colors=colours, radii=radii))
-
-
-def scatter(across: picture.Axis, up: picture.Axis, delta: Array) -> Array:
-    """Changes ``(W, S)`` to points ``(W, 2)`` of the scatter, y down."""
-    x, y = (axis.place(delta[:, axis.dimension]) for axis in (across, up))
-    return np.stack([x, -SCATTER_HEIGHT * y], axis=-1).astype(np.float32)
-
-
-def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Axis) -> None:
-    """Draw the axes of the scatter, and its marks and titles along the bottom and the left edge."""
-    h = SCATTER_HEIGHT
-    zero = -h * float(up.place([0.0])[0])
-    lines = [[(-1, zero), (1, zero)], [(0, -h), (0, h)], [(-1, -h), (-1, h), (1, h)]]
-    axes = rr.LineStrips2D(lines, colors=[AXIS], radii=rr.Radius.ui_points(0.5))
-    recording.log("vocabulary/axes", axes)
-    marks = [((x, h), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)]
-    marks += [((-1.0, -h * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
-    marks += [((0.6, h + 0.15), f"→ {across.title}"), ((-0.6, h + 0.15), f"↑ {up.title}")]
-    places, labels = zip(*marks, strict=True)
-    dots = rr.Points2D(places, labels=labels, colors=[AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
-    recording.log("vocabulary/marks", dots)
-
-
-def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, labels: Sequence[str]) -> None:
-    """Draw the centres ``(k, 2)`` of the clusters, their expressions in a row above, with lines between."""
-    size = rr.Radius.ui_points(6)
-    recording.log("vocabulary/centres", rr.Points2D(points, colors=shades, radii=size, draw_order=60.0))
-    places = picture.label_row(points, -SCATTER_HEIGHT - 0.24)
-    leaders = rr.LineStrips2D(np.stack([places, points], axis=1), colors=shades, radii=rr.Radius.ui_points(0.4))
-    recording.log("vocabulary/leaders", leaders)
-    names = rr.Points2D(places, colors=shades, labels=labels, radii=rr.Radius.ui_points(2), show_labels=True)
-    recording.log("vocabulary/names", names)
-
-
-def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
-    """Draw windows of the best episodes and the clusters, by the first number of their expressions."""
-    mapping, delta = refresh.mapping, picture.sample(refresh.top)
-    across = picture.axis(task, task.explained, delta, symmetric=True)
-    second = picture.second_dimension(mapping, task.explained, delta)
-    up = picture.axis(task, second, delta, symmetric=False)
-    log_axes(recording, across, up)
-    expressions = mapping.expressions[:, 0]
-    shades = picture.colours(expressions)
-    points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
-    recording.log("vocabulary/windows", rr.Points2D(points, colors=shades[mapping.cluster(delta)], radii=size))
-    labels = [f"{expression:+.2f}" for expression in expressions]
-    log_centres(recording, scatter(across, up, picture.centres(mapping)), shades, labels)
-
-
-def log_bars(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
-    """Draw the expressions, and how the explained dimension changed in the best and in other episodes."""
-    expressions = refresh.mapping.expressions[:, 0]
-    recording.log("expression/negative", rr.BarChart(np.minimum(expressions, 0), color=picture.BLUE))
-    recording.log("expression/positive", rr.BarChart(np.maximum(expressions, 0), color=picture.ORANGE))
-    best, others = (windows.delta[:, task.explained] for windows in (refresh.top, refresh.others))
-    middles, width, *densities = picture.histogram(best, others)
-    widths = np.full(len(middles), width, np.float32)
-    for name, density, colour in zip(("best", "others"), picture.cut(densities), (GREEN, OTHERS), strict=True):
-        chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
-        recording.log(f"change/{name}", chart)

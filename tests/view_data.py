@@ -19,10 +19,12 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 
 import ibe_rl  # noqa: F401 - registers the environment
 from ibe_rl.data import Array, Episode, Explanation, Moment, Task, Watched
+from ibe_rl.development import figures
 from ibe_rl.env import LANDER_ID
 from ibe_rl.env.lander_task import LANDER_TASK, X
-from ibe_rl.ibe import PaperMapping, cut_windows, phrase, top_episodes
-from ibe_rl.refresh import Refresh
+from ibe_rl.ibe import PaperMapping, cut_windows, keep_identity, phrase, top_episodes
+from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
+from ibe_rl.refresh import Change, Refresh
 from ibe_rl.relay import Ports
 from ibe_rl.stream import Recorder
 
@@ -102,13 +104,13 @@ def explain(watched: Watched, refresh: Refresh, seed: int = 0) -> list[Explanati
     bend = random.normal(0, 0.05, (steps // 20 + 1, 1, 2)).repeat(20, axis=0)[:steps]
     paths[:, :, :2] += bend * np.linspace(0, 1, HORIZON_STEPS + 1)[:, None]
     delta = paths[:, -1] - paths[:, 0]
-    mapping = refresh.mapping
+    mapping = refresh.standing
     expressions, clusters, confidence = mapping.express(delta), mapping.cluster(delta), mapping.confidence(delta)
     return [
         Explanation(
             expression=expressions[t],
             phrase=phrase(expressions[t], TASK.phrases),
-            cluster=int(clusters[t]),
+            cluster=int(mapping.ids[clusters[t]]),
             delta_state=delta[t],
             horizon_steps=HORIZON_STEPS,
             confidence=float(confidence[t]),
@@ -120,12 +122,45 @@ def explain(watched: Watched, refresh: Refresh, seed: int = 0) -> list[Explanati
 
 WATCHED = (6, 1, 4)
 """Which flights the recording of ``record`` shows; each after a refresh, 100,000 frames apart."""
+COUNTS = (5, 9, 12)
+"""How many flights each of its refreshes has learnt from."""
 
 
-def record(path: Path, refreshes: int = 3) -> None:
+@cache
+def developed() -> tuple[Refresh, ...]:
+    """The refreshes of ``record``, each held against the one before."""
+    taken = [replace(refreshed(count=COUNTS[0]), frame=100_000)]
+    for number, count in enumerate(COUNTS[1:], start=2):
+        taken.append(held_against(taken[-1], replace(refreshed(count=count), frame=100_000 * number)))
+    return tuple(taken)
+
+
+def held_against(before: Refresh, after: Refresh) -> Refresh:
+    """Give a refresh its lasting ids, and what it changed."""
+    probe, last = after.top.delta[::3], before.mapping
+    mapping, transition = keep_identity(last, after.mapping, probe, int(last.ids.max()) + 1)
+    scores = [vocabulary_scores(each, after.others, TASK) for each in (last, mapping)]
+    change = Change(
+        last=last,
+        since_frame=before.frame,
+        transition=transition,
+        drift=vocabulary_drift(last, mapping, probe, TASK.phrases),
+        policy_drift=0.25,
+        last_scores=scores[0],
+        staleness=scores[1]["motion_auc"] - scores[0]["motion_auc"],
+    )
+    return replace(after, mapping=mapping, change=change, scores=scores[1])
+
+
+def real(watched: Watched, refresh: Refresh) -> list[str]:
+    """What the vocabulary calls what happened."""
+    return happened(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
+
+
+def record(path: Path) -> None:
     """Write a whole small run: curves, refreshes and the episodes watched after them."""
     recorder, frames, random = Recorder(path, TASK, "a small run"), 0, np.random.default_rng(0)
-    for number in range(refreshes):
+    for number, refresh in enumerate(developed()):
         for _ in range(5):
             frames += 20_000
             progress = 1 - np.exp(-frames / 200_000)
@@ -133,11 +168,11 @@ def record(path: Path, refreshes: int = 3) -> None:
             recorder.batch(
                 frames, {"train/return_mean": 300 * (progress + noise) - 200, "train/success_rate": progress}
             )
-        refresh, watched = replace(refreshed(), frame=frames), flights()[WATCHED[number]]
+        watched = flights()[WATCHED[number]]
         recorder.refresh(refresh)
-        recorder.watched(frames, watched, explain(watched, refresh, number))
+        recorder.watched(frames, watched, explain(watched, refresh, number), real(watched, refresh))
         recorder.batch(frames, {"eval/return_mean": 350 * progress - 180, "eval/success_rate": progress})
-        recorder.batch(frames, {"ibe/came_true": 0.5 + 0.3 * progress})
+        recorder.batch(frames, {"ibe/came_true": 0.5 + 0.3 * progress} | figures(refresh))
     recorder.close()
 
 

@@ -3,6 +3,7 @@
 from ibe_rl.metrics.drift import VocabularyDrift, policy_drift, vocabulary_drift
 from ibe_rl.metrics.quality import (
     came_true,
+    happened,
     instruction_f1,
     motion_auc,
     motion_spearman,
@@ -13,6 +14,7 @@ from ibe_rl.metrics.quality import (
 __all__ = [
     "VocabularyDrift",
     "came_true",
+    "happened",
     "instruction_f1",
     "motion_auc",
     "motion_spearman",

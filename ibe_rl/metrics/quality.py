@@ -12,13 +12,19 @@ from ibe_rl.data import Array, Episode, Explanation, Mapping, Phrases, Task
 from ibe_rl.ibe import Windows, delta_states, phrase
 
 
+def happened(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
+    """What a vocabulary calls the real change over the horizon, from each of the ``T`` steps of an episode.
+
+    Windows that reach past the end of the episode end there.
+    """
+    realised = delta_states(episode.states, horizon_steps, end="clamp")
+    return [phrase(expression, vocabulary) for expression in mapping.express(realised)]
+
+
 def phrases_true(
     episode: Episode, said: Sequence[Explanation], mapping: Mapping, vocabulary: Sequence[Phrases]
 ) -> Array:
-    """At which moments of an episode the spoken phrase is the phrase of what then happened.
-
-    What happened is measured over the same horizon, to the end of the episode where that is shorter, and put
-    into words by the same mapping.
+    """At which moments of an episode the spoken phrase is the phrase of what then ``happened``.
 
     Args:
         episode: ``T`` steps.
@@ -29,9 +35,8 @@ def phrases_true(
     Returns:
         ``(T,)`` bool.
     """
-    realised = delta_states(episode.states, said[0].horizon_steps, end="clamp")
-    happened = [phrase(expression, vocabulary) for expression in mapping.express(realised)]
-    return np.array([one.phrase == other for one, other in zip(said, happened, strict=True)])
+    real = happened(episode, said[0].horizon_steps, mapping, vocabulary)
+    return np.array([one.phrase == other for one, other in zip(said, real, strict=True)])
 
 
 def came_true(

@@ -1,0 +1,101 @@
+"""One refresh in charts: its clusters, their expressions, and what they were learnt from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from ibe_rl import picture, view
+from ibe_rl.data import Array, Task
+
+if TYPE_CHECKING:
+    from ibe_rl.refresh import Refresh
+
+HEIGHT = view.SCATTER_HEIGHT
+
+
+def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
+    """Draw a vocabulary that was just learnt; what is shown of the one before goes."""
+    log_clusters(recording, task, refresh)
+    log_expressions(recording, refresh)
+    log_changes(recording, task, refresh)
+
+
+def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
+    """Draw windows of the best episodes, coloured by the first number of what they express, and the clusters."""
+    mapping, delta = refresh.mapping, picture.sample(refresh.top)
+    across = picture.axis(task, task.explained, delta, symmetric=True)
+    second = picture.second_dimension(mapping, task.explained, delta)
+    up = picture.axis(task, second, delta, symmetric=False)
+    log_axes(recording, across, up)
+    shades = picture.colours(mapping.express(delta)[:, 0])
+    points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
+    recording.log("vocabulary/windows", rr.Points2D(points, colors=shades, radii=size))
+    labels = [f"#{name} {value:+.2f}" for name, value in zip(mapping.ids, mapping.expressions[:, 0], strict=True)]
+    log_centres(recording, scatter(across, up, mapping.centre_changes()), picture.lasting(mapping.ids), labels)
+
+
+def scatter(across: picture.Axis, up: picture.Axis, delta: Array) -> Array:
+    """Changes ``(W, S)`` to points ``(W, 2)`` of the scatter, y down."""
+    x, y = (axis.place(delta[:, axis.dimension]) for axis in (across, up))
+    return np.stack([x, -HEIGHT * y], axis=-1).astype(np.float32)
+
+
+def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Axis) -> None:
+    """Draw the axes of the scatter, and its marks and titles along the bottom and the left edge."""
+    h = HEIGHT
+    zero = -h * float(up.place([0.0])[0])
+    lines = [[(-1, zero), (1, zero)], [(0, -h), (0, h)], [(-1, -h), (-1, h), (1, h)]]
+    axes = rr.LineStrips2D(lines, colors=[view.AXIS], radii=rr.Radius.ui_points(0.5))
+    recording.log("vocabulary/axes", axes)
+    marks = [((x, h), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)]
+    marks += [((-1.0, -h * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
+    marks += [((0.6, h + 0.15), f"→ {across.title}"), ((-0.6, h + 0.15), f"↑ {up.title}")]
+    places, labels = zip(*marks, strict=True)
+    dots = rr.Points2D(places, labels=labels, colors=[view.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
+    recording.log("vocabulary/marks", dots)
+
+
+def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, labels: Sequence[str]) -> None:
+    """Draw the centres ``(k, 2)`` of the clusters, their names in two rows above, with lines between."""
+    size = rr.Radius.ui_points(6)
+    recording.log("vocabulary/centres", rr.Points2D(points, colors=shades, radii=size, draw_order=60.0))
+    places = picture.label_rows(points, -HEIGHT - 0.16)
+    leaders = rr.LineStrips2D(np.stack([places, points], axis=1), colors=shades, radii=rr.Radius.ui_points(0.4))
+    recording.log("vocabulary/leaders", leaders)
+    names = rr.Points2D(places, colors=shades, labels=labels, radii=rr.Radius.ui_points(2), show_labels=True)
+    recording.log("vocabulary/names", names)
+
+
+def log_expressions(recording: rr.RecordingStream, refresh: Refresh) -> None:
+    """Draw the first number of each cluster's expression: as a bar, and as the next point of the cluster's line.
+
+    Every cluster has a place of its own, by its lasting id, and keeps its colour.
+    """
+    mapping, change = refresh.mapping, refresh.change
+    for name in change.transition.vanished if change is not None else ():
+        recording.log(f"expression/{name}", rr.Clear(recursive=False))
+        recording.log(f"development/{name}", rr.Scalars(np.nan))  # the line ends
+    for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), mapping.expressions[:, 0].tolist(), strict=True)):
+        colour = picture.lasting(np.array([name]))[0]
+        bar = rr.BarChart([value], abscissa=[rank], widths=[0.9], color=[*colour.tolist(), 255])
+        recording.log(f"expression/{name}", bar)
+        line = rr.SeriesLines(colors=[colour], names=[f"#{name}"], widths=[2])
+        points = rr.SeriesPoints(colors=[colour], names=[f"#{name}"], marker_sizes=[3])
+        recording.log(f"development/{name}", line, points, static=True)
+        recording.log(f"development/{name}", rr.Scalars(value))
+
+
+def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
+    """Draw how the explained dimension changed in the best and in other episodes (the paper's histograms)."""
+    best, others = (windows.delta[:, task.explained] for windows in (refresh.top, refresh.others))
+    middles, width, *densities = picture.histogram(best, others)
+    widths = np.full(len(middles), width, np.float32)
+    for name, density, colour in zip(
+        ("best", "others"), picture.cut(densities), (view.GREEN, view.OTHERS), strict=True
+    ):
+        chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
+        recording.log(f"change/{name}", chart)

@@ -1,0 +1,125 @@
+"""From refreshes and explanations to what the view says of them in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as Dict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ibe_rl.data import Explanation, Phrases
+from ibe_rl.ibe import ClusterMapping, phrase
+
+if TYPE_CHECKING:
+    from ibe_rl.refresh import Refresh
+
+
+def shared_words(words: Sequence[Phrases]) -> int:
+    """How many words all phrases of a language begin with; they can be left out where room is short.
+
+    >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
+    1
+    """
+    spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
+    shared = 0
+    while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
+        shared += 1
+    return shared
+
+
+def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
+    """Phrases without the words that all of the language begin with."""
+    shared = shared_words(words)
+    return [" ".join(one.split()[shared:]) for one in phrases]
+
+
+def counts(of: Dict[str, int]) -> str:
+    """Names and numbers in one line.
+
+    >>> counts({"left": 1200, "right": 3})
+    'left: 1,200, right: 3'
+    """
+    return ", ".join(f"{name}: {number:,}" for name, number in of.items())
+
+
+def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | None = None) -> str:
+    """The clusters as a markdown table with what each was called before; the one just spoken marked."""
+    rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
+    mapping, before = refresh.standing, phrases_before(refresh, words)
+    phrases = short([phrase(expression, words) for expression in mapping.expressions], words)
+    for name, expression, now, size in zip(
+        mapping.ids.tolist(), mapping.expressions, phrases, mapping.sizes, strict=True
+    ):
+        number = " ".join(f"{value:+.2f}" for value in expression)
+        then = before.get(name, "new") if before else ""
+        cells = [
+            f"→ #{name}" if name == spoken else f"#{name}",
+            number,
+            now,
+            "" if then == now else then,
+            f"{size:,.0f}",
+        ]
+        rows.append("| " + " | ".join(f"**{cell}**" if cell and name == spoken else cell for cell in cells) + " |")
+    return "\n".join(rows)
+
+
+def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
+    """What the clusters are called, in short, by their ids."""
+    phrases = short([phrase(expression, words) for expression in mapping.expressions], words)
+    return dict(zip(mapping.ids.tolist(), phrases, strict=True))
+
+
+def phrases_before(refresh: Refresh, words: Sequence[Phrases]) -> dict[int, str]:
+    """What the clusters were called before a refresh that was taken; empty if nothing was before."""
+    return phrases_of(refresh.change.last, words) if refresh.change is not None and refresh.taken else {}
+
+
+def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
+    """What became of the clusters, one line for each that emerged, vanished or is called something else now."""
+    change, before = refresh.change, phrases_before(refresh, words)
+    if change is None or not refresh.taken:
+        return []
+    now = phrases_of(refresh.mapping, words)
+    lines = [f"#{name} emerged: {now[name]}" for name in change.transition.emerged]
+    lines += [f"#{name} vanished: {before[name]}" for name in change.transition.vanished]
+    renamed = [name for name in change.transition.survived if before[name] != now[name]]
+    return lines + [f"#{name} was {before[name]}, is {now[name]}" for name in renamed]
+
+
+def moved(refresh: Refresh) -> str:
+    """What moved since the refresh before, in one line; nothing at the first one."""
+    change = refresh.change
+    if change is None:
+        return ""
+    acts = f"it acts otherwise in {change.policy_drift:.0%} of the probed states"
+    words = f"{change.drift.phrase_changed:.0%} of the probed windows are called something else"
+    stale = f"staleness of the words before: {change.staleness:+.3f}"
+    return "; ".join([acts, words, stale] if refresh.taken else [acts, stale, "so they stay"])
+
+
+def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> str:
+    """A vocabulary, what moved, and what it stands on, in markdown."""
+    since = f"Since {refresh.change.since_frame:,} frames {moved(refresh)}.\n\n" if refresh.change else ""
+    return (
+        f"{vocabulary_table(refresh, words, spoken)}\n\n{since}"
+        f"Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
+        f"{counts(refresh.episodes_by_context)}  \n"
+        f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
+        f"by instruction: {counts(refresh.windows_by_instruction)}"
+    )
+
+
+def said_lines(instructed: str, explanation: Explanation) -> str:
+    """What both say at one step, in markdown."""
+    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
+    return (
+        f"Instructor: **{instructed}**  \n"
+        f"Agent: **{explanation.phrase}** ({number}), confidence {explanation.confidence:.0%}"
+    )
+
+
+def judged(steps_ago: int, said: str, happened: str) -> str:
+    """What was said of the time up to now, and whether it came true."""
+    outcome = "it did" if said == happened else f"it was {happened}"
+    return f"said {steps_ago} steps ago: {said}: {outcome}"
