@@ -12,24 +12,27 @@ import numpy as np
 import pytest
 from PIL import Image
 from rerun.experimental import ViewerClient
-from view_data import TASK, eventually, free_ports, needed, record
+from view_data import HORIZON_STEPS, TASK, developed, eventually, free_ports, needed, record
 
 from ibe_rl.relay import Relay, is_free, rerun_binary
 from ibe_rl.relay import page as page_of_relay
 from ibe_rl.stream import Recorder
 
 PANELS = {
-    "Lunar Lander with pads: flown, predicted (dots), real (white)",
-    "Return per episode",
-    "Share of episodes",
+    "Lunar Lander with pads: flown, predicted (dots), predicted before (line)",
+    "Return",
+    "Success, truth",
+    "Moved since last",
+    "Expressions",
     "Instruction (yellow), explanation (teal)",
     "In words",
     "Now",
     "What the best episodes did, by cluster",
-    "Expression of each cluster",
+    "Expressions now",
     "Δx (half widths): best green, peak cut",
     "Spoken",
 }
+CLUSTERS = ("What the best episodes did, by cluster", "Expressions now", "Now")
 FILLED = 0.003
 BROWSER_FLAGS = [
     "--no-sandbox",
@@ -83,18 +86,35 @@ def viewer() -> Iterator[ViewerClient]:
             process.kill()
 
 
-def panels(client: ViewerClient, shot: Path) -> dict[str, np.ndarray]:
-    """A picture of every panel by its title, of the recording opened last."""
-    pictures = {}
-    for view in client.get_state().views:
+def shoot(client: ViewerClient, name: str, shot: Path) -> np.ndarray | None:
+    """A picture of one panel, or None while the viewer is about to lay out its panels anew."""
+    try:
+        [view] = [view for view in client.get_state().views if view.name == name]
         assert not view.reports
         client.save_screenshot(str(shot), view.view_id)
-        pictures[view.name] = pixels(shot)
+    except (ConnectionError, ValueError):
+        return None
+    return pixels(shot)
+
+
+def panels(client: ViewerClient, shot: Path) -> dict[str, np.ndarray]:
+    """A picture of every panel by its title, of the recording opened last."""
+    pictures: dict[str, np.ndarray] = {}
+
+    def all_there() -> bool:
+        names = {view.name for view in client.get_state().views}
+        found = {name: shoot(client, name, shot) for name in names}
+        pictures.update({name: picture for name, picture in found.items() if picture is not None})
+        return bool(names) and pictures.keys() >= names
+
+    assert eventually(all_there)
     return pictures
 
 
 def opened(client: ViewerClient, path: Path) -> None:
+    before = len(client.get_state().recordings)
     client.open(str(path))
+    assert eventually(lambda: len(client.get_state().recordings) > before)
     assert eventually(lambda: not client.get_state().loading and client.get_state().views)
 
 
@@ -109,6 +129,7 @@ def test_every_panel_of_the_native_viewer_is_filled(viewer: ViewerClient, record
     control = panels(viewer, shot)
     assert max(new_share(control[name], empty[name]) for name in PANELS) < FILLED
     opened(viewer, recording)
+    viewer.set_time("frames", sequence=developed()[1].frame + HORIZON_STEPS + 20, play_state="paused")
     shares: dict[str, float] = {}
 
     def filled() -> bool:
@@ -118,14 +139,40 @@ def test_every_panel_of_the_native_viewer_is_filled(viewer: ViewerClient, record
     assert eventually(filled, 30), shares
 
 
-def test_the_view_opens_on_the_newest_frame(viewer: ViewerClient, recording: Path) -> None:
+def test_the_view_opens_as_a_film_that_plays_to_its_end(viewer: ViewerClient, recording: Path) -> None:
     viewer.open(str(recording))
     assert eventually(lambda: not viewer.get_state().loading and viewer.get_state().recordings)
     [shown] = viewer.get_state().recordings
     ends: dict[str, Any] = {timeline.name: timeline.end for timeline in shown.timelines}
     assert set(ends) == {"frames", "watched_step"}
-    assert shown.current_timeline == "frames"
-    assert eventually(lambda: viewer.get_state().recordings[0].current_time == ends["frames"])
+    assert shown.current_timeline == "watched_step"
+    assert eventually(lambda: viewer.get_state().recordings[0].current_time == ends["watched_step"])
+
+
+def test_scrubbing_back_shows_the_clusters_of_that_time(viewer: ViewerClient, recording: Path, tmp_path: Path) -> None:
+    opened(viewer, recording)
+    seen = {}
+    for refresh in (*developed(), developed()[0]):
+        viewer.set_time("frames", sequence=refresh.frame + 20, play_state="paused")
+        assert eventually(lambda at=refresh.frame: viewer.get_state().recordings[0].current_time == at + 20)
+        shown = {name: settled(viewer, name, tmp_path / "shot.png") for name in CLUSTERS}
+        if refresh.frame in seen:  # the first one again
+            assert all(new_share(shown[name], seen[refresh.frame][name]) < FILLED for name in CLUSTERS)
+        for other in set(seen) - {refresh.frame}:
+            assert all(np.mean(shown[name] != seen[other][name]) > FILLED for name in CLUSTERS)
+        seen[refresh.frame] = shown
+
+
+def settled(client: ViewerClient, name: str, shot: Path) -> np.ndarray:
+    """A picture of one panel once two in a row are the same."""
+    pictures: list[np.ndarray | None] = [None]
+
+    def same() -> bool:
+        pictures.append(shoot(client, name, shot))
+        return pictures[-1] is not None and np.array_equal(pictures[-1], pictures[-2])
+
+    assert eventually(same)
+    return pictures[-1]
 
 
 def test_the_page_of_the_relay_shows_the_recording(recording: Path, tmp_path: Path) -> None:

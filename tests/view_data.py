@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -16,6 +16,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.box2d.lunar_lander import heuristic
+from rerun.chunk import RrdReader
 
 import ibe_rl  # noqa: F401 - registers the environment
 from ibe_rl.data import Array, Episode, Explanation, Moment, Task, Watched
@@ -174,6 +175,29 @@ def record(path: Path) -> None:
         recorder.batch(frames, {"eval/return_mean": 350 * progress - 180, "eval/success_rate": progress})
         recorder.batch(frames, {"ibe/came_true": 0.5 + 0.3 * progress} | figures(refresh))
     recorder.close()
+
+
+Rows = dict[str, list[dict[str, Any]]]
+
+
+def read(path: Path) -> Rows:
+    """All rows of each entity in the order of the frames and of logging, static ones first."""
+    rows: Rows = defaultdict(list)
+    for chunk in RrdReader(str(path)).stream():
+        rows[str(chunk.entity_path)] += chunk.to_record_batch().to_pylist()
+
+    def order(row: dict[str, Any]) -> tuple[int, bytes]:
+        return row.get("frames", -1), row["rerun.controls.RowId"]
+
+    return {entity: sorted(found, key=order) for entity, found in rows.items()}
+
+
+def column(rows: list[dict[str, Any]], name: str) -> list[Any]:
+    return [row[name] for row in rows if row.get(name) is not None and "frames" in row]
+
+
+def frames(rows: list[dict[str, Any]]) -> list[int]:
+    return column(rows, "frames")
 
 
 def needed(there: bool, what: str) -> None:

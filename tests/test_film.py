@@ -1,0 +1,173 @@
+"""The watched episode in the recording, read back."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from view_data import (
+    HORIZON_STEPS,
+    TASK,
+    WATCHED,
+    Rows,
+    column,
+    developed,
+    explain,
+    flights,
+    frames,
+    read,
+    real,
+    record,
+    refreshed,
+)
+
+from ibe_rl import picture, sentences
+from ibe_rl.data import Phrases, Task
+from ibe_rl.film import SILENCE
+from ibe_rl.ibe import phrase
+from ibe_rl.stream import Recorder
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> Rows:
+    path = tmp_path_factory.mktemp("film") / "recording.rrd"
+    record(path)
+    return read(path)
+
+
+def test_the_predicted_path_is_the_explanations_path_in_the_scene(rows: Rows) -> None:
+    said = explain(flights()[WATCHED[0]], developed()[0], 0)
+    drawn = np.array(column(rows["/scene/predicted"], "Points2D:positions")[: len(said)])
+    expected = TASK.scene_path(np.stack([one.path for one in said]))[:, ::2]
+    assert np.allclose(drawn[..., 0], expected[..., 0], atol=1e-4)
+    assert np.allclose(drawn[..., 1], TASK.scene_size[1] - expected[..., 1], atol=1e-4)
+    ends = np.array(column(rows["/scene/says"], "Points2D:positions")[: len(said)])[:, 0]
+    assert np.allclose(ends, drawn[:, -1])
+
+
+def test_the_way_flown_is_the_episodes_own(rows: Rows) -> None:
+    states = flights()[WATCHED[0]].episode.states
+    path = TASK.scene_path(states) * (1, -1) + (0, TASK.scene_size[1])
+    trails = column(rows["/scene/trail"], "LineStrips2D:strips")
+    for step in (0, 7, 100, len(states) - 1):
+        assert np.allclose(trails[step][0][0], path[0], atol=1e-4)
+        assert np.allclose(trails[step][0][-1], path[step], atol=1e-4)
+
+
+def test_at_the_end_of_each_window_it_is_judged(rows: Rows) -> None:
+    watched, refresh = flights()[WATCHED[0]], developed()[0]
+    said, happened = explain(watched, refresh, 0), real(watched, refresh)
+    length, begun = len(said), np.arange(len(said) - HORIZON_STEPS + 1)
+    assert len(begun) > 0
+    verdicts = rows["/scene/verdict"]
+    labels = [labels for [labels] in column(verdicts, "Points2D:labels")][: len(begun)]
+    assert labels == [sentences.judged(HORIZON_STEPS, said[i].phrase, happened[i]) for i in begun]
+    assert {label.rsplit(": ", 1)[1] == "it did" for label in labels} == {True, False}
+    placed = [row["frames"] for row in verdicts if row.get("Points2D:labels") is not None]
+    assert placed[: len(begun)] == (100_000 + HORIZON_STEPS + begun).tolist()
+    lines = [np.array(line) for [line] in column(rows["/scene/then"], "LineStrips2D:strips")[: len(begun)]]
+    assert TASK.scene_path is not None
+    expected = TASK.scene_path(np.stack([said[i].path for i in begun]))[:, ::2]
+    assert np.allclose(np.array(lines)[..., 0], expected[..., 0], atol=1e-4)
+    assert length > HORIZON_STEPS
+
+
+def test_a_held_explanation_is_judged_once(tmp_path: Path) -> None:
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    new, happened = explain(watched, refresh), real(watched, refresh)
+    said = [new[i - i % 5] for i in range(len(new))]
+    recorder = Recorder(tmp_path / "recording.rrd", TASK, "run", training=False)
+    recorder.watched(0, watched, said, happened)
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    judged = [row["watched_step"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
+    assert judged == list(range(HORIZON_STEPS, len(said) + 1, 5))
+
+
+def test_an_episode_shorter_than_the_horizon_is_not_judged(tmp_path: Path) -> None:
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    said = [replace(one, horizon_steps=len(watched.moments) + 1) for one in explain(watched, refresh)]
+    recorder = Recorder(tmp_path / "recording.rrd", TASK, "run", training=False)
+    recorder.watched(0, watched, said, real(watched, refresh))
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    assert not [row for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
+    assert not any("steps ago" in text for [text] in column(rows["/now"], "TextDocument:text"))
+
+
+def test_the_moving_figures_are_closed_outlines_with_y_down(rows: Rows) -> None:
+    figures = flights()[WATCHED[0]].figures
+    drawn = column(rows["/scene/figures"], "LineStrips2D:strips")[20]
+    assert len(drawn) == len(figures[20])
+    for line, shape in zip(drawn, figures[20], strict=True):
+        corners = shape.points * (1, -1) + (0, TASK.scene_size[1])
+        assert np.allclose(line[: len(corners)], corners, atol=1e-4)
+        assert np.allclose(line[len(corners) :], corners[0], atol=1e-4)
+
+
+def test_signals_break_in_silence_and_at_the_end(rows: Rows) -> None:
+    episode = flights()[WATCHED[0]].episode
+    length = len(episode)
+    instruction = np.ravel(column(rows["/signal/instruction"], "Scalars:scalars")[: length + 1])
+    assert np.array_equal(np.isnan(instruction), np.append(~episode.given, True))
+    assert np.array_equal(instruction[:-1][episode.given], episode.instructions[episode.given, 0])
+    said = explain(flights()[WATCHED[0]], developed()[0], 0)
+    explanation = np.ravel(column(rows["/signal/explanation"], "Scalars:scalars")[: length + 1])
+    assert np.allclose(explanation[:-1], [one.expression[0] for one in said])
+    assert np.isnan(explanation[-1])
+
+
+def test_both_lanes_say_the_phrases_and_silence_is_a_state(rows: Rows) -> None:
+    watched = flights()[WATCHED[0]]
+    told = [phrase(moment.instruction, TASK.phrases) if moment.given else SILENCE for moment in watched.moments]
+    said = [one.phrase for one in explain(watched, developed()[0], 0)]
+    for lane, words in (("instructor", told), ("agent", said)):
+        starts = picture.changes(words)
+        states = [state for [state] in column(rows[f"/says/{lane}"], "StateChange:state")]
+        assert states[: len(starts) + 1] == [*(words[i] for i in starts), ""]
+        assert frames(rows[f"/says/{lane}"])[: len(starts)] == [100_000 + i for i in starts]
+    assert SILENCE in told
+
+
+def test_now_tells_what_is_said_and_what_the_vocabulary_stands_on(rows: Rows) -> None:
+    watched, refresh = flights()[WATCHED[1]], developed()[1]
+    at = dict(zip(frames(rows["/now"]), column(rows["/now"], "TextDocument:text"), strict=True))
+    [text] = at[refresh.frame]  # the first step of the episode comes after the refresh itself
+    said = explain(watched, refresh, 1)[0]
+    assert f"pad **{watched.episode.context}**" in text
+    assert f"Agent: **{said.phrase}** ({said.expression[0]:+.2f}), confidence {said.confidence:.0%}" in text
+    assert f"**→ #{said.cluster}**" in text
+    assert f"Since 100,000 frames {sentences.moved(refresh)}" in text
+    assert f"Best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes" in text
+    assert all(f"{name}: {number:,}" in text for name, number in refresh.windows_by_instruction.items())
+
+
+def test_now_says_whether_what_was_said_before_came_true(rows: Rows) -> None:
+    watched, refresh = flights()[WATCHED[1]], developed()[1]
+    said, happened = explain(watched, refresh, 1), real(watched, refresh)
+    at = [
+        (frame, text)
+        for frame, [text] in zip(frames(rows["/now"]), column(rows["/now"], "TextDocument:text"), strict=True)
+        if refresh.frame + HORIZON_STEPS <= frame < refresh.frame + len(said)
+    ]
+    assert len(at) > 3
+    for frame, text in at:
+        then = frame - refresh.frame - HORIZON_STEPS
+        assert sentences.judged(HORIZON_STEPS, said[then].phrase, happened[then]) in text
+
+
+def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_path: Path) -> None:
+    words = Phrases("still", "{degree}back", "{degree}forth", ((0.2, ""),))
+    task: Task = replace(TASK, scene_path=None, phrases=(words, words))
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    given = watched.episode.instructions
+    episode = replace(watched.episode, instructions=np.hstack([given, -given]))
+    moments = [replace(m, instruction=np.hstack([m.instruction, -m.instruction])) for m in watched.moments]
+    said = [replace(one, expression=np.hstack([one.expression, -one.expression])) for one in explain(watched, refresh)]
+    recorder = Recorder(tmp_path / "recording.rrd", task, "run")
+    recorder.watched(0, replace(watched, episode=episode, moments=moments), said, ["still"] * len(said))
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    assert not any(frames(found) for entity, found in rows.items() if entity.startswith("/scene"))
+    assert {len(values) for values in column(rows["/signal/explanation"], "Scalars:scalars")} == {2}
+    assert "still and still" in [state for [state] in column(rows["/says/instructor"], "StateChange:state")]
