@@ -1,0 +1,79 @@
+"""With a policy that stands still, all that moves between refreshes is the explainer's own noise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ibe_rl.config import MappingConfig
+from ibe_rl.data import Episode
+from ibe_rl.development import Development
+from ibe_rl.evaluation import load_run
+from ibe_rl.instruct import make_instructor
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.play import play
+from ibe_rl.refresh import Refresh
+
+DEMO = Path(__file__).parent.parent / "demo"
+REFRESHES, EPISODES = 10, 320
+FIRST_SEED = 700_000
+
+
+def logged(folder: Path, contexts: tuple[str, ...], episodes: list[Episode]) -> TrajectoryLog:
+    """A log of these whole episodes."""
+    log = TrajectoryLog(folder, sum(len(episode) + 1 for episode in episodes), contexts)
+    for number, episode in enumerate(episodes):
+        last = np.arange(len(episode)) == len(episode) - 1
+        steps = {
+            "state": episode.states[:-1],
+            "next_state": episode.states[1:],
+            "action": episode.actions,
+            "reward": episode.rewards,
+            "instruction": episode.instructions,
+            "given": episode.given,
+            "done": last,
+            "terminated": last & episode.terminated,
+            "success": last & episode.success,
+            "episode": np.full(len(episode), number),
+        }
+        log.add({name: column[None] for name, column in steps.items()}, lambda _, name=episode.context: name)
+    return log
+
+
+@pytest.fixture(scope="module")
+def refreshes(tmp_path_factory: pytest.TempPathFactory) -> list[Refresh]:
+    """The demo's policy, refreshed ten times, each time on fresh episodes of its own."""
+    run = load_run(DEMO)
+    envs = [run.make_env() for _ in range(64)]
+    instructor = make_instructor("oracle", run.task)
+    development = Development(MappingConfig(kind="paper"), run.task, seed=0)
+    found = []
+    for number in range(REFRESHES):
+        first = FIRST_SEED + number * EPISODES
+        episodes = play(envs, run.policy, instructor, range(first, first + EPISODES))
+        log = logged(tmp_path_factory.mktemp("log"), run.task.contexts, episodes)
+        found.append(development.refresh(log, run.policy))
+    return found
+
+
+def test_the_policy_did_not_move(refreshes: list[Refresh]) -> None:
+    assert [refresh.change.policy_drift for refresh in refreshes[1:] if refresh.change] == [0.0] * (REFRESHES - 1)
+
+
+def test_the_vocabulary_hardly_does(refreshes: list[Refresh]) -> None:
+    """The explainer's own noise; docs/LOG.md has it for larger refreshes and other policies."""
+    changes = [refresh.change for refresh in refreshes[1:] if refresh.change]
+    agreement = [change.drift.cluster_agreement for change in changes]
+    renamed = [change.drift.phrase_changed for change in changes]
+    assert len(changes) == REFRESHES - 1
+    assert min(agreement) >= 0.95, agreement
+    assert max(renamed) <= 0.05, renamed
+
+
+def test_all_clusters_survive(refreshes: list[Refresh]) -> None:
+    ids = {tuple(sorted(refresh.mapping.ids.tolist())) for refresh in refreshes}
+    assert ids == {tuple(range(8))}
+
+
+def test_the_episodes_were_others_each_time(refreshes: list[Refresh]) -> None:
+    assert len({refresh.top.delta.tobytes() for refresh in refreshes}) == REFRESHES
