@@ -30,8 +30,10 @@ class Straight:
 class Tenths:
     """Expresses a tenth of the change of the first number."""
 
+    ids = np.array([5, 7, 6])
+
     def cluster(self, delta: Array) -> Array:
-        return np.arange(len(delta)) + 5
+        return np.arange(len(delta))
 
     def express(self, delta: Array) -> Array:
         return delta[:, :1] / 10
@@ -51,7 +53,7 @@ def test_the_change_over_the_horizon_is_put_into_words():
     assert [one.phrase for one in said] == ["up", "a little down", "still"]
     assert [one.expression.tolist() for one in said] == [[0.8], [-0.1], [0.0]]
     assert [one.delta_state.tolist() for one in said] == [[8, 0], [-1, 0], [0, 0]]
-    assert [one.cluster for one in said] == [5, 6, 7]
+    assert [one.cluster for one in said] == [5, 7, 6]
     assert [one.confidence for one in said] == [0.8, 0.1, 0.0]
     assert [one.horizon_steps for one in said] == [4, 4, 4]
     assert said[0].path[:, 0].tolist() == [100, 102, 104, 106, 108]

@@ -6,52 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from by_hand import STEPS, TASK, add
 
 from ibe_rl import refresh as module
 from ibe_rl.config import MappingConfig
-from ibe_rl.data import ConfigError, Phrases, Task
+from ibe_rl.data import ConfigError
 from ibe_rl.ibe import PaperMapping, TooLittleDataError
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.refresh import check_mapping, learn_vocabulary, load_mapping, save_refresh
-
-WORDS = Phrases("staying", "going {degree}down", "going {degree}up", ((0.3, "a little "), (0.7, "")))
-TASK = Task(
-    name="lift",
-    state_names=("height", "speed", "floor"),
-    state_units=("m", "m/s", ""),
-    rule=lambda states: np.sign(states[..., 1:2]),
-    instruction_values=(-1.0, 0.0, 1.0),
-    phrases=(WORDS,),
-    context=lambda state: "upper" if state[2] else "lower",
-    contexts=("lower", "upper"),
-    context_option="floor",
-    success_key="arrived",
-    explained=0,
-    explained_band=0.5,
-    max_episode_steps=100,
-)
-STEPS = 12
-
-
-def add(log: TrajectoryLog, reward: float, told: float, floor: int = 0, steps: int = STEPS, given: bool = True) -> None:
-    """Log an episode in which the lift does what it is told, one metre a step."""
-    random, number = np.random.default_rng(log.episodes_ended), log.episodes_ended
-    height = np.arange(steps + 1) * told + random.normal(0, 0.01, steps + 1)
-    states = np.column_stack([height, np.full(steps + 1, told), np.full(steps + 1, floor)]).astype(np.float32)
-    last = np.arange(steps) == steps - 1
-    columns = {
-        "state": states[:-1],
-        "action": np.zeros(steps, int),
-        "reward": np.full(steps, reward / steps, np.float32),
-        "instruction": np.full((steps, 1), told if given else 0, np.float32),
-        "given": np.full(steps, given),
-        "next_state": states[1:],
-        "done": last,
-        "terminated": last,
-        "success": last,
-        "episode": np.full(steps, number),
-    }
-    log.add({name: column[None] for name, column in columns.items()}, TASK.context)
 
 
 @pytest.fixture
@@ -142,12 +104,14 @@ def test_a_refresh_starts_where_the_last_one_ended(log: TrajectoryLog, monkeypat
     last = learn_vocabulary(log, config(), TASK, seed=0).mapping
     starts = []
     monkeypatch.setattr(module, "PaperMapping", lambda **settings: starts.append(settings) or PaperMapping(**settings))
-    again = learn_vocabulary(log, config(), TASK, 0, last).mapping
-    learn_vocabulary(log, config(warm_start=False), TASK, 0, last)
+    again = learn_vocabulary(log, config(memory=0.0), TASK, 0, last).mapping
+    learn_vocabulary(log, config(memory=0.5), TASK, 0, last)
+    learn_vocabulary(log, config(memory=None), TASK, 0, last)
     learn_vocabulary(log, config(), TASK, 0)
-    np.testing.assert_allclose(starts[0]["start"], last.centre_changes())
-    assert [settings["start"] is None for settings in starts] == [False, True, True]
-    assert again.to_dict() == last.to_dict()
+    assert [settings["last"] for settings in starts] == [last, last, None, None]
+    assert [settings["memory"] for settings in starts] == [0, 0.5, 0, config().memory]
+    for name in last.__dataclass_fields__:
+        np.testing.assert_allclose(getattr(again, name), getattr(last, name), atol=1e-12)
 
 
 def test_without_an_episode_nothing_is_learnt(tmp_path: Path):
@@ -206,8 +170,9 @@ def test_the_file_is_for_people_too(log: TrajectoryLog, tmp_path: Path):
     assert [cluster["id"] for cluster in saved["clusters"]] == [0, 1, 2]
     assert saved["clusters"][1] == {
         "id": 1, "size": 16, "mean_instruction": [0.0], "expression": [0.0], "phrase": "staying", "purity": 1.0,
+        "evidence": 16.0,
     }  # fmt: skip
-    assert saved["episodes"] == {"logged": 8, "used": 4, "by_context": {"lower": 4, "upper": 0}}
+    assert saved["episodes"] == {"logged": 8, "counted": 8, "used": 4, "by_context": {"lower": 4, "upper": 0}}
     assert saved["windows"]["used"] == 32
     assert saved["windows"]["by_instruction"] == {"-1": 8, "0": 16, "+1": 8}
     assert saved["state_names"] == ["height", "speed", "floor"]

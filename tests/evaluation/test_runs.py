@@ -36,10 +36,9 @@ ACTIONS: Any = gymnasium.spaces.Discrete(4)
 
 
 def mapping_of(first: float, dimensions: int = 9) -> ClusterMapping:
-    zeros, k = np.zeros(dimensions), np.zeros((2, 1))
-    return ClusterMapping(
-        zeros, zeros + 1, np.zeros((2, dimensions)), k, np.array([[first], [1]]), np.ones(2), np.ones(2)
-    )
+    zeros, k, ones = np.zeros(dimensions), np.zeros((2, 1)), np.ones(2)
+    expressions = np.array([[first], [1]])
+    return ClusterMapping(zeros, zeros + 1, np.zeros((2, dimensions)), k, expressions, ones, ones, ones, np.arange(2))
 
 
 def config_of(agent: AgentConfig) -> TrainConfig:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from by_hand import on_a_line
 from sklearn.base import clone
 from sklearn.cluster import KMeans
 from sklearn.exceptions import NotFittedError
@@ -107,8 +108,8 @@ def test_sizes_and_means_are_of_all_windows_however_few_are_clustered():
 
 def test_a_cluster_without_a_window_says_what_all_were_told(monkeypatch: pytest.MonkeyPatch):
     class OneTooMany(KMeans):
-        def fit(self, X: Array) -> "OneTooMany":
-            super().fit(X)
+        def fit(self, X: Array, sample_weight: Array) -> "OneTooMany":
+            super().fit(X, sample_weight=sample_weight)
             self.cluster_centers_ = np.vstack([self.cluster_centers_, [[99.0, 99.0]]])
             return self
 
@@ -134,9 +135,9 @@ def test_clusters_start_where_they_are_told():
     """Six groups in a row, three clusters: k-means stays in the grouping it is started in, or finds its own."""
     delta = np.repeat([0.0, 1.0, 10.0, 11.0, 20.0, 21.0], 5)[:, None]
     told = np.repeat([-1.0, -1.0, 0.0, 0.0, 1.0, 1.0], 5)
-    start = np.array([[0.0], [1.0], [15.5]])  # a poor grouping that no step of k-means leaves
-    learnt = PaperMapping(3, start=start, random_state=0).fit(delta, told).mapping_
-    np.testing.assert_allclose(np.sort(learnt.centre_changes(), axis=0), start, atol=1e-9)
+    start = on_a_line([0.0, 1.0, 15.5])  # a poor grouping that no step of k-means leaves
+    learnt = PaperMapping(3, last=start, random_state=0).fit(delta, told).mapping_
+    np.testing.assert_allclose(np.sort(learnt.centre_changes(), axis=0), start.centres, atol=1e-9)
     free = PaperMapping(3, random_state=0).fit(delta, told).mapping_
     np.testing.assert_allclose(np.sort(free.centre_changes(), axis=0), [[0.5], [10.5], [20.5]], atol=1e-9)
 
@@ -148,8 +149,8 @@ def test_centres_are_told_as_changes_of_the_state():
 
 
 def test_a_start_for_another_number_of_clusters_is_refused():
-    with pytest.raises(ValueError, match=r"start has shape \(2, 2\), expected \(3, 2\)"):
-        fit(start=np.zeros((2, 2)))
+    with pytest.raises(ValueError, match=r"last has shape \(2, 2\), expected \(3, 2\)"):
+        fit(last=fit(n_clusters=2).mapping_)
 
 
 def test_fewer_distinct_windows_than_clusters_are_too_little():

@@ -1,0 +1,80 @@
+"""Cases small enough to work out on paper: vocabularies on a line, and a lift that is told where to go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ibe_rl.data import Array, Phrases, Task
+from ibe_rl.ibe import ClusterMapping
+from ibe_rl.log import TrajectoryLog
+
+
+def on_a_line(
+    centres: Sequence[float],
+    expressions: Sequence[float] | None = None,
+    ids: Sequence[int] | None = None,
+    evidence: Sequence[float] | None = None,
+) -> ClusterMapping:
+    """Clusters of the changes of one number, in its own units; their means are their expressions."""
+    k = len(centres)
+    said = np.reshape(np.linspace(-1, 1, k) if expressions is None else expressions, (k, 1))
+    windows = np.ones(k) if evidence is None else np.asarray(evidence)
+    names = np.arange(k) if ids is None else np.asarray(ids)
+    where = np.reshape(centres, (k, 1))
+    return ClusterMapping(np.zeros(1), np.ones(1), where, said, said, windows, np.ones(k), windows, names)
+
+
+def column(*values: float) -> Array:
+    """Changes ``(W, 1)`` of one number."""
+    return np.array(values, float)[:, None]
+
+
+WORDS = Phrases("staying", "going {degree}down", "going {degree}up", ((0.3, "a little "), (0.7, "")))
+TASK = Task(
+    name="lift",
+    state_names=("height", "speed", "floor"),
+    state_units=("m", "m/s", ""),
+    rule=lambda states: np.sign(states[..., 1:2]),
+    instruction_values=(-1.0, 0.0, 1.0),
+    phrases=(WORDS,),
+    context=lambda state: "upper" if state[2] else "lower",
+    contexts=("lower", "upper"),
+    context_option="floor",
+    success_key="arrived",
+    explained=0,
+    explained_band=0.5,
+    max_episode_steps=100,
+)
+STEPS = 12
+
+
+def add(
+    log: TrajectoryLog,
+    reward: float,
+    told: float,
+    floor: int = 0,
+    steps: int = STEPS,
+    given: bool = True,
+    went: float | None = None,
+) -> None:
+    """Log an episode in which the lift does what it is told, or ``went``, so many metres a step."""
+    random, number = np.random.default_rng(log.episodes_ended), log.episodes_ended
+    speed = told if went is None else went
+    height = np.arange(steps + 1) * speed + random.normal(0, 0.01, steps + 1)
+    states = np.column_stack([height, np.full(steps + 1, speed), np.full(steps + 1, floor)]).astype(np.float32)
+    last = np.arange(steps) == steps - 1
+    columns = {
+        "state": states[:-1],
+        "action": np.zeros(steps, int),
+        "reward": np.full(steps, reward / steps, np.float32),
+        "instruction": np.full((steps, 1), told if given else 0, np.float32),
+        "given": np.full(steps, given),
+        "next_state": states[1:],
+        "done": last,
+        "terminated": last,
+        "success": last,
+        "episode": np.full(steps, number),
+    }
+    log.add({name: values[None] for name, values in columns.items()}, TASK.context)
