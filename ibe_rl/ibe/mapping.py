@@ -176,6 +176,8 @@ class PaperMapping(BaseEstimator):
         """Standardise and cluster; return centres, mean and weight as ``ClusterMapping`` holds them."""
         if not len(delta):
             raise TooLittleDataError(f"0 distinct windows for n_clusters={self.n_clusters}")
+        if self.last is not None:
+            read_only(self.last.centres, (self.n_clusters, delta.shape[1]), "last")
         random = np.random.default_rng(self.random_state)
         mean, weight = self._standard(delta)
         rows = random.permutation(len(delta))[: self.max_fit_windows]
@@ -186,7 +188,7 @@ class PaperMapping(BaseEstimator):
         counts = np.full(len(rows), len(delta) / len(rows))
         starts: dict[str, Any] = {"n_init": self.n_init}
         if self.last is not None:
-            first = (read_only(self.last.centre_changes(), (self.n_clusters, delta.shape[1]), "last") - mean) * weight
+            first = (self.last.centre_changes() - mean) * weight
             starts = {"n_init": 1, "init": first}
             standard, counts = np.concatenate([standard, first]), np.append(counts, self.memory * self.last.evidence)
         kmeans = KMeans(self.n_clusters, random_state=int(random.integers(2**31)), **starts)

@@ -148,9 +148,14 @@ def test_centres_are_told_as_changes_of_the_state():
     np.testing.assert_allclose(mapping.centre_changes()[:, 1], groups()[0][:, 1].mean())
 
 
-def test_a_start_for_another_number_of_clusters_is_refused():
+def test_a_last_vocabulary_of_another_shape_is_refused():
     with pytest.raises(ValueError, match=r"last has shape \(2, 2\), expected \(3, 2\)"):
         fit(last=fit(n_clusters=2).mapping_)
+    for dimensions in (1, 3):  # numpy would stretch one to all, and refuse three in words of its own
+        delta = np.random.default_rng(0).normal(size=(20, dimensions))
+        last = PaperMapping(3, random_state=0).fit(delta, np.zeros(20)).mapping_
+        with pytest.raises(ValueError, match=rf"last has shape \(3, {dimensions}\), expected \(3, 2\)"):
+            fit(last=last)
 
 
 def test_fewer_distinct_windows_than_clusters_are_too_little():
