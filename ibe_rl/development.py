@@ -13,13 +13,12 @@ from ibe_rl.data import Array, Episode, Explanation, Phrases, Policy, Task, obse
 from ibe_rl.explainer import put_in_words
 from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import came_true, policy_drift, vocabulary_drift, vocabulary_scores
+from ibe_rl.metrics import SCORES, came_true, policy_drift, vocabulary_drift, vocabulary_scores
 from ibe_rl.refresh import Change, Refresh, learn_vocabulary, save_refresh
 from ibe_rl.run_folder import write_atomically
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
-SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1")
 FIGURES = (
     *("ibe/came_true", "ibe/came_true_stale"),
     *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),

@@ -2,6 +2,7 @@
 
 from ibe_rl.metrics.drift import VocabularyDrift, policy_drift, vocabulary_drift
 from ibe_rl.metrics.quality import (
+    SCORES,
     came_true,
     happened,
     instruction_f1,
@@ -12,6 +13,7 @@ from ibe_rl.metrics.quality import (
 )
 
 __all__ = [
+    "SCORES",
     "VocabularyDrift",
     "came_true",
     "happened",

@@ -11,6 +11,9 @@ from sklearn.metrics import f1_score, roc_auc_score
 from ibe_rl.data import Array, Episode, Explanation, Mapping, Phrases, Task
 from ibe_rl.ibe import Windows, delta_states, phrase
 
+SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1")
+"""What ``vocabulary_scores`` tells."""
+
 
 def happened(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
     """What a vocabulary calls the real change over the horizon, from each of the ``T`` steps of an episode.
@@ -96,6 +99,8 @@ def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[st
         Metric to value, not a number where the windows cannot tell: ``motion_auc``; ``motion_auc_disobeyed``,
         the same on windows that did not go the way they were told; ``motion_spearman``; ``instruction_f1``.
     """
+    if not len(windows):  # the newest episodes may all have been flown in silence
+        return dict.fromkeys(SCORES, float("nan"))
     said, told = mapping.express(windows.delta)[:, 0], windows.instruction[:, 0]
     change, band = windows.delta[:, task.explained], task.explained_band
     disobeyed = np.where(np.abs(change) > band, np.sign(change), 0) != np.sign(told)

@@ -1,10 +1,22 @@
 """What was said is compared with what then happened, in the same words."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from by_hand import TASK, on_a_line
 
 from ibe_rl.data import Array, Episode, Explanation, Phrases
-from ibe_rl.metrics import came_true, phrases_true
+from ibe_rl.ibe import Windows
+from ibe_rl.metrics import (
+    SCORES,
+    came_true,
+    instruction_f1,
+    motion_auc,
+    motion_spearman,
+    phrases_true,
+    vocabulary_scores,
+)
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.5, ""),))]
 
@@ -66,3 +78,115 @@ def test_the_horizon_is_the_explanations_own(episode: Episode):
 def test_there_is_an_explanation_for_every_step(episode: Episode):
     with pytest.raises(ValueError, match="zip"):
         came_true(episode, [spoken("up")] * 3, Sign(), WORDS)
+
+
+class Second:
+    """Says the second number of the change, whatever the first one was."""
+
+    ids = np.zeros(1, int)
+
+    def cluster(self, delta: Array) -> Array:
+        return np.zeros(len(delta), int)
+
+    def express(self, delta: Array) -> Array:
+        return delta[:, 1:2]
+
+    def confidence(self, delta: Array) -> Array:
+        return np.ones(len(delta))
+
+
+def windows(*rows: tuple[float, float, float]) -> Windows:
+    """Of (what was told, how the height changed, what ``Second`` says)."""
+    told, change, said = np.reshape(rows, (-1, 3)).T
+    delta = np.column_stack([change, said, np.zeros(len(rows))])
+    return Windows(delta, told[:, None], np.ones(len(rows), bool), np.arange(len(rows)), np.zeros(len(rows), int), 5)
+
+
+def auc(said: list[float], change: list[float], band: float = 0.5) -> float:
+    return motion_auc(np.array(said, float), np.array(change, float), band)
+
+
+@pytest.mark.parametrize(
+    ("said", "area"),
+    [
+        ([-1, -0.5, 0, 0.5, 1], 1.0),
+        ([0.1, 0.11, 0.12, 0.13, 0.14], 1.0),  # only the order counts
+        ([1, 0.5, 0, -0.5, -1], 0.0),
+        ([0.3] * 5, 0.5),
+        ([0, 1, 0, 0, 1], (3.5 / 6 + 2.5 / 6) / 2),
+        ([-1, 0, 0, 0, 1], (5 / 6 + 5 / 6) / 2),
+    ],
+    ids=["perfect", "shifted", "inverted", "always the same", "some", "ties"],
+)
+def test_motion_auc_is_the_share_of_pairs_in_the_right_order(said: list[float], area: float):
+    """Down, down, neither, up, up: two by three pairs for each way, a tie counts half."""
+    assert auc(said, [-3, -2, 0, 2, 3]) == pytest.approx(area)
+
+
+def test_motion_auc_is_one_half_by_chance():
+    assert auc([1, -1, 1, -1], [2, 2, -2, -2]) == 0.5
+    random = np.random.default_rng(0)
+    assert motion_auc(random.uniform(-1, 1, 20_000), random.normal(size=20_000), 0.5) == pytest.approx(0.5, abs=0.02)
+
+
+def test_motion_auc_is_the_mean_of_both_ways():
+    """Up against the rest 3 of 4 pairs, down against the rest 4 of 4."""
+    assert auc([-1, 0.6, 0.5, 1], [-2, 0, 2, 2]) == pytest.approx((3 / 4 + 3 / 3) / 2)
+
+
+@pytest.mark.parametrize("change", [[1, 2, 3], [-1, -2, -3], [0, 0, 0], [1, 0, 0], [0, 0, -1], []])
+def test_motion_auc_cannot_tell_from_one_way(change: list[float]):
+    assert np.isnan(auc([0.0, 0.5, 1.0][: len(change)], change))
+
+
+def test_a_change_just_as_large_as_the_band_is_none():
+    """What was said of these two would cost 2 of 4 pairs each way if they counted."""
+    assert auc([-1, 1, 2, -2], [0.5, -0.5, 3, -3], band=0.5) == 1
+    assert auc([-1, 1, 2, -2], [0.5, -0.5, 3, -3], band=0.49) == 0.75
+
+
+def test_motion_spearman_is_the_correlation_of_the_ranks():
+    change = np.array([-8.0, -1, 0, 5])
+    assert motion_spearman(np.array([0.1, 0.2, 0.3, 1]), change) == pytest.approx(1)
+    assert motion_spearman(np.array([1, 0.3, 0.2, 0.1]), change) == pytest.approx(-1)
+    assert motion_spearman(np.array([0.2, 0.1, 0.3, 1]), change) == pytest.approx(1 - 6 * 2 / (4 * 15))
+    assert np.isnan(motion_spearman(np.zeros(4), change))
+    assert np.isnan(motion_spearman(change, np.ones(4)))
+
+
+def test_instruction_f1_takes_the_nearest_value():
+    values, told = (-1.0, 0.0, 1.0), np.array([-1.0, 0, 0, 1])
+    assert instruction_f1(told, told, values) == 1
+    assert instruction_f1(np.array([-0.6, 0.4, -0.4, 0.51]), told, values) == 1
+    assert instruction_f1(np.zeros(4), told, values) == pytest.approx((0 + 2 * 0.5 * 1 / 1.5 + 0) / 3)
+    assert instruction_f1(-told, told, values) == pytest.approx(1 / 3)
+
+
+def test_a_vocabulary_is_scored_by_what_really_happened():
+    scores = vocabulary_scores(Second(), windows((1, 3, 0.8), (-1, -3, -0.7), (0, 0, 0.1), (1, 2, 0.6)), TASK)
+    assert scores == pytest.approx(dict.fromkeys(SCORES, 1.0) | {"motion_auc_disobeyed": np.nan}, nan_ok=True)
+
+
+def test_the_score_on_disobeyed_windows_leaves_out_the_followed_ones():
+    followed = [(1, 3, -0.9), (-1, -3, 0.9), (0, 0.5, 1), (0, -0.5, -1)]  # all said wrongly; the band's edge is still
+    disobeyed = [(0, 2, 0.4), (-1, 2, 0.3), (1, 0, 0), (1, -2, -0.3), (0, -0.6, -0.1)]  # all said rightly
+    scores = vocabulary_scores(Second(), windows(*followed, *disobeyed), TASK)
+    assert scores["motion_auc_disobeyed"] == 1
+    assert scores["motion_auc"] < 0.8
+    wrong = vocabulary_scores(
+        Second(), windows(*followed, *((told, went, -said) for told, went, said in disobeyed)), TASK
+    )
+    assert wrong["motion_auc_disobeyed"] == 0
+
+
+def test_the_dimension_and_the_band_are_the_tasks():
+    rows = windows((1, 3, 0.8), (-1, -3, -0.7), (0, 0.2, 0.9))
+    assert vocabulary_scores(Second(), rows, TASK)["motion_auc"] == 0.75
+    assert vocabulary_scores(Second(), rows, replace(TASK, explained_band=0.1))["motion_auc"] == 1
+    assert vocabulary_scores(Second(), rows, replace(TASK, explained=1))["motion_spearman"] == pytest.approx(1)
+
+
+def test_no_windows_tell_nothing():
+    scores = vocabulary_scores(on_a_line([0, 1]), windows(), TASK)
+    assert tuple(scores) == SCORES
+    assert np.isnan(list(scores.values())).all()
