@@ -142,6 +142,132 @@ def test_clusters_start_where_they_are_told():
     np.testing.assert_allclose(np.sort(free.centre_changes(), axis=0), [[0.5], [10.5], [20.5]], atol=1e-9)
 
 
+def remembering(memory: float) -> PaperMapping:
+    """Ten old windows at -4 told -1 and twenty at 4 told 1; now five at -2 told 0 and ten at 6 told 1."""
+    last = on_a_line([-4, 4], evidence=[10, 20])
+    delta, told = np.repeat([-2.0, 6.0], [5, 10])[:, None], np.repeat([0.0, 1.0], [5, 10])
+    return PaperMapping(2, last=last, memory=memory, random_state=0).fit(delta, told)
+
+
+def test_earlier_windows_count_as_much_as_is_remembered_of_them():
+    """At one half: five old windows with five new ones, ten with ten."""
+    mapping = remembering(0.5).mapping_
+    np.testing.assert_allclose(mapping.centre_changes(), [[-3], [5]])
+    np.testing.assert_allclose(mapping.mean_instructions, [[-0.5], [1]])
+    assert mapping.evidence.tolist() == [10, 20]
+    assert mapping.sizes.tolist() == [5, 10]
+    assert mapping.purities.tolist() == [1, 1]  # of what is really there
+    np.testing.assert_allclose(remembering(0.9).mapping_.centre_changes(), [[-4 + 2 * 5 / 14], [4 + 2 * 10 / 28]])
+    np.testing.assert_allclose(remembering(0.9).mapping_.mean_instructions[0], -9 / 14)
+
+
+def test_standardisation_remembers_too():
+    """At one half: fifteen old windows of mean 0 and variance 1, fifteen new ones of mean 10/3 and variance 128/9."""
+    mapping = remembering(0.5).mapping_
+    np.testing.assert_allclose(mapping.mean, (0 + 10 / 3) / 2)
+    np.testing.assert_allclose(mapping.weight, ((1 + 128 / 9) / 2) ** -0.5)
+
+
+def test_without_memory_the_last_vocabulary_is_a_start_only():
+    mapping = remembering(0.0).mapping_
+    np.testing.assert_allclose(mapping.centre_changes(), [[-2], [6]])
+    np.testing.assert_allclose(mapping.mean_instructions, [[0], [1]])
+    assert mapping.evidence.tolist() == mapping.sizes.tolist() == [5, 10]
+    np.testing.assert_allclose([mapping.mean[0], mapping.weight[0]], [10 / 3, (128 / 9) ** -0.5])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_without_memory_it_is_k_means_from_the_last_centres(seed: int):
+    random = np.random.default_rng(seed)
+    earlier, delta, told = random.normal(1, 3, (200, 2)), random.normal(size=(300, 2)), random.uniform(-1, 1, 300)
+    last = PaperMapping(5, random_state=0).fit(earlier, np.ones(200)).mapping_
+    learnt = PaperMapping(5, last=last, random_state=0).fit(delta, told).mapping_
+    scale = delta.std(axis=0)
+    plain = KMeans(5, init=(last.centre_changes() - delta.mean(axis=0)) / scale, n_init=1)
+    expected = plain.fit((delta - delta.mean(axis=0)) / scale).cluster_centers_ * scale + delta.mean(axis=0)
+    found = learnt.centre_changes()
+    np.testing.assert_allclose(found[np.argsort(found[:, 0])], expected[np.argsort(expected[:, 0])], atol=1e-6)
+
+
+def test_evidence_fades_geometrically():
+    """Four, six and two windows a refresh, half of the earlier ones remembered: n, n + n/2, n + n/2 + n/4, ..."""
+    last, found = None, []
+    for _ in range(6):
+        last = fit(last=last, memory=0.5).mapping_
+        found.append(last.evidence.tolist())
+    for refresh, evidence in enumerate(found):
+        np.testing.assert_allclose(evidence, np.array([4, 6, 2]) * (2 - 0.5**refresh))
+
+
+def test_what_was_told_long_ago_fades_with_it():
+    """A cluster was told -1 once and 0 ever since; at one half its mean goes from -1 over -1/3 and -1/7 to 0."""
+    delta, last, found = np.repeat([-4.0, 4.0], 8)[:, None], None, []
+    for told in (-1.0, 0.0, 0.0, 0.0):
+        told_all = np.repeat([told, 1.0], 8)
+        last = PaperMapping(2, last=last, memory=0.5, random_state=0).fit(delta, told_all).mapping_
+        found.append(last.mean_instructions[0, 0])
+    np.testing.assert_allclose(found, [-1, -1 / 3, -1 / 7, -1 / 15])
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.99])
+def test_the_same_windows_again_leave_everything_where_it_was(memory: float):
+    once = fit().mapping_
+    twice = fit(last=once, memory=memory).mapping_
+    for name in set(once.__dataclass_fields__) - {"evidence"}:
+        np.testing.assert_allclose(getattr(twice, name), getattr(once, name), atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(twice.evidence, once.evidence * (1 + memory))
+
+
+def test_clusters_that_became_one_remember_together():
+    """Those at 3 and 5 end up in one; the third goes where the new windows are."""
+    last = on_a_line([-4, 3, 5], [-1, 0, 1], evidence=[10, 10, 20])
+    delta, told = np.repeat([-4.0, 3.5, 20.0], 100)[:, None], np.repeat([-1.0, 0.5, 1.0], 100)
+    mapping = PaperMapping(3, last=last, memory=0.1, random_state=0).fit(delta, told).mapping_
+    np.testing.assert_allclose(mapping.evidence, [101, 103, 100])
+    np.testing.assert_allclose(mapping.centre_changes()[:, 0], [-4, (350 + 3 + 2 * 5) / 103, 20])
+    np.testing.assert_allclose(mapping.mean_instructions[:, 0], [-1, (50 + 0 + 2 * 1) / 103, 1])
+
+
+def test_a_cluster_without_a_new_window_lives_on_what_is_remembered():
+    last = on_a_line([-4, 0, 30], [-1, 0, 0.5], evidence=[10, 10, 10])
+    delta, told = np.array([[-4.0], [-4.1], [0.0], [0.1]]), np.array([-1.0, -1, 1, 1])
+    mapping = PaperMapping(3, last=last, memory=0.9, random_state=0).fit(delta, told).mapping_
+    assert mapping.sizes.tolist() == [2, 2, 0]
+    assert mapping.evidence.tolist() == [11, 11, 9]
+    np.testing.assert_allclose(mapping.mean_instructions, [[-1], [2 / 11], [0.5]])
+    assert mapping.purities.tolist() == [1, 1, 0]
+
+
+def test_windows_that_are_drawn_stand_for_all_of_them_against_memory():
+    """2,000 new windows each side, half of them clustered, against 2,000 remembered: the centre is in the middle."""
+    last = on_a_line([-4, 4], evidence=[4_000, 4_000])
+    delta = np.repeat([-2.0, 6.0], 2_000)[:, None]
+    settings = {"last": last, "memory": 0.5, "max_fit_windows": 2_000, "random_state": 0}
+    mapping = PaperMapping(2, **settings).fit(delta, np.repeat([-1.0, 1.0], 2_000)).mapping_
+    np.testing.assert_allclose(mapping.centre_changes(), [[-3], [5]], atol=0.05)
+    assert mapping.evidence.tolist() == [4_000, 4_000]
+
+
+def test_a_dimension_left_out_stays_left_out():
+    once = fit(n_clusters=2, dimensions=[0]).mapping_
+    twice = fit(n_clusters=2, dimensions=[0], last=once, memory=0.75).mapping_
+    assert (twice.weight > 0).tolist() == [True, False]
+    np.testing.assert_allclose(twice.weight, once.weight)
+    np.testing.assert_allclose(twice.mean, once.mean)
+
+
+def test_a_new_mapping_numbers_its_clusters_and_stands_on_its_windows(mapping: ClusterMapping):
+    assert mapping.ids.tolist() == [0, 1, 2]
+    assert mapping.ids.dtype.kind == "i"
+    assert mapping.evidence.tolist() == mapping.sizes.tolist() == [4, 6, 2]
+
+
+@pytest.mark.parametrize("memory", [-0.01, 1.0, 2.0, float("nan")])
+def test_a_memory_outside_its_limits_is_refused(memory: float):
+    with pytest.raises(ValueError, match=f"memory={memory}: at least 0 and below 1"):
+        fit(memory=memory)
+
+
 def test_centres_are_told_as_changes_of_the_state():
     mapping = fit(dimensions=[0]).mapping_
     np.testing.assert_allclose(mapping.centre_changes()[:, 0], [-3, 0, 3], atol=0.1)
@@ -192,6 +318,7 @@ def test_a_mapping_survives_json(mapping: ClusterMapping):
     again = ClusterMapping.from_dict(json.loads(json.dumps(mapping.to_dict())))
     for name in mapping.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(again, name), getattr(mapping, name))
+        assert getattr(again, name).dtype == getattr(mapping, name).dtype
 
 
 @pytest.mark.parametrize("name", ClusterMapping.__dataclass_fields__)
