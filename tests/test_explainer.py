@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 
-from ibe_rl.data import Array, Moment, Phrases, Policy
-from ibe_rl.explainer import explain
+from ibe_rl.data import Array, Episode, Moment, Phrases, Policy, Watched
+from ibe_rl.explainer import explain, narrate, put_in_words
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.1, "a little "), (0.5, "")))]
 
@@ -63,3 +64,41 @@ def test_without_moments_nothing_is_said():
     predictor = Straight()
     assert explain([], stay, predictor, Tenths(), 4, WORDS) == []
     assert predictor.calls == []
+
+
+def watched(*speeds: float) -> Watched:
+    steps = len(speeds)
+    states = np.zeros((steps + 1, 2))
+    episode = Episode(states, np.zeros(steps), np.zeros(steps), np.zeros((steps, 1)), np.ones(steps), True, True, "")
+    return Watched(episode, moments(*speeds), [], [[]] * (steps + 1))
+
+
+@pytest.mark.parametrize(
+    ("every_steps", "heard"),
+    [(1, [1, 2, 3, 4, 5, 6]), (2, [1, 1, 3, 3, 5, 5]), (4, [1, 1, 1, 1, 5, 5]), (5, [1, 1, 1, 1, 1, 6]), (9, [1] * 6)],
+)
+def test_in_between_the_last_explanation_holds(every_steps: int, heard: list[int]):
+    predictor, mapping = Straight(), Tenths()
+    mapping.ids = np.arange(6)
+    said = narrate(watched(1, 2, 3, 4, 5, 6), every_steps, stay, predictor, mapping, 1, WORDS)
+    assert [one.delta_state[0] for one in said] == heard
+    assert predictor.calls == [(len(set(heard)), stay, 1)]  # no more are predicted than are said
+
+
+def test_predictions_can_be_put_into_the_words_of_another_vocabulary():
+    class Backwards(Tenths):
+        ids = np.array([30, 10])
+
+        def express(self, delta: Array) -> Array:
+            return -super().express(delta)
+
+    paths = Straight().rollout(moments(2, -0.25), stay, 4)
+    now, then = (put_in_words(paths, mapping, 4, WORDS) for mapping in (Tenths(), Backwards()))
+    assert [(one.phrase, one.cluster) for one in now] == [("up", 5), ("a little down", 7)]
+    assert [(one.phrase, one.cluster) for one in then] == [("down", 30), ("a little up", 10)]
+    for one, other, path in zip(now, then, paths, strict=True):
+        np.testing.assert_array_equal(one.path, path)
+        np.testing.assert_array_equal(one.path, other.path)
+        assert one.delta_state.tolist() == other.delta_state.tolist() == (path[-1] - path[0]).tolist()
+        assert one.horizon_steps == other.horizon_steps == 4
+    assert explain(moments(2, -0.25), stay, Straight(), Tenths(), 4, WORDS)[1].phrase == now[1].phrase

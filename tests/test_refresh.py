@@ -1,6 +1,7 @@
 """A vocabulary is learnt from the best episodes of a log made by hand, and comes back from its file."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ from by_hand import STEPS, TASK, add
 from ibe_rl import refresh as module
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import ConfigError
-from ibe_rl.ibe import PaperMapping, TooLittleDataError
+from ibe_rl.ibe import PaperMapping, TooLittleDataError, Transition
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.refresh import check_mapping, learn_vocabulary, load_mapping, save_refresh
+from ibe_rl.metrics import VocabularyDrift
+from ibe_rl.refresh import Change, Refresh, check_mapping, learn_vocabulary, load_mapping, save_refresh
 
 
 @pytest.fixture
@@ -112,6 +114,95 @@ def test_a_refresh_starts_where_the_last_one_ended(log: TrajectoryLog, monkeypat
     assert [settings["memory"] for settings in starts] == [0, 0.5, 0, config().memory]
     for name in last.__dataclass_fields__:
         np.testing.assert_allclose(getattr(again, name), getattr(last, name), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("newest_frames", "counted"), [(None, 8), (96, 8), (85, 8), (84, 7), (48, 4), (37, 4), (36, 3), (25, 3)]
+)
+def test_only_what_ended_in_the_newest_frames_counts(log: TrajectoryLog, newest_frames: int | None, counted: int):
+    """Eight episodes of twelve frames ended at frame 12, 24, ... 96; the newest 84 frames are 13 to 96."""
+    learnt = learn_vocabulary(log, config(newest_frames=newest_frames, n_clusters=2), TASK, seed=0)
+    assert (learnt.episodes_logged, learnt.episodes_counted) == (8, counted)
+    assert learnt.episodes_used == np.ceil(counted / 2)
+
+
+def test_the_best_and_the_others_are_of_those_that_count(log: TrajectoryLog):
+    """The upper floor was flown last, and worse than the lower one."""
+    learnt = learn_vocabulary(log, config(newest_frames=60, n_clusters=2), TASK, seed=0)
+    assert learnt.episodes_counted == 5
+    assert learnt.episodes_by_context == {"lower": 1, "upper": 2}
+    assert len(learnt.others) == 2 * (STEPS + 1 - 5)
+    within = learn_vocabulary(log, config(newest_frames=60, n_clusters=2, top_within="context"), TASK, seed=0)
+    assert within.episodes_by_context == {"lower": 1, "upper": 2}
+    assert len(within.others) == 2 * (STEPS + 1 - 5)
+
+
+def test_if_nothing_ended_lately_nothing_is_learnt(log: TrajectoryLog):
+    log.frames += 100  # an episode that is still flown
+    with pytest.raises(TooLittleDataError, match="no episode has ended in the newest 100 frames"):
+        learn_vocabulary(log, config(newest_frames=100), TASK, seed=0)
+    assert learn_vocabulary(log, config(newest_frames=101, n_clusters=2), TASK, seed=0).episodes_counted == 1
+
+
+def changed(last: Refresh, refresh: Refresh, taken: bool, staleness: float = 0.25) -> Refresh:
+    """What ``Development`` makes of a refresh, in numbers that can be told apart."""
+    change = Change(
+        last=last.mapping,
+        since_frame=48,
+        transition=Transition({0: 0.75, 2: 0.5}, (1,), (3,)),
+        drift=VocabularyDrift(0.125, 0.5, 0.375),
+        policy_drift=0.0625,
+        last_scores={"motion_auc": 0.5, "motion_auc_disobeyed": float("nan")},
+        staleness=staleness,
+    )
+    return replace(refresh, change=change, scores={"motion_auc": 0.75, "instruction_f1": float("nan")}, taken=taken)
+
+
+def test_the_vocabulary_that_stands_is_the_last_one_that_was_taken(log: TrajectoryLog):
+    first, second = (learn_vocabulary(log, config(n_clusters=k), TASK, seed=0) for k in (2, 3))
+    assert first.standing is first.mapping
+    assert changed(first, second, taken=True).standing is second.mapping
+    assert changed(first, second, taken=False).standing is first.mapping
+
+
+def test_a_change_is_written_down(log: TrajectoryLog, tmp_path: Path):
+    refresh = learn_vocabulary(log, config(), TASK, seed=0)
+    named = replace(refresh, mapping=replace(refresh.mapping, ids=np.array([0, 3, 2])))
+    saved = json.loads(save_refresh(tmp_path, changed(refresh, named, taken=True), config(), TASK).read_text())
+    assert saved["change"] == {
+        "since_frame": 48,
+        "transition": {
+            "survived": [{"id": 0, "overlap": 0.75}, {"id": 2, "overlap": 0.5}],
+            "vanished": [1],
+            "emerged": [3],
+        },
+        "vocabulary_drift": {"phrase_changed": 0.125, "expression_moved": 0.5, "cluster_agreement": 0.375},
+        "policy_drift": 0.0625,
+        "scores_before": {"motion_auc": 0.5, "motion_auc_disobeyed": None},
+        "staleness": 0.25,
+    }
+    assert saved["scores"] == {"motion_auc": 0.75, "instruction_f1": None}
+    assert [cluster["id"] for cluster in saved["clusters"]] == saved["mapping"]["ids"] == [0, 3, 2]
+
+
+def test_what_cannot_be_told_of_a_change_is_null(log: TrajectoryLog, tmp_path: Path):
+    refresh = learn_vocabulary(log, config(), TASK, seed=0)
+    unknown = changed(refresh, refresh, taken=True, staleness=float("nan"))
+    assert json.loads(save_refresh(tmp_path, unknown, config(), TASK).read_text())["change"]["staleness"] is None
+
+
+def test_the_first_vocabulary_changes_nothing(log: TrajectoryLog, tmp_path: Path):
+    saved = json.loads(save_refresh(tmp_path, learn_vocabulary(log, config(), TASK, 0), config(), TASK).read_text())
+    assert saved["change"] is None
+    assert saved["scores"] == {}
+
+
+def test_evidence_is_written_down_with_what_is_remembered(log: TrajectoryLog, tmp_path: Path):
+    last = learn_vocabulary(log, config(), TASK, seed=0).mapping
+    again = learn_vocabulary(log, config(memory=0.5), TASK, 0, last)
+    saved = json.loads(save_refresh(tmp_path, again, config(), TASK).read_text())
+    assert [cluster["size"] for cluster in saved["clusters"]] == [8, 16, 8]
+    assert [cluster["evidence"] for cluster in saved["clusters"]] == saved["mapping"]["evidence"] == [12, 24, 12]
 
 
 def test_without_an_episode_nothing_is_learnt(tmp_path: Path):
