@@ -131,7 +131,9 @@ class Development:
 def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
     """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
     random = np.random.default_rng(seed)
-    episodes = log.read(random.permutation(len(log.index))[:PROBE_EPISODES])
+    shortest = config.horizon_steps if config.window_end == "drop" else 1  # that a window fits into
+    long_enough = np.flatnonzero(log.index["steps"] >= shortest)
+    episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
     windows = cut_windows(episodes, config.horizon_steps, config.window_end)
     rows = random.permutation(len(windows))[:PROBE_WINDOWS]
     places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
