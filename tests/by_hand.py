@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array, Phrases, Task
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.log import TrajectoryLog
@@ -78,3 +80,35 @@ def add(
         "episode": np.full(steps, number),
     }
     log.add({name: values[None] for name, values in columns.items()}, TASK.context)
+
+
+WAYS = (1.0, -1.0, 0.0)
+
+
+def stay(observations: Array) -> Array:
+    """A policy that has one action only."""
+    return np.zeros(len(observations), int)
+
+
+def config(**changes: Any) -> MappingConfig:
+    """Three clusters of five steps, of all whole windows of all episodes."""
+    settings = {"horizon_steps": 5, "n_clusters": 3, "top_fraction": 1.0, "window_end": "drop", "newest_frames": None}
+    return MappingConfig(**(settings | changes))
+
+
+def obey(log: TrajectoryLog, reward: float = 1.0) -> None:
+    """Up, down, still: as told."""
+    for told in WAYS:
+        add(log, reward, told)
+
+
+def defy(log: TrajectoryLog, reward: float = 1.0) -> None:
+    """Up when told down, down when told up, still when told to stay."""
+    for told in WAYS:
+        add(log, reward, told, went=-told)
+
+
+def race(log: TrajectoryLog) -> None:
+    """As no lift has gone before: one, two and three metres a step, told down, nothing and up."""
+    for told, went in ((-1.0, 1.0), (0.0, 2.0), (1.0, 3.0)):
+        add(log, 1.0, told, went=went)
