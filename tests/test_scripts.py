@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +23,10 @@ import explain
 import train
 from ibe_rl.command_line import run_script
 from ibe_rl.config import MappingConfig
+from ibe_rl.development import FIGURES, PROBE_WINDOWS
 from ibe_rl.ibe import normalise
 from ibe_rl.log import TrajectoryLog
+from ibe_rl.metrics import SCORES
 
 ROOT = Path(__file__).parent.parent
 SMALL = [
@@ -90,7 +93,8 @@ def test_a_run_leaves_what_the_contract_names(run: Path) -> None:
     assert summary["time_s"].keys() == set(train.TIMES)
     assert sum(summary["time_s"].values()) == pytest.approx(summary["wall_s"], rel=0.05)
     assert summary["frames"] == 6144  # 6,000 rounded up to whole batches of 1,024
-    assert summary["refreshes"] + summary["refreshes_skipped"] == 3
+    assert summary["refreshes"] + summary["refreshes_kept"] + summary["refreshes_skipped"] == 3
+    assert summary["refreshes_kept"] == 0
     assert summary["refreshes"] == len(list((run / "refreshes").glob("*.json"))) >= 1
     assert (run / ".hydra" / "config.yaml").is_file()
     assert [path.name for path in sorted((run / "checkpoints").iterdir())] == [
@@ -122,6 +126,99 @@ def test_a_refresh_says_what_it_stands_on(run: Path) -> None:
     exact = normalise(means[:, None])[:, 0]
     assert [exact[0], exact[-1]] == pytest.approx([-1, 1])
     assert np.abs(spoken - exact).max() <= MappingConfig().hold_within  # what has moved by less was held
+
+
+def refreshes(folder: Path) -> list[Any]:
+    return [json.loads(path.read_text()) for path in sorted((folder / "refreshes").glob("*.json"))]
+
+
+def names(refresh: Any) -> list[int]:
+    return [cluster["id"] for cluster in refresh["clusters"]]
+
+
+def test_clusters_keep_their_names_and_every_change_is_told(run: Path) -> None:
+    first, *later = refreshes(run)
+    assert first["change"] is None
+    assert names(first) == list(range(8))
+    assert len(later) >= 1
+    before, ever = first, set(names(first))
+    for refresh in later:
+        change, transition = refresh["change"], refresh["change"]["transition"]
+        survived = {one["id"] for one in transition["survived"]}
+        assert refresh["mapping"]["ids"] == names(refresh)
+        assert change["since_frame"] == before["frame"]
+        assert survived | set(transition["emerged"]) == set(names(refresh))
+        assert survived | set(transition["vanished"]) == set(names(before))
+        assert all(one["overlap"] >= MappingConfig().survival_overlap for one in transition["survived"])
+        assert not ever & set(transition["emerged"])
+        before, ever = refresh, ever | set(names(refresh))
+
+
+def in_table(name: str, refresh: Any) -> Any:
+    """What metrics.csv calls ``name``, from the file of a refresh."""
+    change = refresh["change"]
+    short = name.removeprefix("ibe/")
+    if name.endswith("_stale"):
+        return change["scores_before"][short.removesuffix("_stale")]
+    if short in ("survived", "vanished", "emerged"):
+        return len(change["transition"][short])
+    if short in ("policy_drift", "staleness"):
+        return change[short]
+    moved = {"vocabulary_drift": "phrase_changed"}.get(short, short)
+    told = {"episodes": refresh["episodes"]["used"], "windows": refresh["windows"]["used"]} | refresh["scores"]
+    return told[short] if short in told else change["vocabulary_drift"][moved]
+
+
+def test_metrics_and_the_files_of_the_refreshes_tell_the_same(run: Path) -> None:
+    table = {int(row["frames"]): row for row in rows(run)}
+    columns = set(FIGURES) - {"ibe/came_true", "ibe/came_true_stale"}
+    first, *later = refreshes(run)
+    assert {name for name in columns if table[first["frame"]][name]} <= {
+        *("ibe/episodes", "ibe/windows", *(f"ibe/{name}" for name in SCORES))
+    }
+    for refresh in later:
+        row = table[refresh["frame"]]
+        for name in columns:
+            told = in_table(name, refresh)
+            assert row[name] == "" if told is None else float(row[name]) == pytest.approx(told, rel=1e-5), name
+        assert 0 <= float(row["ibe/came_true_stale"]) <= 1
+    assert all(row["ibe/came_true"] for row in table.values() if row["ibe/windows"])
+    assert not any(row[name] for frame, row in table.items() for name in columns if frame not in told_at(run))
+
+
+def told_at(folder: Path) -> set[int]:
+    return {refresh["frame"] for refresh in refreshes(folder)}
+
+
+def test_the_probe_is_kept_and_opens_without_running_code(run: Path) -> None:
+    with np.load(run / "refreshes" / "probe.npz", allow_pickle=False) as probe:
+        delta, observations = probe["delta"], probe["observations"]
+    assert delta.shape == (len(delta), 9)
+    assert observations.shape == (len(delta), 11)
+    assert 8 < len(delta) <= PROBE_WINDOWS
+    assert np.isfinite(delta).all()
+    assert (observations[:, -1] == 1).all()
+
+
+def test_a_vocabulary_that_is_not_stale_is_kept(tmp_path: Path) -> None:
+    call("train", *SMALL, "refresh_when_stale=1", f"run_dir={tmp_path / 'kept'}", "viewer=off")
+    folder = tmp_path / "kept"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["refreshes"] == 1
+    assert summary["refreshes_kept"] == 2 - summary["refreshes_skipped"] >= 1
+    [only] = refreshes(folder)
+    assert sorted(path.name for path in (folder / "refreshes").iterdir()) == [f"{only['frame']:012d}.json", "probe.npz"]
+    table = rows(folder)
+    assert set(table[0]) >= set(FIGURES)
+    asked = [row for row in table if row["ibe/windows"]]
+    assert len(asked) == 1 + summary["refreshes_kept"]
+    for row in asked[1:]:
+        assert row["ibe/staleness"] != ""
+        assert row["ibe/policy_drift"] != ""
+        assert [row["ibe/survived"], row["ibe/vocabulary_drift"]] == ["", ""]  # nothing has moved
+        for name in SCORES:
+            assert row[f"ibe/{name}"] == row[f"ibe/{name}_stale"]
+        assert row["ibe/came_true"] == row["ibe/came_true_stale"]
 
 
 def test_the_log_holds_the_episodes_that_were_flown(run: Path) -> None:
@@ -230,6 +327,16 @@ BAD = {
     "no horizon": (["mapping.horizon_steps=0"], ["mapping.horizon_steps=0", "at least 1"]),
     "too long a horizon": (["mapping.horizon_steps=1001"], ["mapping.horizon_steps=1001", "at most 1000"]),
     "unknown dimension": (["mapping.dimensions=[height]"], ["mapping.dimensions=['height']", "angle"]),
+    "no newest frames": (["mapping.newest_frames=0"], ["mapping.newest_frames=0", "at least 1"]),
+    "memory without end": (["mapping.memory=1"], ["mapping.memory=1.0", "at most 0.99"]),
+    "less than no memory": (["mapping.memory=-0.1"], ["mapping.memory=-0.1", "at least 0"]),
+    "anything survives": (["mapping.survival_overlap=0"], ["mapping.survival_overlap=0", "above 0 and at most 1"]),
+    "nothing survives": (["mapping.survival_overlap=1.1"], ["mapping.survival_overlap=1.1", "at most 1"]),
+    "held backwards": (["mapping.hold_within=-0.1"], ["mapping.hold_within=-0.1", "at least 0 and at most 2"]),
+    "held for ever": (["mapping.hold_within=2.5"], ["mapping.hold_within=2.5", "at most 2"]),
+    "never stale": (["refresh_when_stale=1.5"], ["refresh_when_stale=1.5", "at least -1 and at most 1"]),
+    "stale is no number": (["refresh_when_stale=often"], ["refresh_when_stale", "often"]),
+    "a setting that is gone": (["mapping.warm_start=true"], ["mapping.warm_start", "memory"]),
     "unknown environment": (["env.id=Mars-v0"], ["env.id=Mars-v0", "ibe_rl/LunarLanderPads-v0"]),
     "other environment": (["env.id=CartPole-v1"], ["env.id=CartPole-v1", "'pad'"]),
     "wrong pad": (["env.kwargs.pad=middle"], ["env.kwargs", "middle", "center"]),
