@@ -166,6 +166,9 @@ def test_standardisation_remembers_too():
     mapping = remembering(0.5).mapping_
     np.testing.assert_allclose(mapping.mean, (0 + 10 / 3) / 2)
     np.testing.assert_allclose(mapping.weight, ((1 + 128 / 9) / 2) ** -0.5)
+    more = remembering(0.9).mapping_  # 27 against 15
+    np.testing.assert_allclose(more.mean, 15 / 42 * 10 / 3)
+    np.testing.assert_allclose(more.weight, (27 / 42 * 1 + 15 / 42 * 128 / 9) ** -0.5)
 
 
 def test_without_memory_the_last_vocabulary_is_a_start_only():
