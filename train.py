@@ -29,7 +29,7 @@ from torchrl import timeit
 from ibe_rl.agent import Agent, make_agent
 from ibe_rl.checkpoint import save_latest, save_policy
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
-from ibe_rl.command_line import installed, is_sweep, output_folder, run_script, save_config
+from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
 from ibe_rl.development import FIGURES, Development, figures, truth
@@ -143,7 +143,7 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
     env = make_one()
     task = task_of(env)
     recording = cfg.viewer.mode != "off"
-    recorder = Recorder(folder / RECORDING, task, folder.name) if recording else NoRecorder()
+    recorder = Recorder(folder / RECORDING, task, run_name(folder)) if recording else NoRecorder()
     owned.callback(recorder.close)
     return Parts(
         task=task,
@@ -263,7 +263,7 @@ def main(cfg: TrainConfig) -> None:
             summary = train(cfg, folder, stop, owned)
             write_json(folder / SUMMARY, summary)
         closing_table(summary)
-        say_how_to_open(cfg, folder)
+        say_how_to_open(folder)
     if stop and is_sweep():
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
 
@@ -277,11 +277,12 @@ def serve(recording: Path, ports: Ports, owned: ExitStack) -> None:
         print(f"warning: no live view, the recording is written all the same: {reason}")
 
 
-def say_how_to_open(cfg: TrainConfig, folder: Path) -> None:
+def say_how_to_open(folder: Path) -> None:
     """Print how to look at the run again."""
     print(f"the run is in {folder}")
-    if cfg.viewer.mode != "off":
-        print(f"  its recording again:  {installed('rerun')} {folder / RECORDING}")
+    print(f"  look at it again:     {installed('python')} -m ibe_rl.viewer {folder}")
+    if is_sweep():
+        print(f"  beside the others:    {installed('python')} -m ibe_rl.viewer {folder.parent}")
     print(f"  one episode in words: {installed('python')} explain.py run={folder}")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import hydra
 import yaml
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
@@ -20,6 +21,9 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl import config as schemas
 from ibe_rl.data import ConfigError
+
+NOT_IN_NAMES = ("run_dir", "viewer")
+"""Settings that are of no interest in the name of a run."""
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
@@ -74,6 +78,26 @@ def is_sweep() -> bool:
 def output_folder(run_dir: str) -> Path:
     """The folder of this run: ``run_dir``, or in a sweep the one that hydra makes in it."""
     return Path(HydraConfig.get().runtime.output_dir if is_sweep() else run_dir)
+
+
+def run_name(folder: Path) -> str:
+    """Name this run: after its folder, or in a sweep after the settings that differ in it, as ``seed=1``."""
+    if not is_sweep():
+        return folder.name
+    given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
+    swept = _swept()
+    told = [one for one in given if (one.key_or_group in swept if swept else one.key_or_group not in NOT_IN_NAMES)]
+    return ", ".join(str(one.input_line).lstrip("+") for one in told) or folder.name
+
+
+def _swept() -> set[str]:
+    """The settings that a sweep varies; none where the command line is another process's or is not understood."""
+    params = HydraConfig.get().sweeper.get("params") or {}
+    given = [f"{key}={values}" for key, values in params.items()] + [one for one in sys.argv[1:] if "=" in one]
+    try:
+        return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
+    except OverrideParseException:
+        return set()
 
 
 def save_config(values: Any, folder: Path) -> None:

@@ -28,9 +28,9 @@ PALETTE = (
     (240, 228, 66),
     (213, 94, 0),
     (0, 114, 178),
-    (170, 170, 170),
+    (240, 240, 240),
 )
-"""Of Okabe and Ito, told apart by colour-blind people too; grey for their black, which a dark page swallows."""
+"""Of Okabe and Ito, told apart by colour-blind people too; white for their black, as the page is dark."""
 PLOTS: dict[str, tuple[str, ...]] = {
     "Return per episode": ("train/return_mean", "eval/return_mean"),
     "Success, training": ("train/success_rate",),
@@ -42,6 +42,7 @@ PLOTS: dict[str, tuple[str, ...]] = {
     "Drift of the policy": ("ibe/policy_drift",),
 }
 """Title of each plot to the columns of metrics.csv in it."""
+SHARES = {"train/success_rate", "eval/success_rate", "ibe/came_true", "ibe/motion_auc"}
 COLUMNS = tuple(column for columns in PLOTS.values() for column in columns)
 
 Curve = list[tuple[int, float]]
@@ -56,7 +57,8 @@ class Metrics:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._read, self._columns = path, 0, tuple[str, ...]()
+        self._path, self._read = path, 0
+        self._header: Sequence[str] | None = None
 
     def new(self) -> dict[str, Curve]:
         """Read the rows completed since the last call: all of ``COLUMNS`` that the file has.
@@ -65,14 +67,12 @@ class Metrics:
             ConfigError: if it is not what train.py writes, or cannot be read.
         """
         try:
-            rows = list(csv.reader(self._complete_lines()))
-            if rows and not self._columns:
-                self._columns = tuple(rows.pop(0))
-            frames = self._columns.index(FRAMES) if self._columns else 0
-            wanted = {name: place for place, name in enumerate(self._columns) if name in COLUMNS}
-            return {name: _curve(rows, frames, place) for name, place in wanted.items()}
-        except (OSError, ValueError, IndexError, csv.Error) as error:
-            raise ConfigError(f"{self._path}: not the metrics of a run ({error})") from None
+            reader = csv.DictReader(self._complete_lines(), self._header)
+            self._header = reader.fieldnames
+            rows = list(reader)
+            return {name: _curve(rows, name) for name in COLUMNS if name in (self._header or ())}
+        except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+            raise ConfigError(f"{self._path}: allowed are the metrics that train.py writes ({error!r})") from None
 
     def _complete_lines(self) -> list[str]:
         """Lines that have their end; the rest is being written and is taken the next time."""
@@ -85,9 +85,9 @@ class Metrics:
         return whole.decode().splitlines()
 
 
-def _curve(rows: Sequence[Sequence[str]], frames: int, column: int) -> Curve:
+def _curve(rows: Sequence[Mapping[str, str]], column: str) -> Curve:
     """Frames and value of the rows in which the value is there and finite."""
-    values = [(int(row[frames]), float(row[column] or "nan")) for row in rows]
+    values = [(int(row[FRAMES]), float(row[column] or "nan")) for row in rows]
     return [(frame, value) for frame, value in values if math.isfinite(value)]
 
 
@@ -109,7 +109,7 @@ class Overlay:
         self._recording = rr.RecordingStream(APPLICATION, recording_id=str(uuid4()))
         self._recording.set_sinks(rr.FileSink(path))
         self._recording.set_log_time_enabled(False)
-        self._recording.send_recording_name(" / ".join(runs) if len(runs) < 4 else f"{len(runs)} runs together")
+        self._recording.send_recording_name("curves of all runs")
         self.update()
 
     def update(self) -> None:
@@ -167,11 +167,10 @@ def blueprint(columns: set[str]) -> rrb.Blueprint:
 
 def _plot(title: str, columns: Sequence[str]) -> rrb.View:
     boundary = rrb.TimeRangeBoundary.infinite()
-    share = all(not column.endswith("return_mean") for column in columns)
     return rrb.TimeSeriesView(
         name=title,
         contents=[f"/{column}/**" for column in columns],
         axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary, end=boundary)),
-        axis_y=rrb.ScalarAxis(range=(-0.02, 1.06)) if share else None,
+        axis_y=rrb.ScalarAxis(range=(-0.02, 1.06)) if SHARES.issuperset(columns) else None,
         plot_legend=rrb.PlotLegend("RightBottom"),
     )

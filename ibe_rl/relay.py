@@ -1,9 +1,7 @@
-"""Serve a recording live in rerun's web viewer, while it grows or afterwards, from a process of its own.
-
-    python -m ibe_rl.relay RECORDING_OR_RUN_FOLDER [--grpc-port N] [--web-port N]
+"""Serve a recording live in rerun's web viewer while it grows, from a process of its own that a ``Relay`` starts.
 
 The trainer writes a file; the relay follows that file and pipes it into the rerun server. Whatever hangs or
-dies on the way to the browser, the trainer is not waiting for it.
+dies on the way to the browser, the trainer is not waiting for it. ``python -m ibe_rl.viewer`` opens runs by hand.
 """
 
 from __future__ import annotations
@@ -26,7 +24,6 @@ from typing import Self
 from urllib.parse import quote
 
 from ibe_rl.data import ConfigError
-from ibe_rl.run_folder import RECORDING
 
 HOST = "127.0.0.1"
 GRPC_PORT, WEB_PORT = 9876, 9090
@@ -260,23 +257,15 @@ def follow(recording: Path, server: _Server, stop: _Stop) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve a recording from the command line until Ctrl-C."""
-    parser = argparse.ArgumentParser(prog="python -m ibe_rl.relay", description="Serve a recording in the browser.")
-    parser.add_argument("recording", type=Path, help="a recording, or the folder of a run, finished or running")
-    parser.add_argument("--grpc-port", type=int, help=f"default {GRPC_PORT}, or a free one")
-    parser.add_argument("--web-port", type=int, help=f"default {WEB_PORT}, or a free one")
-    parser.add_argument("--parent", type=int, help=argparse.SUPPRESS)
+    """Be the process that a ``Relay`` started."""
+    parser = argparse.ArgumentParser(
+        prog="python -m ibe_rl.relay", description="Started by the trainer; to open a run: python -m ibe_rl.viewer RUN"
+    )
+    parser.add_argument("recording", type=Path)
+    for number in ("--grpc-port", "--web-port", "--parent"):
+        parser.add_argument(number, type=int, required=True)
     asked = parser.parse_args(arguments)
-    recording = asked.recording / RECORDING if asked.recording.is_dir() else asked.recording
-    if asked.parent is None and not recording.is_file():
-        parser.error(f"no recording at {recording}")
-    try:
-        ports = choose_ports(asked.grpc_port, asked.web_port)
-    except ConfigError as error:
-        parser.error(str(error))
-    sys.stdout.write(f"{invitation(ports)}\n  Ctrl-C ends it\n")
-    sys.stdout.flush()
-    return relay(recording, ports, _Stop(asked.parent))
+    return relay(asked.recording, Ports(asked.grpc_port, asked.web_port), _Stop(asked.parent))
 
 
 if __name__ == "__main__":

@@ -56,11 +56,18 @@ def runs_at(place: Path) -> list[Path]:
     if not below:
         allowed = "the folder of a run or of a sweep that train.py made, or a recording"
         raise ConfigError(f"{place}: nothing to open; allowed is {allowed}")
-    return sorted(below, key=lambda folder: (int("0" + re.match(r"\d*", folder.name)[0]), folder.name))
+    return sorted(below, key=lambda folder: (int("0" + re.sub(r"\D.*", "", folder.name)), folder.name))
 
 
 def _holds_run(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (CONFIG, RECORDING, METRICS))
+
+
+def _newest() -> Path:
+    try:
+        return find_run(None, RUNS)
+    except ConfigError:
+        raise ConfigError(f"there is no run below {RUNS}/; train one, or name one") from None
 
 
 def recording_of(run: Path) -> Path:
@@ -136,7 +143,9 @@ class Messages:
     def _copy_head(self, file: BinaryIO, to: BinaryIO) -> None:
         head = file.read(HEAD_BYTES)
         if not head.startswith(MAGIC):
-            raise ConfigError(f"{self._path}: not a recording of rerun; allowed is one that train.py or explain.py made")
+            raise ConfigError(
+                f"{self._path}: not a recording of rerun; allowed is one that train.py or explain.py made"
+            )
         if to.tell() == 0:
             to.write(head)
         self._read = HEAD_BYTES
@@ -199,8 +208,10 @@ def gather(parts: Sequence[Messages], shown: BinaryIO) -> None:
 
 def say(runs: Mapping[str, Path], ports: Ports) -> None:
     """Print which runs are open under which name, the address, and how to end."""
-    lines = [f"{name}: {run}" for name, run in runs.items()]
-    sys.stdout.write("\n".join([*lines, invitation(ports), "  Ctrl-C ends it\n"]))
+    lines = [*(f"{name}: {run}" for name, run in runs.items()), invitation(ports)]
+    if len(runs) > 1:
+        lines.append("  a click in the list on the left opens one run, Ctrl+Shift+B shows the list again")
+    sys.stdout.write("\n".join([*lines, "  Ctrl-C ends it\n"]))
     sys.stdout.flush()
 
 
@@ -213,7 +224,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--web-port", type=int, help=f"default {WEB_PORT}, or a free one")
     asked = parser.parse_args(arguments)
     try:
-        places = asked.run or [find_run(None, RUNS)]
+        places = asked.run or [_newest()]
         runs = list(dict.fromkeys(run.resolve() for place in places for run in runs_at(place)))
         return serve(dict(zip(run_names(runs), runs, strict=True)), choose_ports(asked.grpc_port, asked.web_port))
     except (ConfigError, RuntimeError, OSError) as error:

@@ -129,16 +129,10 @@ def test_a_process_that_cannot_start_is_said_so(tmp_path: Path) -> None:
         Relay(tmp_path / "no such folder" / "recording.rrd", free_ports())
 
 
-def test_the_command_line_refuses_what_it_cannot_serve(
-    tmp_path: Path, taken: int, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_names_the_one_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main([str(tmp_path)])
-    assert f"no recording at {tmp_path / 'recording.rrd'}" in capsys.readouterr().err
-    (tmp_path / "recording.rrd").touch()
-    with pytest.raises(SystemExit):
-        main([str(tmp_path), "--grpc-port", str(taken)])
-    assert f"viewer.grpc_port={taken}: taken" in capsys.readouterr().err
+        main(["--help"])
+    assert "python -m ibe_rl.viewer RUN" in capsys.readouterr().out
 
 
 def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
@@ -228,17 +222,3 @@ def test_a_killed_trainer_leaves_nothing_behind(tmp_path: Path, viewer_hangs: bo
         trainer.kill()
     assert eventually(lambda: gone(relay))
     assert eventually(lambda: gone(server))
-
-
-def test_a_finished_run_is_served_until_ctrl_c(tmp_path: Path) -> None:
-    Recorder(tmp_path / "recording.rrd", TASK, "run").close()
-    ports = free_ports()
-    numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web)]
-    command = [sys.executable, "-m", "ibe_rl.relay", str(tmp_path), *numbers]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as relay:
-        assert relay.stdout is not None
-        assert module.page(ports) in relay.stdout.readline()
-        server = server_of(relay.pid)
-        relay.send_signal(signal.SIGINT)
-        assert relay.wait(60) == 0
-    assert gone(server)

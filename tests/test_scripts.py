@@ -410,7 +410,7 @@ def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
     assert script.returncode == 0, output
     assert "live view: http://127.0.0.1" in output
     assert "ssh -L" in output
-    assert f"rerun {folder / 'recording.rrd'}" in output
+    assert f"-m ibe_rl.viewer {folder}" in output
     assert "Traceback" not in output
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["stopped_early"] is True
