@@ -426,6 +426,17 @@ def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:
     summaries = [json.loads(path.read_text()) for path in sorted((tmp_path / "sweep").glob("*/summary.json"))]
     assert [summary["seed"] for summary in summaries] == [0, 1, 2]
     assert len({summary["return_mean"] for summary in summaries}) == 3
+    recordings = sorted((tmp_path / "sweep").glob("*/recording.rrd"))
+    assert [name_of(recording) for recording in recordings] == ["seed=0", "seed=1", "seed=2"]
+    assert f"-m ibe_rl.viewer {tmp_path / 'sweep'}\n" in output
+
+
+def name_of(recording: Path) -> str:
+    chunks = [chunk.to_record_batch() for chunk in RrdReader(str(recording)).stream()]
+    [name] = [
+        chunk["RecordingInfo:name"][0].as_py()[0] for chunk in chunks if "RecordingInfo:name" in chunk.schema.names
+    ]
+    return str(name)
 
 
 def test_importing_ibe_brings_no_torch() -> None:
