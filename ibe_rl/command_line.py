@@ -21,9 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl import config as schemas
 from ibe_rl.data import ConfigError
-
-NOT_IN_NAMES = ("run_dir", "viewer")
-"""Settings that are of no interest in the name of a run."""
+from ibe_rl.run_folder import NOT_IN_NAMES
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:

@@ -13,12 +13,15 @@ from typing import Any, BinaryIO
 from ibe_rl.data import ConfigError
 
 CONFIG = ".hydra/config.yaml"
+OVERRIDES = ".hydra/overrides.yaml"
 METRICS = "metrics.csv"
 SUMMARY = "summary.json"
 RECORDING = "recording.rrd"
 CHECKPOINTS = "checkpoints"
 TRAJECTORIES = "trajectories"
 REFRESHES = "refreshes"
+NOT_IN_NAMES = ("run_dir", "viewer")
+"""Settings that say nothing about a run when it is named after its settings."""
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:

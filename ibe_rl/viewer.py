@@ -17,7 +17,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
@@ -27,12 +27,10 @@ import yaml
 from ibe_rl.data import ConfigError
 from ibe_rl.overlay import Overlay
 from ibe_rl.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
-from ibe_rl.run_folder import CONFIG, METRICS, RECORDING, find_run
+from ibe_rl.run_folder import CONFIG, METRICS, NOT_IN_NAMES, OVERRIDES, RECORDING, find_run
 from ibe_rl.signals import StopRequest
 
 RUNS = Path("runs")
-OVERRIDES = ".hydra/overrides.yaml"
-NOT_IN_NAMES = ("run_dir", "viewer")
 POLL_S = 0.5
 MAGIC = b"RRF2"
 HEAD_BYTES = 12
@@ -177,26 +175,22 @@ def serve(runs: Mapping[str, Path], ports: Ports) -> int:
         RuntimeError: if the server cannot be started.
     """
     curves = with_curves(runs)
-    with StopRequest() as stop, ExitStack() as owned:
-        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))  # the terminal was closed
-        folder = Path(owned.enter_context(TemporaryDirectory(prefix="ibe_rl_")))
-        shown = owned.enter_context((folder / "shown.rrd").open("wb"))
+    with StopRequest() as stop, TemporaryDirectory(prefix="ibe_rl_") as folder:
+        shown, curves_file = Path(folder, "shown.rrd"), Path(folder, "overlay.rrd")
         parts = [Messages(recording_of(run)) for run in runs.values()]
-        overlay = Overlay(folder / "overlay.rrd", curves) if curves else None
-        if overlay:
-            owned.callback(overlay.close)
-            parts.append(Messages(folder / "overlay.rrd"))  # last, as the viewer opens on what came last
-        gather(parts, shown)
-        relay = owned.enter_context(Relay(folder / "shown.rrd", ports))
-        say(runs, ports)
-        while relay.alive() and not stop:
-            time.sleep(POLL_S)
-            if overlay:
-                overlay.update()
-            gather(parts, shown)
+        if curves:
+            parts.append(Messages(curves_file))  # last, as the viewer opens on what came last
+        with closing(Overlay(curves_file, curves)) as overlay, shown.open("wb") as file:
+            gather(parts, file)
+            with Relay(shown, ports) as relay:
+                say(runs, ports)
+                while relay.alive() and not stop:
+                    time.sleep(POLL_S)
+                    overlay.update()
+                    gather(parts, file)
         if not stop:
-            sys.stderr.write(f"the server has ended: {(folder / LOG).read_text().strip()}\n")
-        return 0 if stop else 1
+            sys.stderr.write(f"the server has ended: {Path(folder, LOG).read_text().strip()}\n")
+    return 0 if stop else 1
 
 
 def gather(parts: Sequence[Messages], shown: BinaryIO) -> None:
@@ -234,4 +228,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # the terminal is closed, and it is not under nohup
+        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
     sys.exit(main())
