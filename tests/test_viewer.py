@@ -301,6 +301,14 @@ def test_all_recordings_arrive(heard: Path) -> None:
     assert sorted(applications) == [RUN_APPLICATION, RUN_APPLICATION, APPLICATION]
 
 
+def plots_of(viewer: ViewerClient, shot: Path) -> dict[str, np.ndarray]:
+    """A picture of every plot; none while the viewer turns from one layout to the next."""
+    try:
+        return panels(viewer, shot)
+    except ConnectionError:
+        return {}
+
+
 def test_every_plot_of_the_overlay_is_filled(viewer: ViewerClient, tmp_path: Path) -> None:
     """The same overlay without data is what "filled" is measured against."""
     random, tables = np.random.default_rng(0), {name: tmp_path / f"{name}.csv" for name in ("a", "b", "c")}
@@ -309,22 +317,18 @@ def test_every_plot_of_the_overlay_is_filled(viewer: ViewerClient, tmp_path: Pat
             for at in range(20):
                 table.write({"frames": 1000 * at} | dict(zip(COLUMNS, random.uniform(0, 1, len(COLUMNS)), strict=True)))
     with rr.RecordingStream(APPLICATION) as empty:
-        empty.set_sinks(rr.FileSink(tmp_path / "empty.rrd"))
-        empty.send_blueprint(blueprint(set(COLUMNS)))
+        empty.set_sinks(rr.FileSink(tmp_path / "empty.rrd"), default_blueprint=blueprint(set(COLUMNS)))
         empty.flush()
     opened(viewer, tmp_path / "empty.rrd")
     shot = tmp_path / "shot.png"
-    before = panels(viewer, shot)
-    assert set(before) == set(PLOTS)
+    before: dict[str, np.ndarray] = {}
+    assert eventually(lambda: before.update(plots_of(viewer, shot)) or set(before) == set(PLOTS)), set(before)
     Overlay(tmp_path / "overlay.rrd", tables).close()
     opened(viewer, tmp_path / "overlay.rrd")
     shares: dict[str, float] = {}
 
     def filled() -> bool:
-        try:
-            now = panels(viewer, shot)
-        except ConnectionError:  # it has just turned from the one recording to the other
-            return False
+        now = plots_of(viewer, shot)
         shares.update({name: new_share(now[name], picture) for name, picture in before.items() if name in now})
         return len(shares) == len(before) and min(shares.values()) > FILLED
 
