@@ -55,9 +55,9 @@ def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
         panels = rrb.Horizontal(*scene, rrb.Vertical(*_episode(), _spoken(), row_shares=[30, 24, 16, 30]))
     return rrb.Blueprint(
         panels,
-        rrb.BlueprintPanel(state="hidden"),
+        rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TopPanel(state="hidden"),
+        rrb.TopPanel(state="expanded"),
         rrb.TimePanel(state="collapsed", timeline=WATCHED_STEP, play_state="playing", fps=FILM_FPS),
         auto_views=False,
     )
@@ -100,7 +100,7 @@ def _right(task: Task) -> rrb.Container:
             origin="/vocabulary",
             name="What the best episodes did, by cluster",
             background=list(BACKGROUND),
-            visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.86, 0.72)),
+            visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.84, 0.82)),
         ),
         rrb.BarChartView(
             origin="/expression",
