@@ -101,12 +101,10 @@ def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence
     path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
+        with closing(Recorder(path, run.task, name, training=False)) as recorder:
+            recorder.watched(run.policy_frame, watched, said)
     except OSError as error:
         raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
-    recorder = Recorder(path, run.task, name, training=False)
-    recorder.watched(run.policy_frame, watched, said)
-    recorder.close()
     return path
 
 

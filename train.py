@@ -12,7 +12,7 @@ python train.py --cfg job                        every setting
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
@@ -54,8 +54,9 @@ from ibe_rl.run_folder import (
     create_run_folder,
     write_json,
 )
+from ibe_rl.run_recorder import RunRecorder
 from ibe_rl.signals import StopRequest
-from ibe_rl.stream import NoRecorder, Recorder
+from ibe_rl.stream import NoRecorder
 
 LATER_COLUMNS = (
     "eval/return_mean",
@@ -68,10 +69,11 @@ LATER_COLUMNS = (
 """Columns of metrics.csv that only some rows fill."""
 WATCH_SEED = EVALUATION_SEED + 50_000
 TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
+News = Callable[[], list[str]]
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
 
 
-def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -> dict[str, Any]:
+def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, live: News = list) -> dict[str, Any]:
     """Run the loop; returns the summary.
 
     Args:
@@ -79,6 +81,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
         folder: of the run, empty.
         stop: becomes true when the run shall end early.
         owned: closes what has been opened, in any case.
+        live: what there is to say of the live view, each line once.
     """
     start = time.perf_counter()
     timeit.erase()
@@ -108,10 +111,12 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
             parts.table.write(row | times())
             parts.recorder.batch(log.frames, row)
             parts.progress.batch(log.frames, log.frames / (time.perf_counter() - start), row)
+            parts.progress.say_all(parts.recorder.news() + live())
         if last:
             break
     with timeit("stream"):
         parts.recorder.close()
+        parts.progress.say_all(parts.recorder.news())
     return summarise(cfg, parts, row, time.perf_counter() - start, stopped=bool(stop))
 
 
@@ -124,7 +129,7 @@ class Parts:
     instructor: Instructor
     predictor: Predictor
     log: TrajectoryLog
-    recorder: Recorder | NoRecorder
+    recorder: RunRecorder | NoRecorder
     watched_env: gymnasium.Env[Any, Any]
     evaluation_envs: list[gymnasium.Env[Any, Any]]
     progress: TrainingProgress
@@ -142,8 +147,8 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
     make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
     env = make_one()
     task = task_of(env)
-    recording = cfg.viewer.mode != "off"
-    recorder = Recorder(folder / RECORDING, task, folder.name) if recording else NoRecorder()
+    max_mb, record = cfg.viewer.max_recording_mb, cfg.viewer.mode != "off"
+    recorder = RunRecorder(folder / RECORDING, task, folder.name, max_mb) if record else NoRecorder()
     owned.callback(recorder.close)
     return Parts(
         task=task,
@@ -256,9 +261,8 @@ def main(cfg: TrainConfig) -> None:
     save_config(cfg, folder / ".hydra")
     with StopRequest() as stop:
         with ExitStack() as owned:
-            if ports:
-                serve(folder / RECORDING, ports, owned)
-            summary = train(cfg, folder, stop, owned)
+            live = serve(folder / RECORDING, ports, owned) if ports else list
+            summary = train(cfg, folder, stop, owned, live)
             write_json(folder / SUMMARY, summary)
         closing_table(summary)
         say_how_to_open(cfg, folder)
@@ -266,13 +270,15 @@ def main(cfg: TrainConfig) -> None:
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
 
 
-def serve(recording: Path, ports: Ports, owned: ExitStack) -> None:
+def serve(recording: Path, ports: Ports, owned: ExitStack) -> News:
     """Start the process that serves the recording while it grows; without it training goes on all the same."""
     try:
-        owned.enter_context(Relay(recording, ports))
-        print(invitation(ports))
+        relay = owned.enter_context(Relay(recording, ports))
     except RuntimeError as reason:
         print(f"warning: no live view, the recording is written all the same: {reason}")
+        return list
+    print(invitation(ports))
+    return relay.news
 
 
 def say_how_to_open(cfg: TrainConfig, folder: Path) -> None:

@@ -137,6 +137,7 @@ class ViewerConfig:
     mode: str = setting("live", choices=("live", "file", "off"))
     grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
     web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
+    max_recording_mb: int = setting(50, low=1)  # of 10^6 bytes; a long training is recorded more and more sparsely
 
 
 @dataclass

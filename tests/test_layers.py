@@ -11,14 +11,16 @@ PACKAGE = "ibe_rl"
 SCRIPTS = ("train", "explain")
 
 LAYERS = (
-    {"data", "config", "run_folder", "signals", "command_line", "checkpoint"},
+    {"data", "config", "recording_file", "run_folder", "signals", "command_line", "checkpoint", "thinning"},
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict"},
     {"collect", "explainer", "metrics", "play", "refresh"},
-    {"progress", "stream", "film", "view", "picture", "relay", "evaluation"},
+    {"progress", "run_recorder", "stream", "film", "view", "picture", "relay", "server", "evaluation"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
+    ("relay", "server"),
+    ("run_recorder", "stream"),
     ("stream", "film"),
     ("stream", "view"),
     ("stream", "picture"),
