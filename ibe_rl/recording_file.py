@@ -12,6 +12,7 @@ import select
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Lock, Thread
+from typing import BinaryIO
 
 STREAM_HEADER_BYTES = 12
 MESSAGE_HEADER_BYTES = 16  # its kind and the length of what follows, 8 bytes each
@@ -99,15 +100,15 @@ class RecordingFile:
     def _cut(self) -> None:
         """Cut off the message of which only a part is there; the file could not be read with it."""
         with suppress(OSError), self._path.open("rb") as file:  # a device cannot be cut
-            self.size = whole_messages(file.read())
+            self.size = whole_messages(file, self.size)
             self._file.truncate(self.size)
 
 
-def whole_messages(data: bytes) -> int:
-    """Count the bytes of the whole messages that a recording begins with."""
-    end = after = STREAM_HEADER_BYTES
-    while after <= len(data):
+def whole_messages(file: BinaryIO, size: int) -> int:
+    """Count the bytes of the whole messages among the first ``size`` bytes of a recording."""
+    end, after = 0, STREAM_HEADER_BYTES
+    while after <= size:
         end = after
-        length = int.from_bytes(data[end + 8 : end + MESSAGE_HEADER_BYTES], "little")
-        after = end + MESSAGE_HEADER_BYTES + length
-    return end if len(data) >= STREAM_HEADER_BYTES else 0
+        file.seek(end + 8)
+        after = end + MESSAGE_HEADER_BYTES + int.from_bytes(file.read(8), "little")
+    return end
