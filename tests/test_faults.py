@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import signal
 import socket
 import subprocess
@@ -19,21 +18,14 @@ from test_relay import children, gone, server_of
 from test_scripts import ROOT, SMALL, assert_whole
 from view_data import eventually, free_ports
 
-FRAMES = 20_000
+from benchmarks.faults import NOT_INSTALLED, PORTS, SCRIPT, command, fill_disk
+
+FRAMES = 12_000
 RUN = [
     *SMALL,
-    *("viewer=live", f"total_frames={FRAMES}", "refresh_every_frames=3000", "eval_every_frames=20000"),
+    *("viewer=live", f"total_frames={FRAMES}", "refresh_every_frames=2000", "eval_every_frames=12000"),
     *("eval_episodes=2", "explain_every_steps=50"),
 ]
-WRAPPED = """
-import sys
-from pathlib import Path
-import train
-from ibe_rl import film, relay
-from ibe_rl.command_line import run_script
-{patch}
-run_script(train.main, Path(train.__file__).parent / "configs", "train")
-"""
 
 
 @dataclass
@@ -66,17 +58,13 @@ class Training:
         return output
 
 
-def command(pid: int) -> bytes:
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
-
-
 def begin(folder: Path, patch: str = "", *overrides: str) -> Training:
     """Start a small training; ``patch`` is run before it, in its process."""
     environment = os.environ | {"PYTHONUNBUFFERED": "1", "RERUN_STRICT": "0", "PYTHONPATH": str(ROOT)}
     ports = free_ports()
     numbers = [f"viewer.grpc_port={ports.grpc}", f"viewer.web_port={ports.web}"]
     process = subprocess.Popen(
-        [sys.executable, "-c", WRAPPED.format(patch=patch), *RUN, *numbers, f"run_dir={folder}", *overrides],
+        [sys.executable, "-c", SCRIPT.format(patch=patch), *RUN, *numbers, f"run_dir={folder}", *overrides],
         cwd=ROOT,
         env=environment,
         stdout=subprocess.PIPE,
@@ -136,7 +124,7 @@ def test_a_viewer_that_is_stopped(training: START) -> None:
 
 
 def test_a_viewer_that_is_not_installed(training: START) -> None:
-    run = training("relay.find_spec = lambda _: None")
+    run = training(NOT_INSTALLED)
     warning = the_warning(run.ended([]))
     assert "no live view, the recording is written all the same: the rerun viewer is not installed" in warning
     assert_whole(run.recording())
@@ -147,26 +135,24 @@ def test_a_port_that_somebody_else_takes_first(training: START) -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        run = training(f"train.choose_ports = lambda *_: relay.Ports({port}, {free_ports().web})")
+        run = training(PORTS.format(grpc=port, web=free_ports().web))
         assert f"{port}: taken" in the_warning(run.ended([]))
     assert_whole(run.recording())
 
 
 def test_a_disk_that_is_full(training: START) -> None:
     run = training(until_refreshes=2)
-    full = run.recording().stat().st_size + 20_000
-    resource.prlimit(run.process.pid, resource.RLIMIT_FSIZE, (full, resource.RLIM_INFINITY))
+    fill_disk(run.process.pid, run.folder)
     warning = the_warning(run.ended(run.live_view()))
     assert "the recording cannot be written any more (File too large)" in warning
     until = int(warning.partition("until frame ")[2].partition(" can")[0].replace(",", ""))
-    assert run.recording().stat().st_size <= full
     frames = [
         frame
         for chunk in RrdReader(str(run.recording())).stream()
         if str(chunk.entity_path) == "/curves/train/return_mean"
         for frame in chunk.to_record_batch().to_pydict().get("frames", [])
     ]
-    assert 3000 < until <= max(frames)
+    assert 2000 < until <= max(frames)
 
 
 def test_an_error_on_the_way_to_the_recording(training: START) -> None:
