@@ -99,15 +99,13 @@ def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence
     """Write the recording of the episode; returns where."""
     name = f"episode_seed{cfg.seed}_{watched.episode.context}"
     path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"
+    real = happened(watched.episode, run.horizon_steps, run.mapping, run.task.phrases)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
+        with closing(Recorder(path, run.task, name, training=False)) as recorder:
+            recorder.watched(run.policy_frame, watched, said, real)
     except OSError as error:
         raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
-    recorder = Recorder(path, run.task, name, training=False)
-    real = happened(watched.episode, run.horizon_steps, run.mapping, run.task.phrases)
-    recorder.watched(run.policy_frame, watched, said, real)
-    recorder.close()
     return path
 
 

@@ -12,7 +12,7 @@ python train.py --cfg job                        every setting
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
@@ -55,8 +55,9 @@ from ibe_rl.run_folder import (
     create_run_folder,
     write_json,
 )
+from ibe_rl.run_recorder import RunRecorder
 from ibe_rl.signals import StopRequest
-from ibe_rl.stream import NoRecorder, Recorder
+from ibe_rl.stream import NoRecorder
 
 LATER_COLUMNS = (
     "eval/return_mean",
@@ -67,10 +68,11 @@ LATER_COLUMNS = (
 """Columns of metrics.csv that only some rows fill."""
 WATCH_SEED = EVALUATION_SEED + 50_000
 TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
+News = Callable[[], list[str]]
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
 
 
-def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -> dict[str, Any]:
+def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, live: News = list) -> dict[str, Any]:
     """Run the loop; returns the summary.
 
     Args:
@@ -78,6 +80,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
         folder: of the run, empty.
         stop: becomes true when the run shall end early.
         owned: closes what has been opened, in any case.
+        live: what there is to say of the live view, each line once.
     """
     start = time.perf_counter()
     timeit.erase()
@@ -107,10 +110,12 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack) -
             parts.table.write(row | times())
             parts.recorder.batch(log.frames, row)
             parts.progress.batch(log.frames, log.frames / (time.perf_counter() - start), row)
+            parts.progress.say_all(parts.recorder.news() + live())
         if last:
             break
     with timeit("stream"):
         parts.recorder.close()
+        parts.progress.say_all(parts.recorder.news())
     return summarise(cfg, parts, row, time.perf_counter() - start, stopped=bool(stop))
 
 
@@ -123,7 +128,7 @@ class Parts:
     instructor: Instructor
     predictor: Predictor
     log: TrajectoryLog
-    recorder: Recorder | NoRecorder
+    recorder: RunRecorder | NoRecorder
     watched_env: gymnasium.Env[Any, Any]
     evaluation_envs: list[gymnasium.Env[Any, Any]]
     progress: TrainingProgress
@@ -142,8 +147,8 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
     make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
     env = make_one()
     task = task_of(env)
-    recording = cfg.viewer.mode != "off"
-    recorder = Recorder(folder / RECORDING, task, run_name(folder)) if recording else NoRecorder()
+    max_mb, record = cfg.viewer.max_recording_mb, cfg.viewer.mode != "off"
+    recorder = RunRecorder(folder / RECORDING, task, run_name(folder), max_mb) if record else NoRecorder()
     owned.callback(recorder.close)
     return Parts(
         task=task,
@@ -258,9 +263,8 @@ def main(cfg: TrainConfig) -> None:
     save_config(cfg, folder / ".hydra")
     with StopRequest() as stop:
         with ExitStack() as owned:
-            if ports:
-                serve(folder / RECORDING, ports, owned)
-            summary = train(cfg, folder, stop, owned)
+            live = serve(folder / RECORDING, ports, owned) if ports else list
+            summary = train(cfg, folder, stop, owned, live)
             write_json(folder / SUMMARY, summary)
         closing_table(summary)
         say_how_to_open(folder)
@@ -268,13 +272,15 @@ def main(cfg: TrainConfig) -> None:
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
 
 
-def serve(recording: Path, ports: Ports, owned: ExitStack) -> None:
+def serve(recording: Path, ports: Ports, owned: ExitStack) -> News:
     """Start the process that serves the recording while it grows; without it training goes on all the same."""
     try:
-        owned.enter_context(Relay(recording, ports))
-        print(invitation(ports))
+        relay = owned.enter_context(Relay(recording, ports))
     except RuntimeError as reason:
         print(f"warning: no live view, the recording is written all the same: {reason}")
+        return list
+    print(invitation(ports))
+    return relay.news
 
 
 def say_how_to_open(folder: Path) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks import explanations, frames, overhead, refreshes, skill
+from benchmarks import explanations, faults, frames, overhead, refreshes, skill
 from benchmarks.plan import Plan, make_plan
 from benchmarks.records import Record, load, replace_part, save, stamp
 from benchmarks.report import document, table
@@ -31,6 +31,7 @@ PARTS: dict[str, Callable[[Plan, Say], Iterator[Figures]]] = {
     "explanations": explanations.run,
     "refresh": refreshes.run,
     "overhead": overhead.run,
+    "faults": faults.run,
 }
 NEEDS = {"skill-ppo": ("stable_baselines3", "matplotlib"), "skill-dqn": ("stable_baselines3", "matplotlib")}
 NEEDS |= {"frames": ("stable_baselines3",)}

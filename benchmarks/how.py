@@ -12,6 +12,7 @@ TITLES = {
     "explanations": "Exact explanations of the next 60 steps",
     "refresh": "A refresh of the vocabulary",
     "overhead": "What IBE, the log and the recording cost",
+    "faults": "Training speed when the live view fails",
 }
 
 HOW = {
@@ -56,6 +57,14 @@ HOW = {
     "switch for it.",
     "share_ibe_log_recording": "Refresh, explanations, recording and log together as a share of the wall time of the "
     "default run of train.py.",
+    "faults_none": "The training's own frames a second, without evaluations, in the second half of a shortened live "
+    "run against its first half: by how much they differ without a fault.",
+    "faults_killed": "The same where the viewer's server is killed after the first half.",
+    "faults_stopped": "The same where the viewer's server is stopped (SIGSTOP) after the first half.",
+    "faults_full_disk": "The same where the file of the recording can grow no further after the first half.",
+    "faults_not_installed": "The second half of a run without the viewer, against that of an undisturbed run.",
+    "faults_port_taken": "The second half of a run whose port somebody else takes before the server, against that of "
+    "an undisturbed run.",
 }
 
 

@@ -50,8 +50,9 @@ def train(*overrides: str) -> TrainingRun:
 def read_points(rows: list[dict[str, str]]) -> list[Point]:
     """The evaluations among the rows of metrics.csv; their seconds count everything but evaluations."""
     evaluated = [row for row in rows if row["eval/success_rate"]]
-    return [Point(int(row["frames"]), _seconds(row), float(row["eval/success_rate"])) for row in evaluated]
+    return [Point(int(row["frames"]), seconds(row), float(row["eval/success_rate"])) for row in evaluated]
 
 
-def _seconds(row: dict[str, str]) -> float:
+def seconds(row: dict[str, str]) -> float:
+    """Seconds until this row of metrics.csv, without evaluations."""
     return sum(float(text) for name, text in row.items() if name.startswith("time/") and name != "time/eval")

@@ -21,6 +21,7 @@ class Sizes:
         rollout_steps: of each environment, in Stable-Baselines3's PPO.
         vec_env_steps: the same where its two vector environments are compared.
         short_frames: of the shortened runs of train.py.
+        fault_frames: of the runs with a fault in the middle.
         default_frames: of the runs that show how the time of the default run is spent; None: its own.
         learn_frames: of Stable-Baselines3's learn() where frames a second are counted.
         collect: settings of our collector that differ from the default.
@@ -39,6 +40,7 @@ class Sizes:
     rollout_steps: int = 1024
     vec_env_steps: int = 256
     short_frames: int = 400_000
+    fault_frames: int = 500_000
     default_frames: int | None = None
     learn_frames: int = 49_152
     collect: Mapping[str, int] = field(default_factory=dict)
@@ -70,6 +72,7 @@ QUICK = Sizes(
     rollout_steps=64,
     vec_env_steps=32,
     short_frames=3000,
+    fault_frames=20_000,
     default_frames=4000,
     learn_frames=2048,
     collect=TINY_COLLECTION,

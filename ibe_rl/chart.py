@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 HEIGHT = view.SCATTER_HEIGHT
 
 
-def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
-    """Draw a vocabulary that was just learnt; what is shown of the one before goes."""
+def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, shown: Collection[int] = ()) -> None:
+    """Draw a vocabulary that was just learnt; clusters that are ``shown`` and no more in it go."""
     log_clusters(recording, task, refresh)
+    for name in sorted(set(shown) - set(refresh.mapping.ids.tolist())):
+        recording.log(f"expression/{name}", rr.Clear(recursive=False))
+        recording.log(f"development/{name}", rr.Scalars(np.nan))  # the line ends
     log_expressions(recording, refresh)
     log_changes(recording, task, refresh)
 
@@ -75,10 +78,7 @@ def log_expressions(recording: rr.RecordingStream, refresh: Refresh) -> None:
 
     Every cluster has a place of its own, by its lasting id, and keeps its colour.
     """
-    mapping, change = refresh.mapping, refresh.change
-    for name in change.transition.vanished if change is not None else ():
-        recording.log(f"expression/{name}", rr.Clear(recursive=False))
-        recording.log(f"development/{name}", rr.Scalars(np.nan))  # the line ends
+    mapping = refresh.mapping
     for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), mapping.expressions[:, 0].tolist(), strict=True)):
         colour = picture.lasting(np.array([name]))[0]
         bar = rr.BarChart([value], abscissa=[rank], widths=[0.9], color=[*colour.tolist(), 255])

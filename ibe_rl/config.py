@@ -120,7 +120,7 @@ class MappingConfig:
     newest_frames: int | None = setting(250_000, low=1)  # episodes that ended in these count; None: the whole log
     memory: float | None = setting(0.75, low=0.0, high=0.99)  # what earlier windows still count; None: from nothing
     survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # with less in common a cluster is not the same one
-    hold_within: float = setting(0.1, low=0.0, high=2.0)  # a surviving cluster's expression moves by more or not at all
+    hold_within: float = setting(0.2, low=0.0, high=2.0)  # a surviving cluster's expression moves by more or not at all
     max_fit_windows: int = setting(20_000, low=100)  # k-means sees at most so many, drawn at random
 
 
@@ -140,6 +140,7 @@ class ViewerConfig:
     mode: str = setting("live", choices=("live", "file", "off"))
     grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
     web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
+    max_recording_mb: int = setting(50, low=1)  # of 10^6 bytes; a long training is recorded more and more sparsely
 
 
 @dataclass

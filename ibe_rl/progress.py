@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import TracebackType
 from typing import Any
 
@@ -53,6 +53,11 @@ class TrainingProgress:
     def say(self, line: str) -> None:
         """Print a line above the bar."""
         self._console.print(line, markup=False)
+
+    def say_all(self, lines: Iterable[str]) -> None:
+        """Print lines above the bar."""
+        for line in lines:
+            self.say(line)
 
     def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float) -> None:
         """Report a refresh and what the watched episode ended on."""

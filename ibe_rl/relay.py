@@ -7,10 +7,8 @@ dies on the way to the browser, the trainer is not waiting for it. ``python -m i
 from __future__ import annotations
 
 import argparse
-import ctypes
 import getpass
 import os
-import select
 import signal
 import socket
 import subprocess
@@ -24,15 +22,16 @@ from typing import Self
 from urllib.parse import quote
 
 from ibe_rl.data import ConfigError
+from ibe_rl.server import HANG_S, POLL_S, Server, ending
 
 HOST = "127.0.0.1"
 GRPC_PORT, WEB_PORT = 9876, 9090
-POLL_S = 0.1
 CHUNK_BYTES = 1 << 18
 DRAIN_S = 2.0
 """How long the rest of the recording may take to reach the server once the relay is asked to end."""
-PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
 LOG = "viewer.log"
+SAYS = "relay: "
+"""What a line of ``LOG`` begins with that the trainer is to pass on."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +139,7 @@ class Relay:
 
     def __init__(self, recording: Path, ports: Ports) -> None:
         rerun_binary()
+        self._recording, self._told = recording, False
         numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
         command = [sys.executable, "-m", "ibe_rl.relay", str(recording), *numbers]
         try:
@@ -153,6 +153,35 @@ class Relay:
     def alive(self) -> bool:
         """True while the recording is served."""
         return self._process.poll() is None
+
+    def news(self) -> list[str]:
+        """A line the first time that nobody can watch any more, and never again; waits for nothing."""
+        trouble = None if self._told else self._trouble()
+        if trouble is None:
+            return []
+        self._told = True
+        again = f"{sys.executable} -m ibe_rl.relay {self._recording.parent}"
+        return [
+            f"warning: the live view has ended: {trouble}; training goes on and the recording is written all the "
+            f"same, look at it with: {again}"
+        ]
+
+    def _trouble(self) -> str | None:
+        if not self.alive():
+            return self._said() or f"its process has ended ({ending(self._process)})"
+        if os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT):
+            return "its process has been stopped"
+        return self._said()
+
+    def _said(self) -> str | None:
+        """The last line that the relay has left for the trainer."""
+        try:
+            with (self._recording.parent / LOG).open("rb") as log:
+                log.seek(max(0, log.seek(0, os.SEEK_END) - 4096))
+                lines = log.read().decode(errors="replace").splitlines()
+        except OSError:
+            return None
+        return next((line.partition(SAYS)[2] for line in reversed(lines) if SAYS in line), None)
 
     def close(self) -> None:
         """Serve what is written so far, then end; a second call does nothing."""
@@ -170,43 +199,10 @@ class Relay:
         self.close()
 
 
-class _Server:
-    """The rerun server that a relay feeds."""
-
-    def __init__(self, ports: Ports) -> None:
-        address = ["--serve-web", "--bind", HOST, "--port", str(ports.grpc), "--web-viewer-port", str(ports.web)]
-        libc = ctypes.CDLL(None)
-        self._process = subprocess.Popen(  # noqa: S603 - the installed viewer
-            [str(rerun_binary()), "-", *address, "--server-memory-limit", "512MiB"],
-            stdin=subprocess.PIPE,
-            bufsize=0,
-            start_new_session=True,
-            env=os.environ | {"RUST_LOG": "warn"},
-            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),  # also if the relay is killed
-        )
-        assert self._process.stdin is not None
-        self._pipe = self._process.stdin.fileno()
-        os.set_blocking(self._pipe, False)
-
-    def alive(self) -> bool:
-        return self._process.poll() is None
-
-    def feed(self, data: bytes) -> bytes:
-        """Hand over what the server takes within a moment; returns the rest."""
-        if not select.select([], [self._pipe], [], POLL_S)[1]:
-            return data
-        try:
-            return data[os.write(self._pipe, data) :]
-        except BrokenPipeError:  # it has just died, which alive() will say
-            return data
-
-    def stop(self) -> None:
-        self._process.terminate()
-        try:
-            self._process.wait(timeout=1)
-        except subprocess.TimeoutExpired:  # it hangs
-            self._process.kill()
-            self._process.wait()
+def _say(line: str) -> None:
+    """Leave a line for the trainer, or for whoever started the relay."""
+    sys.stderr.write(f"{SAYS}{line}\n")
+    sys.stderr.flush()
 
 
 class _Stop:
@@ -229,27 +225,37 @@ class _Stop:
 
 
 def relay(recording: Path, ports: Ports, stop: _Stop) -> int:
-    """Feed a recording to a server until asked to stop; returns the exit status, 1 if the server died."""
+    """Feed a recording to a server until asked to stop; returns the exit status, 1 if there is no server."""
     while not recording.exists():
         if stop.now(behind=False):
             return 0
         time.sleep(POLL_S)
-    server = _Server(ports)
+    if taken := [port for port in (ports.grpc, ports.web) if not is_free(port)]:
+        _say(f"port {taken[0]} was free, but is taken now")  # the server would go on without it and say nothing
+        return 1
+    address = ["--bind", HOST, "--port", str(ports.grpc), "--web-viewer-port", str(ports.web)]
+    server = Server([str(rerun_binary()), "-", "--serve-web", *address, "--server-memory-limit", "512MiB"])
     try:
         follow(recording, server, stop)
-        return 0 if server.alive() else 1
+        if server.alive():
+            return 0
+        _say(f"the viewer's server has ended ({server.ending()})")
+        return 1
     finally:
         server.stop()
 
 
-def follow(recording: Path, server: _Server, stop: _Stop) -> None:
-    """Pass on what is in the file, then what is added to it."""
-    pending = b""
+def follow(recording: Path, server: Server, stop: _Stop) -> None:
+    """Pass on what is in the file, then what is added to it; never more of it in memory than ``CHUNK_BYTES``."""
+    pending, told = b"", False
     with recording.open("rb") as file:
         while server.alive():
             pending = pending or file.read(CHUNK_BYTES)
             if stop.now(behind=bool(pending)):
                 return
+            if not told and server.hangs():
+                told = True
+                _say(f"the viewer's server hangs, it has taken nothing for {HANG_S:.0f} s")
             if pending:
                 pending = server.feed(pending)
             else:

@@ -1,7 +1,7 @@
 """A run as a rerun recording: curves, vocabularies and watched episodes, written to a file and nowhere else.
 
 A viewer that hangs can block whoever sends to it, so nothing here opens a connection; ``ibe_rl.relay`` serves
-the growing file from a process of its own.
+the growing file from a process of its own. ``ibe_rl.run_recorder`` keeps what goes wrong here from the training.
 
 Two timelines: ``frames``, training frames, step j of an episode watched at frame F lying at F + j; and
 ``watched_step``, which counts the steps of all watched episodes one after the other, so that playing it is a
@@ -21,10 +21,12 @@ from uuid import uuid4
 
 import numpy as np
 import rerun as rr
+from rerun.error_utils import strict_mode
 
 from ibe_rl import chart, sentences, view
 from ibe_rl.data import Explanation, Task, Watched
 from ibe_rl.film import Film, Place
+from ibe_rl.recording_file import RecordingFile
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
@@ -36,6 +38,13 @@ INTRO_STEPS = 30
 HOLD_S = 30.0
 """Longest time that rows of curves wait to be sent. They wait at all because a viewer that follows the newest
 data would leave the watched episode with every batch."""
+CURVE_BYTES, VALUE_BYTES = 1700, 32
+"""At most of each curve whenever rows are sent, and of each value."""
+
+
+def strict() -> bool:
+    """True if rerun was asked to raise wrong calls instead of warning of them."""
+    return strict_mode()
 
 
 class NoRecorder:
@@ -59,6 +68,10 @@ class NoRecorder:
     def close(self) -> None:
         """Do nothing."""
 
+    def news(self) -> list[str]:
+        """Nothing ever happens."""
+        return []
+
 
 class Recorder:
     """Writes one run to one file.
@@ -68,12 +81,20 @@ class Recorder:
         task: what the environment declares of itself.
         run_name: title of the recording in the viewer.
         training: False lays out the panels for watched episodes alone.
+        max_bytes: the file never gets longer; None: no limit.
+
+    Raises:
+        OSError: if the file cannot be written; ``size``, ``flush`` and ``close`` say so later on.
     """
 
-    def __init__(self, path: Path, task: Task, run_name: str, training: bool = True) -> None:
+    def __init__(
+        self, path: Path, task: Task, run_name: str, training: bool = True, max_bytes: int | None = None
+    ) -> None:
         self._task = task
+        self._file = RecordingFile(path, max_bytes)
         self._recording = rr.RecordingStream(APPLICATION, recording_id=str(uuid4()))
-        self._recording.set_sinks(rr.FileSink(path), default_blueprint=view.blueprint(task, training))
+        sink = rr.FileSink(self._file.entrance)
+        self._recording.set_sinks(sink, default_blueprint=view.blueprint(task, training))
         self._recording.set_log_time_enabled(False)
         self._recording.send_recording_name(run_name)
         view.style(self._recording, task)
@@ -85,6 +106,7 @@ class Recorder:
         self._curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
         self._sent_at = time.monotonic()
         self._vocabulary: Refresh | None = None
+        self._shown: list[int] = []  # clusters in the picture; not every refresh need be recorded
         self._film = Film(self._recording, task)
         self._open = True
 
@@ -108,7 +130,8 @@ class Recorder:
         place = self._at(refresh.frame)
         place.set(self._recording)
         if refresh.taken:
-            chart.log_vocabulary(self._recording, self._task, refresh)
+            chart.log_vocabulary(self._recording, self._task, refresh, self._shown)
+            self._shown = refresh.mapping.ids.tolist()
         self._recording.log("now", rr.TextDocument(self._standing(None), media_type="text/markdown"))
         done = "vocabulary learnt anew" if refresh.taken else "vocabulary kept"
         moved = sentences.moved(refresh)
@@ -118,9 +141,13 @@ class Recorder:
 
     def skipped(self, frames: int, reason: str) -> None:
         """Say in the log that a refresh was due at ``frames`` and why there was none."""
+        self.say(frames, f"{frames:,} frames: no new vocabulary, {reason}")
+
+    def say(self, frames: int, line: str) -> None:
+        """Add a line to the log at ``frames``."""
         self._send_curves()
         self._at(frames).set(self._recording)
-        self._log_line(f"{frames:,} frames: no new vocabulary, {reason}", view.PINK)
+        self._log_line(line, view.PINK)
 
     def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.
@@ -143,17 +170,45 @@ class Recorder:
         self._film.send(place, watched, said, real, head, self._standing)
         self._next = Place(place.frame + steps + 1, place.step + steps + 1)
 
-    def flush(self) -> None:
-        """Write all that was added so far. Called after every batch, it makes the viewer leave the episode."""
-        self._send_curves()
+    def waits(self) -> bool:
+        """True while there are rows of curves that are not sent yet."""
+        return bool(self._curves)
+
+    def size(self) -> int:
+        """Bytes in the file, and at most what the rows that wait will take; all that was sent is in the file then.
+
+        Raises:
+            OSError: if the file takes nothing any more.
+        """
         self._recording.flush()
+        self._file.drain()
+        return self._file.size + sum(CURVE_BYTES + VALUE_BYTES * len(rows) for rows in self._curves.values())
+
+    def flush(self) -> None:
+        """Write all that was added so far. Called after every batch, it makes the viewer leave the episode.
+
+        Raises:
+            OSError: if the file takes nothing any more.
+        """
+        self._send_curves()
+        self.size()
 
     def close(self) -> None:
-        """Write the rest and the end of the file; a second call does nothing."""
-        if self._open:
-            self._open = False
-            self.flush()
+        """Write the rest and the end of the file; a second call does nothing.
+
+        Raises:
+            OSError: if the file did not take it all.
+        """
+        if not self._open:
+            return
+        self._open = False
+        try:
+            self._send_curves()
+        finally:
             self._recording.disconnect()
+            self._file.close()
+        if self._file.error is not None:
+            raise self._file.error
 
     def _at(self, frames: int) -> Place:
         """The place for something new; episodes longer than the time between refreshes push it back."""
@@ -164,19 +219,19 @@ class Recorder:
 
     def _send_curves(self) -> None:
         """Send the rows of curves that wait; in the film they are spread up to where the next episode begins."""
-        arrived = {frames for rows in self._curves.values() for frames, _ in rows}
+        curves, self._curves = self._curves, defaultdict(list)  # gone even if one of them cannot be sent
+        self._sent_at = time.monotonic()
+        arrived = {frames for rows in curves.values() for frames, _ in rows}
         steps = np.linspace(self._drawn_to, self._next.step, len(arrived) + 1)[1:].astype(np.int64)
         step_of = dict(zip(sorted(arrived), steps.tolist(), strict=True))
-        for key, rows in self._curves.items():
+        self._drawn_to = self._next.step if arrived else self._drawn_to
+        for key, rows in curves.items():
             frames, values = zip(*rows, strict=True)
             times = [
                 rr.TimeColumn(view.FRAMES, sequence=np.array(frames)),
                 rr.TimeColumn(view.WATCHED_STEP, sequence=np.array([step_of[frame] for frame in frames])),
             ]
             self._send(f"curves/{key}", times, rr.Scalars.columns(scalars=np.array(values, float)))
-        self._drawn_to = self._next.step if arrived else self._drawn_to
-        self._curves.clear()
-        self._sent_at = time.monotonic()
 
     def _log_line(self, text: str, colour: tuple[int, int, int]) -> None:
         self._recording.log("log", rr.TextLog(text, level="INFO", color=colour))

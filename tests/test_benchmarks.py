@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +12,17 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
-from benchmarks import explaining, explanations, frames, ours, overhead, refilling, refreshes, skill
+from benchmarks import explaining, explanations, faults, frames, ours, overhead, refilling, refreshes, skill
 from benchmarks.child import measure
 from benchmarks.how import HOW, TITLES
 from benchmarks.levels import Measured, Point, figure, median, plain, reached, to_level
-from benchmarks.plan import ROOT, make_plan
+from benchmarks.plan import ROOT, Plan, make_plan
 from benchmarks.records import load, replace_part, save, stamp
 from benchmarks.report import cells, document, table
 from ibe_rl.log import TrajectoryLog
 
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
-PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead")
+PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults")
 ABOUT = {"date": "2026-01-02 03:04 UTC", "versions": {"python": "3.11.1"}}
 MACHINE = {"processor": "A processor", "cores": 2, "memory_gb": 8.0}
 
@@ -145,6 +146,7 @@ def test_every_figure_says_how_it_was_measured():
         *explanations.figures([{"batched": 4, "naive": 1, "engine": 5, "live_ms": 6, "game_frame_ms": 20}]),
         *refreshes.figures({name: [{"seconds": 1.0, "mb": 2.0}] for name in refreshes.COMPARED}),
         *overhead.figures({name: [run] for name in (*overhead.SWITCHES, "default")}),
+        *faults.figures({name: [(1.0, 2.0)] for name in (*faults.FAULTS, *faults.FROM_THE_START)}),
     ]
     assert {made["name"] for made in found} == HOW.keys() - {"sb3_dummy_frames", "sb3_subproc_frames"}
     assert tuple(TITLES) == tuple(program.PARTS) == PARTS
@@ -163,6 +165,38 @@ def test_evaluations_are_read_from_the_metrics(tmp_path: Path):
     )
     with path.open() as stream:
         assert ours.read_points(list(csv.DictReader(stream))) == [Point(200, 4.5, 0.25)]
+
+
+def test_rates_before_and_after_a_fault_leave_out_setup_and_evaluations():
+    seconds = [(100, 9, 1, 0), (200, 9, 2, 0), (300, 9, 3, 7), (500, 9, 7, 7)]
+    rows = [
+        {"frames": str(f), "time/setup": str(s), "time/learn": str(t), "time/eval": str(e)} for f, s, t, e in seconds
+    ]
+    assert faults.rates(rows, 2) == (100, 50)
+
+
+def test_faults_from_the_start_are_held_against_an_undisturbed_run():
+    found = {name: [(100.0, 200.0)] for name in (*faults.FAULTS, *faults.FROM_THE_START)}
+    ratios = {made["name"]: made["ratio"] for made in faults.figures(found | {"none": [(90.0, 180.0)]})}
+    assert ratios["faults_killed"] == 2
+    assert ratios["faults_port_taken"] == pytest.approx(200 / 180)
+
+
+def small_plan(folder: Path) -> Plan:
+    plan = make_plan((0,), 1, 10.0, quick=True, output=folder)
+    sizes = replace(plan.sizes, overrides=(*plan.sizes.overrides, "collect.processes=1"), fault_frames=8000)
+    return replace(plan, sizes=sizes)
+
+
+def test_a_fault_is_really_brought_about(tmp_path: Path):
+    plan = small_plan(tmp_path)
+    assert all(rate > 0 for rate in faults.rate(plan, 0, "killed"))
+
+
+def test_a_fault_without_its_warning_is_no_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(faults.WARNING, "none", "never said")
+    with pytest.raises(RuntimeError, match=r"(?s)train\.py with none ended with 0.*the run is in"):
+        faults.rate(small_plan(tmp_path), 0, "none")
 
 
 def test_output_folder_takes_everything(tmp_path: Path):

@@ -11,18 +11,19 @@ PACKAGE = "ibe_rl"
 SCRIPTS = ("train", "explain")
 
 LAYERS = (
-    {"data", "config", "run_folder", "signals", "command_line", "checkpoint"},
+    {"data", "config", "recording_file", "run_folder", "signals", "command_line", "checkpoint", "thinning"},
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "refresh", "development"},
-    {"progress", "stream", "film", "chart", "view", "picture", "sentences", "relay", "overlay", "viewer", "evaluation"},
+    {"progress", "run_recorder", "stream", "film", "chart", "view", "picture", "sentences"}
+    | {"relay", "server", "overlay", "viewer", "evaluation"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
     *(("development", "refresh"), ("development", "explainer"), ("chart", "view"), ("chart", "picture")),
     *(("stream", "chart"), ("stream", "film"), ("stream", "view"), ("stream", "sentences")),
     *(("film", "view"), ("film", "picture"), ("film", "sentences"), ("view", "picture")),
-    *(("viewer", "overlay"), ("viewer", "relay")),
+    *(("viewer", "overlay"), ("viewer", "relay"), ("relay", "server"), ("run_recorder", "stream")),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""
 

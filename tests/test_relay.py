@@ -198,6 +198,70 @@ def test_a_killed_relay_takes_the_viewer_along(tmp_path: Path) -> None:
         assert eventually(lambda: gone(server))
 
 
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [(signal.SIGKILL, "its process has ended (SIGKILL)"), (signal.SIGSTOP, "its process has been stopped")],
+)
+def test_a_relay_that_is_gone_is_said_once(tmp_path: Path, number: int, why: str) -> None:
+    with Relay(tmp_path / "recording.rrd", free_ports()) as relay:
+        assert relay.news() == []
+        os.kill(relay._process.pid, number)
+        found: list[str] = []
+        assert eventually(lambda: found.extend(relay.news()) or found)
+        assert why in found[0]
+        assert "the recording is written all the same" in found[0]
+        assert f"-m ibe_rl.relay {tmp_path}" in found[0]
+        assert relay.news() == []
+        relay._process.kill()  # a stopped one would be waited for
+
+
+def test_a_relay_without_its_log_is_missed_all_the_same(tmp_path: Path) -> None:
+    with Relay(tmp_path / "recording.rrd", free_ports()) as relay:
+        (tmp_path / "viewer.log").unlink()
+        relay._process.kill()
+        assert eventually(lambda: not relay.alive())
+        assert "its process has ended (SIGKILL)" in relay.news()[0]
+
+
+def test_a_port_taken_between_choosing_and_serving_is_said(
+    tmp_path: Path, taken: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "recording.rrd").touch()
+    ports = Ports(free_ports().grpc, taken)
+    assert module.relay(tmp_path / "recording.rrd", ports, module._Stop(None)) == 1
+    assert capsys.readouterr().err == f"relay: port {taken} was free, but is taken now\n"
+
+
+class Slow:
+    """A server that takes ten bytes at a time and dies after so many."""
+
+    def __init__(self, dies_after: int) -> None:
+        self.taken, self.offered, self._dies_after = b"", 0, dies_after
+
+    def alive(self) -> bool:
+        return len(self.taken) < self._dies_after
+
+    def hangs(self) -> bool:
+        return len(self.taken) >= 50
+
+    def feed(self, data: bytes) -> bytes:
+        self.taken, self.offered = self.taken + data[:10], max(self.offered, len(data))
+        return data[10:]
+
+
+def test_a_slow_server_gets_all_in_bounded_pieces_and_a_hang_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(module, "CHUNK_BYTES", 64)
+    data = bytes(range(250)) * 4
+    (tmp_path / "recording.rrd").write_bytes(data)
+    server = Slow(len(data))
+    module.follow(tmp_path / "recording.rrd", server, module._Stop(None))
+    assert server.taken == data
+    assert server.offered == 64
+    assert capsys.readouterr().err == "relay: the viewer's server hangs, it has taken nothing for 8 s\n"
+
+
 TRAINER = """
 import sys, time
 from pathlib import Path

@@ -9,6 +9,7 @@ from rerun.chunk import RrdReader
 from view_data import TASK, WATCHED, Rows, column, developed, explain, flights, frames, read, real, record, refreshed
 
 from ibe_rl import picture, sentences, stream
+from ibe_rl.run_recorder import RunRecorder
 from ibe_rl.stream import INTRO_STEPS, NoRecorder, Recorder
 
 
@@ -62,11 +63,11 @@ def test_curves_wait_for_the_next_episode_but_not_for_ever(
     recorder: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder.batch(10, {"train/return_mean": 1.0})
-    recorder._recording.flush()
+    recorder.size()
     assert not frames(read(tmp_path / "recording.rrd")["/curves/train/return_mean"])
     monkeypatch.setattr(stream, "HOLD_S", 0.0)
     recorder.batch(20, {"train/return_mean": 2.0})
-    recorder._recording.flush()
+    recorder.size()
     assert frames(read(tmp_path / "recording.rrd")["/curves/train/return_mean"]) == [10, 20]
 
 
@@ -179,7 +180,8 @@ def test_no_recorder_takes_the_same_and_writes_nothing(tmp_path: Path) -> None:
     nothing.skipped(0, "reason")
     nothing.watched(0, watched, [], [])
     nothing.flush()
+    assert nothing.news() == []
     nothing.close()
     assert not list(tmp_path.iterdir())
-    public = {name for name in vars(Recorder) if not name.startswith("_")}
+    public = {name for name in vars(RunRecorder) if not name.startswith("_")}
     assert public == {name for name in vars(NoRecorder) if not name.startswith("_")}

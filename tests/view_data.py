@@ -158,6 +158,12 @@ def real(watched: Watched, refresh: Refresh) -> list[str]:
     return happened(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
 
 
+def filmed(number: int = 1, refresh: Refresh | None = None) -> tuple[Watched, list[Explanation], list[str]]:
+    """A flight with what is said of it and what happened, as ``watched`` of a recorder takes them."""
+    watched, words = flights()[number], refresh or refreshed()
+    return watched, explain(watched, words), real(watched, words)
+
+
 def record(path: Path) -> None:
     """Write a whole small run: curves, refreshes and the episodes watched after them."""
     recorder, frames, random = Recorder(path, TASK, "a small run"), 0, np.random.default_rng(0)

@@ -1,0 +1,172 @@
+"""What a fault of the live view costs the training: its frames a second before and after."""
+
+from __future__ import annotations
+
+import csv
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from benchmarks.child import ONE_THREAD
+from benchmarks.levels import figure, plain
+from benchmarks.ours import seconds
+from benchmarks.plan import ROOT, Plan
+from benchmarks.skill import Figures, Say
+from ibe_rl.relay import choose_ports
+from ibe_rl.run_folder import METRICS, RECORDING
+
+SCRIPT = """
+from pathlib import Path
+import train
+from ibe_rl import film, relay
+from ibe_rl.command_line import run_script
+{patch}
+if __name__ == "__main__":
+    run_script(train.main, Path(train.__file__).parent / "configs", "train")
+"""
+"""train.py with something broken in it beforehand."""
+NOT_INSTALLED = "relay.find_spec = lambda _: None"
+PORTS = "train.choose_ports = lambda *_: relay.Ports({grpc}, {web})"
+WARNING = {
+    "killed": "the live view has ended: the viewer's server has ended",
+    "stopped": "the viewer's server hangs",
+    "full_disk": "the recording cannot be written any more",
+    "not_installed": "the rerun viewer is not installed",
+    "port_taken": "taken",
+}
+"""A part of what train.py must say, or the fault was none."""
+Fault = Callable[[int, Path], None]
+
+
+def children(pid: int) -> list[int]:
+    """The processes that a process has started."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def command(pid: int) -> bytes:
+    """What a process was started with."""
+    return Path(f"/proc/{pid}/cmdline").read_bytes()
+
+
+def live_view(trainer: int) -> tuple[int, int]:
+    """The relay of a training and the viewer's server.
+
+    Raises:
+        ValueError: if there is not one of each.
+    """
+    [relay] = [child for child in children(trainer) if b"ibe_rl.relay" in command(child)]
+    [server] = [child for child in children(relay) if b"--serve-web" in command(child)]
+    return relay, server
+
+
+def fill_disk(trainer: int, folder: Path) -> None:
+    """Let the files of a training grow no further than its recording is, and a little."""
+    size = (folder / RECORDING).stat().st_size + 20_000
+    resource.prlimit(trainer, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+
+FAULTS: dict[str, Fault] = {
+    "none": lambda *_: None,
+    "killed": lambda trainer, _: os.kill(live_view(trainer)[1], signal.SIGKILL),
+    "stopped": lambda trainer, _: os.kill(live_view(trainer)[1], signal.SIGSTOP),
+    "full_disk": fill_disk,
+}
+"""What happens when half of the frames are flown."""
+FROM_THE_START = ("not_installed", "port_taken")
+
+
+def run(plan: Plan, say: Say) -> Iterator[Figures]:
+    """Train with each fault in turn, as often as asked; yields the figures so far after each round."""
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in (*FAULTS, *FROM_THE_START)}
+    for repeat in range(plan.repeats):
+        say(f"faults, round {repeat + 1} of {plan.repeats}")
+        for name, rates in found.items():
+            rates.append(rate(plan, repeat, name))
+            say(f"  {name}: {rates[-1][0]:,.0f} frames a second before, {rates[-1][1]:,.0f} after")
+        yield figures(found)
+
+
+def figures(found: dict[str, list[tuple[float, float]]]) -> Figures:
+    """The second half of each run against its first; of what is there from the start, against an undisturbed run's."""
+    made = []
+    for name, rates in found.items():
+        other = found["none"] if name in FROM_THE_START else rates
+        side = 1 if name in FROM_THE_START else 0
+        made.append(
+            figure(f"faults_{name}", "frames/s", plain([after for _, after in rates]), plain([r[side] for r in other]))
+        )
+    return made
+
+
+def rate(plan: Plan, seed: int, name: str) -> tuple[float, float]:
+    """Frames a second of train.py in its first half and, with a fault, in its second.
+
+    Raises:
+        RuntimeError: if it failed, or did not say what happened.
+    """
+    sizes = plan.sizes
+    frames = [f"total_frames={sizes.fault_frames}", f"refresh_every_frames={sizes.fault_frames // 8}"]
+    with tempfile.TemporaryDirectory() as place, socket.socket() as holder:
+        folder = Path(place) / "run"
+        script = Path(place) / "script.py"
+        script.write_text(SCRIPT.format(patch=_patch(name, holder)))
+        output = Path(place) / "output"
+        with output.open("w") as stream:
+            process = subprocess.Popen(  # noqa: S603 - our own
+                [sys.executable, script, *sizes.overrides, *frames, f"seed={seed}", f"run_dir={folder}", "viewer=live"],
+                env=os.environ | ONE_THREAD | {"PYTHONPATH": str(ROOT), "RERUN_STRICT": "0"},
+                stdout=stream,
+                stderr=stream,
+                cwd=ROOT,
+            )
+            half = _wait(process, folder, sizes.fault_frames // 2)
+            if process.poll() is None:
+                FAULTS.get(name, FAULTS["none"])(process.pid, folder)
+            status = process.wait()
+        said = output.read_text()
+        if status or said.count("warning") != (name in WARNING) or WARNING.get(name, "") not in said:
+            raise RuntimeError(f"train.py with {name} ended with {status}:\n{said[-2000:]}")
+        return rates(_rows(folder), half)
+
+
+def rates(rows: list[dict[str, str]], half: int) -> tuple[float, float]:
+    """Frames a second up to row ``half`` and from there on, without set-up and evaluations."""
+    flown = [(int(row["frames"]), seconds(row)) for row in rows]
+    parts = (flown[0], flown[half]), (flown[half], flown[-1])
+    before, after = ((end[0] - begin[0]) / (end[1] - begin[1]) for begin, end in parts)
+    return before, after
+
+
+def _patch(name: str, holder: socket.socket) -> str:
+    if name == "not_installed":
+        return NOT_INSTALLED
+    if name == "port_taken":
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        return PORTS.format(grpc=holder.getsockname()[1], web=choose_ports(None, None).web)
+    return ""
+
+
+def _wait(process: subprocess.Popen[bytes], folder: Path, frames: int) -> int:
+    """Wait until so many frames are flown; returns the number of that row."""
+    while process.poll() is None:
+        rows = _rows(folder)
+        if rows and int(rows[-1]["frames"] or 0) >= frames:
+            return len(rows) - 1
+        time.sleep(0.1)
+    return 0
+
+
+def _rows(folder: Path) -> list[dict[str, str]]:
+    try:
+        with (folder / METRICS).open() as stream:
+            return [row for row in csv.DictReader(stream) if None not in row.values()]
+    except FileNotFoundError:
+        return []
