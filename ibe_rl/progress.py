@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from ibe_rl import sentences
 from ibe_rl.data import Array
 from ibe_rl.refresh import Refresh
 
@@ -62,13 +63,15 @@ class TrainingProgress:
     def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float) -> None:
         """Report a refresh and what the watched episode ended on."""
         self._bar.update(self._task, phrase=phrase)
-        expressions = " ".join(f"{value:+.2f}" for value in refresh.mapping.expressions[:, 0])
+        done = f"refresh {number}" if refresh.taken else f"refresh {number} stays"
+        expressions = " ".join(f"{value:+.2f}" for value in refresh.standing.expressions[:, 0])
         episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
         self.say(
-            f"refresh {number} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
+            f"{done} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
             f"{windows}instruction {_counts(refresh.windows_by_instruction)})\n"
-            f"  expressions {expressions}; {came_true:.0%} of the watched episode's explanations came true"
+            f"  expressions {expressions}; {came_true:.0%} of the watched episode's explanations came true\n"
+            f"  {'; '.join(sentences.moved(refresh)) or 'the first vocabulary'}"
         )
 
     def skipped(self, frames: int, reason: str) -> None:
@@ -85,7 +88,8 @@ def closing_table(summary: Mapping[str, Any]) -> None:
     table = Table("what", "value", title="the run in numbers")
     for key in ("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"):
         table.add_row(key, f"{summary[key]:,.3g}" if isinstance(summary[key], float) else f"{summary[key]:,}")
-    table.add_row("refreshes_skipped", f"{summary['refreshes_skipped']:,}")
+    for key in ("refreshes_kept", "refreshes_skipped"):
+        table.add_row(key, f"{summary[key]:,}")
     for name, seconds in summary["time_s"].items():
         table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
     Console().print(table)

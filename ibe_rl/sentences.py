@@ -87,20 +87,20 @@ def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
     return lines + [f"#{name} was {before[name]}, is {now[name]}" for name in renamed]
 
 
-def moved(refresh: Refresh) -> str:
-    """What moved since the refresh before, in one line; nothing at the first one."""
+def moved(refresh: Refresh) -> list[str]:
+    """What moved since the refresh before; nothing at the first one."""
     change = refresh.change
     if change is None:
-        return ""
+        return []
     acts = f"it acts otherwise in {change.policy_drift:.0%} of the probed states"
     words = f"{change.drift.phrase_changed:.0%} of the probed windows are called something else"
     stale = f"staleness of the words before: {change.staleness:+.3f}"
-    return "; ".join([acts, words, stale] if refresh.taken else [acts, stale, "so they stay"])
+    return [acts, words, stale] if refresh.taken else [acts, f"{stale}, so they stay"]
 
 
 def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> str:
     """A vocabulary, what moved, and what it stands on, in markdown."""
-    since = f"Since {refresh.change.since_frame:,} frames {moved(refresh)}.\n\n" if refresh.change else ""
+    since = f"Since {refresh.change.since_frame:,} frames {'; '.join(moved(refresh))}.\n\n" if refresh.change else ""
     return (
         f"{vocabulary_table(refresh, words, spoken)}\n\n{since}"
         f"Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "

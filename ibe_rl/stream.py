@@ -134,9 +134,8 @@ class Recorder:
             self._shown = refresh.mapping.ids.tolist()
         self._recording.log("now", rr.TextDocument(self._standing(None), media_type="text/markdown"))
         done = "vocabulary learnt anew" if refresh.taken else "vocabulary kept"
-        moved = sentences.moved(refresh)
-        self._log_line(f"{refresh.frame:,} frames: {done}{moved and ': '}{moved}", view.GREEN)
-        for line in sentences.transitions(refresh, self._task.phrases):
+        self._log_line(f"{refresh.frame:,} frames: {done}", view.GREEN)
+        for line in (*sentences.moved(refresh), *sentences.transitions(refresh, self._task.phrases)):
             self._log_line(line, view.PALE)
 
     def skipped(self, frames: int, reason: str) -> None:

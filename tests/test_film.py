@@ -137,7 +137,7 @@ def test_now_tells_what_is_said_and_what_the_vocabulary_stands_on(rows: Rows) ->
     assert f"pad **{watched.episode.context}**" in text
     assert f"Agent: **{said.phrase}** ({said.expression[0]:+.2f}), confidence {said.confidence:.0%}" in text
     assert f"**→ #{said.cluster}**" in text
-    assert f"Since 100,000 frames {sentences.moved(refresh)}" in text
+    assert f"Since 100,000 frames {'; '.join(sentences.moved(refresh))}." in text
     assert f"Best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes" in text
     assert all(f"{name}: {number:,}" in text for name, number in refresh.windows_by_instruction.items())
 

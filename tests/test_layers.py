@@ -24,6 +24,7 @@ SIDEWAYS = {
     *(("stream", "chart"), ("stream", "film"), ("stream", "view"), ("stream", "sentences")),
     *(("film", "view"), ("film", "picture"), ("film", "sentences"), ("view", "picture")),
     *(("viewer", "overlay"), ("viewer", "relay"), ("relay", "server"), ("run_recorder", "stream")),
+    ("progress", "sentences"),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""
 

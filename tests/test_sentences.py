@@ -33,7 +33,7 @@ def test_the_table_names_clusters_by_their_ids_and_says_what_they_were_called() 
 def test_the_first_vocabulary_has_nothing_before() -> None:
     assert sentences.phrases_before(refreshed(), TASK.phrases) == {}
     assert sentences.transitions(refreshed(), TASK.phrases) == []
-    assert sentences.moved(refreshed()) == ""
+    assert sentences.moved(refreshed()) == []
     assert "new" not in sentences.vocabulary_table(refreshed(), TASK.phrases)
 
 

@@ -130,10 +130,9 @@ def test_the_log_says_what_became_of_each_cluster(rows: Rows) -> None:
             for [line], frame in zip(column(rows["/log"], "TextLog:text"), frames(rows["/log"]), strict=True)
             if frame == refresh.frame
         ]
-        expected = sentences.transitions(refresh, TASK.phrases)
-        assert len(expected) >= 2
-        assert at[1 : 1 + len(expected)] == expected
-        assert at[0] == f"{refresh.frame:,} frames: vocabulary learnt anew: {sentences.moved(refresh)}"
+        expected = [*sentences.moved(refresh), *sentences.transitions(refresh, TASK.phrases)]
+        assert len(expected) >= 5
+        assert at[: 1 + len(expected)] == [f"{refresh.frame:,} frames: vocabulary learnt anew", *expected]
 
 
 def test_a_vocabulary_that_is_kept_stays_in_the_picture(recorder: Recorder, tmp_path: Path) -> None:
@@ -143,8 +142,10 @@ def test_a_vocabulary_that_is_kept_stays_in_the_picture(recorder: Recorder, tmp_
     recorder.close()
     rows = read(tmp_path / "recording.rrd")
     assert frames(rows["/vocabulary/centres"]) == [first.frame]
-    [line] = column(rows["/log"], "TextLog:text")[-1]
-    assert line.startswith("200,000 frames: vocabulary kept: it acts otherwise in 25% of the probed states; staleness")
+    lines = [line for [line] in column(rows["/log"], "TextLog:text")]
+    assert lines[1:3] == ["200,000 frames: vocabulary kept", "it acts otherwise in 25% of the probed states"]
+    assert lines[3].endswith(", so they stay")
+    assert len(lines) == 4
     [now] = column(rows["/now"], "TextDocument:text")[-1]
     assert all(f"| #{name} |" in now for name in first.mapping.ids)
 
