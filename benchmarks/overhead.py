@@ -40,5 +40,6 @@ def figures(found: dict[str, list[ours.TrainingRun]]) -> Figures:
         figure("overhead_recording", "s", wall["on"], wall["without_recording"]),
         figure("overhead_ibe", "s", wall["on"], wall["without_ibe"]),
         figure("share_log", "share", plain([run.share("log") for run in found["on"]])),
+        figure("share_recording", "share", plain([run.share("stream") for run in found["default"]])),
         figure("share_ibe_log_recording", "share", plain([run.share(*PARTS_OF_SHARE) for run in found["default"]])),
     ]
