@@ -55,7 +55,7 @@ HOW = {
     "overhead_ibe": "The same run against refresh_every_frames=null: no vocabulary is learnt and nothing explained.",
     "share_log": "Share of the wall time that goes into the log, from time_s of the shortened run; there is no "
     "switch for it.",
-    "share_recording": "The recording, metrics.csv and the progress bar as a share of the wall time of the default run.",
+    "share_recording": "Recording, metrics.csv and progress bar as a share of the wall time of the default run.",
     "share_ibe_log_recording": "Refresh, explanations, recording and log together as a share of the wall time of the "
     "default run of train.py.",
     "faults_none": "The training's own frames a second, without evaluations, in the second half of a shortened live "

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
+from view_data import column, frames, read
 
 import explain
 import train
@@ -236,6 +237,28 @@ def test_the_recording_is_whole(run: Path) -> None:
     chunks = list(RrdReader(str(run / "recording.rrd")).stream())
     assert sum(chunk.to_record_batch().num_rows for chunk in chunks) > 100
     assert_whole(run / "recording.rrd")
+
+
+def test_the_recording_holds_what_metrics_and_refreshes_hold(run: Path) -> None:
+    recorded, table = read(run / "recording.rrd"), rows(run)
+    columns = [name for name in table[0] if name.split("/")[0] in ("train", "eval", "ibe")]
+    assert len(columns) > 20
+    for name in columns:
+        expected = {int(row["frames"]): float(row[name]) for row in table if row[name]}
+        found = recorded.get(f"/curves/{name}", [])
+        values = np.ravel(column(found, "Scalars:scalars"))
+        assert dict(zip(frames(found), values, strict=True)) == pytest.approx(expected, rel=1e-5), name
+    refreshes = [json.loads(path.read_text()) for path in sorted((run / "refreshes").glob("*.json"))]
+    assert frames(recorded["/vocabulary/centres"]) == [saved["frame"] for saved in refreshes]
+    for saved in refreshes:
+        for rank, cluster in enumerate(saved["clusters"]):
+            at = [row for row in recorded[f"/expression/{cluster['id']}"] if row.get("frames") == saved["frame"]]
+            bars = [row["BarChart:values"][0]["buffer"] for row in at if row.get("BarChart:values")]
+            assert bars == [pytest.approx([cluster["expression"][0]])]
+            assert [row["BarChart:abscissa"][0]["buffer"] for row in at if row.get("BarChart:values")] == [[rank]]
+        [names] = [row for row in recorded["/vocabulary/names"] if row.get("frames") == saved["frame"]]
+        labels = [f"#{cluster['id']} {cluster['expression'][0]:+.2f}" for cluster in saved["clusters"]]
+        assert names["Points2D:labels"] == labels
 
 
 def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
