@@ -11,11 +11,16 @@ import os
 import select
 from contextlib import suppress
 from pathlib import Path
+from struct import Struct
 from threading import Event, Lock, Thread
 from typing import BinaryIO
 
-STREAM_HEADER_BYTES = 12
-MESSAGE_HEADER_BYTES = 16  # its kind and the length of what follows, 8 bytes each
+MAGIC = b"RRF2"
+HEAD_BYTES = 12
+MESSAGE = Struct("<QQ")
+"""A recording is its head, beginning with ``MAGIC``, and messages; before each stand its kind and its length."""
+END = 0
+"""Kind of the message behind which only the footer follows."""
 PIECE_BYTES = 1 << 18
 POLL_MS = 200
 
@@ -104,11 +109,19 @@ class RecordingFile:
             self._file.truncate(self.size)
 
 
+def next_message(file: BinaryIO, begin: int, size: int) -> tuple[int, int] | None:
+    """Kind and end of the message that begins there; None if it is not whole among the first ``size`` bytes."""
+    if begin + MESSAGE.size > size:
+        return None
+    file.seek(begin)
+    kind, length = MESSAGE.unpack(file.read(MESSAGE.size))
+    end = begin + MESSAGE.size + length
+    return (kind, end) if end <= size else None
+
+
 def whole_messages(file: BinaryIO, size: int) -> int:
-    """Count the bytes of the whole messages among the first ``size`` bytes of a recording."""
-    end, after = 0, STREAM_HEADER_BYTES
-    while after <= size:
-        end = after
-        file.seek(end + 8)
-        after = end + MESSAGE_HEADER_BYTES + int.from_bytes(file.read(8), "little")
+    """Count the bytes of the whole messages, and of the head, among the first ``size`` bytes of a recording."""
+    end = HEAD_BYTES if size >= HEAD_BYTES else 0
+    while end and (found := next_message(file, end, size)):
+        end = found[1]
     return end

@@ -160,7 +160,7 @@ class Relay:
         if trouble is None:
             return []
         self._told = True
-        again = f"{sys.executable} -m ibe_rl.relay {self._recording.parent}"
+        again = f"{sys.executable} -m ibe_rl.viewer {self._recording.parent}"
         return [
             f"warning: the live view has ended: {trouble}; training goes on and the recording is written all the "
             f"same, look at it with: {again}"

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import re
 import signal
-import struct
 import sys
 import time
 from collections import Counter
@@ -26,18 +25,13 @@ import yaml
 
 from ibe_rl.data import ConfigError
 from ibe_rl.overlay import Overlay
+from ibe_rl.recording_file import END, HEAD_BYTES, MAGIC, next_message
 from ibe_rl.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import CONFIG, METRICS, NOT_IN_NAMES, OVERRIDES, RECORDING, find_run
 from ibe_rl.signals import StopRequest
 
 RUNS = Path("runs")
 POLL_S = 0.5
-MAGIC = b"RRF2"
-HEAD_BYTES = 12
-MESSAGE = struct.Struct("<QQ")
-"""A recording is its head, beginning with ``MAGIC``, and messages; before each stand its kind and its length."""
-END = 0
-"""Kind of the message behind which only the footer follows."""
 
 
 def runs_at(place: Path) -> list[Path]:
@@ -150,17 +144,16 @@ class Messages:
 
     def _copy_message(self, file: BinaryIO, size: int, to: BinaryIO) -> bool:
         """Append the next message; False if it is not complete, or is the end."""
-        begin = self._read + MESSAGE.size
-        if begin > size:
+        found = next_message(file, self._read, size)
+        if found is None:
             return False
-        file.seek(self._read)
-        kind, length = MESSAGE.unpack(file.read(MESSAGE.size))
+        kind, end = found
         self._ended = kind == END
-        if self._ended or begin + length > size:
-            return False
-        to.write(MESSAGE.pack(kind, length) + file.read(length))
-        self._read = begin + length
-        return True
+        if not self._ended:
+            file.seek(self._read)
+            to.write(file.read(end - self._read))
+            self._read = end
+        return not self._ended
 
 
 def serve(runs: Mapping[str, Path], ports: Ports) -> int:
@@ -204,7 +197,7 @@ def say(runs: Mapping[str, Path], ports: Ports) -> None:
     """Print which runs are open under which name, the address, and how to end."""
     lines = [*(f"{name}: {run}" for name, run in runs.items()), invitation(ports)]
     if len(runs) > 1:
-        lines.append("  a click in the list on the left opens one run, Ctrl+Shift+B shows the list again")
+        lines.append("  a click in the list on the left opens one run, a button at the top right shows the list again")
     sys.stdout.write("\n".join([*lines, "  Ctrl-C ends it\n"]))
     sys.stdout.flush()
 
