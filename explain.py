@@ -24,15 +24,14 @@ from ibe_rl.config import ExplainConfig
 from ibe_rl.data import ConfigError, Explanation, Watched
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.explainer import explain
-from ibe_rl.film import SILENCE
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
 from ibe_rl.metrics import happened, phrases_true
 from ibe_rl.play import watch
 from ibe_rl.predict import make_simulator
-from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import find_run
-from ibe_rl.stream import Recorder
+from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
+from ibe_rl.stream import SILENCE, Recorder
 
 
 def main(cfg: ExplainConfig) -> None:

@@ -43,7 +43,6 @@ from ibe_rl.play import play, watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
 from ibe_rl.refresh import check_mapping
-from ibe_rl.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     METRICS,
@@ -55,9 +54,9 @@ from ibe_rl.run_folder import (
     create_run_folder,
     write_json,
 )
-from ibe_rl.run_recorder import RunRecorder
+from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.signals import StopRequest
-from ibe_rl.stream import NoRecorder
+from ibe_rl.stream import NoRecorder, RunRecorder
 
 LATER_COLUMNS = (
     "eval/return_mean",

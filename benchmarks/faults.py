@@ -19,13 +19,14 @@ from benchmarks.levels import figure, plain
 from benchmarks.ours import seconds
 from benchmarks.plan import ROOT, Plan
 from benchmarks.skill import Figures, Say
-from ibe_rl.relay import choose_ports
 from ibe_rl.run_folder import METRICS, RECORDING
+from ibe_rl.serve.relay import choose_ports
 
 SCRIPT = """
 from pathlib import Path
 import train
-from ibe_rl import film, relay
+from ibe_rl.stream import film
+from ibe_rl.serve import relay
 from ibe_rl.command_line import run_script
 {patch}
 if __name__ == "__main__":
@@ -61,7 +62,7 @@ def live_view(trainer: int) -> tuple[int, int]:
     Raises:
         ValueError: if there is not one of each.
     """
-    [relay] = [child for child in children(trainer) if b"ibe_rl.relay" in command(child)]
+    [relay] = [child for child in children(trainer) if b"ibe_rl.serve.relay" in command(child)]
     [server] = [child for child in children(relay) if b"--serve-web" in command(child)]
     return relay, server
 

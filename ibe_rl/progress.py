@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ibe_rl import sentences
 from ibe_rl.data import Array
 from ibe_rl.refresh import Refresh
+from ibe_rl.stream import sentences
 
 
 class TrainingProgress:

@@ -24,11 +24,11 @@ from typing import BinaryIO
 import yaml
 
 from ibe_rl.data import ConfigError
-from ibe_rl.overlay import Overlay
-from ibe_rl.recording_file import END, HEAD_BYTES, MAGIC, next_message
-from ibe_rl.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
 from ibe_rl.run_folder import CONFIG, METRICS, NOT_IN_NAMES, OVERRIDES, RECORDING, find_run
+from ibe_rl.serve.overlay import Overlay
+from ibe_rl.serve.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
 from ibe_rl.signals import StopRequest
+from ibe_rl.stream.recording_file import END, HEAD_BYTES, MAGIC, next_message
 
 RUNS = Path("runs")
 POLL_S = 0.5

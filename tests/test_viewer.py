@@ -24,13 +24,13 @@ from test_view import BROWSER_FLAGS, FILLED, new_share, opened, panels
 from test_view import viewer as viewer  # a fixture
 from view_data import TASK, eventually, free_ports, needed
 
-from ibe_rl import relay as relay_module
 from ibe_rl.data import ConfigError
-from ibe_rl.overlay import APPLICATION, COLUMNS, PALETTE, PLOTS, Overlay, blueprint
-from ibe_rl.relay import is_free, rerun_binary
 from ibe_rl.run_folder import MetricsTable
-from ibe_rl.stream import APPLICATION as RUN_APPLICATION
+from ibe_rl.serve import relay as relay_module
+from ibe_rl.serve.overlay import APPLICATION, COLUMNS, PALETTE, PLOTS, Overlay, blueprint
+from ibe_rl.serve.relay import is_free, rerun_binary
 from ibe_rl.stream import Recorder
+from ibe_rl.stream.recorder import APPLICATION as RUN_APPLICATION
 from ibe_rl.viewer import Messages, gather, main, run_names, runs_at, with_curves
 
 SHOWN = {"train/return_mean", "eval/return_mean", "train/success_rate", "eval/success_rate", "ibe/came_true"}

@@ -26,7 +26,7 @@ from ibe_rl.env.lander_task import LANDER_TASK, X
 from ibe_rl.ibe import PaperMapping, cut_windows, keep_identity, phrase, top_episodes
 from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
 from ibe_rl.refresh import Change, Refresh
-from ibe_rl.relay import Ports
+from ibe_rl.serve.relay import Ports
 from ibe_rl.stream import Recorder
 
 TASK: Task = LANDER_TASK

@@ -10,8 +10,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 
-from ibe_rl import picture
 from ibe_rl.data import Shape, Task
+from ibe_rl.stream import picture
 
 if TYPE_CHECKING:
     pass

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from view_data import eventually
 
-from ibe_rl import server as module
-from ibe_rl.server import Server
+from ibe_rl.serve import server as module
+from ibe_rl.serve.server import Server
 
 READS = "import sys; sys.stdin.buffer.read(); sys.exit(3)"
 

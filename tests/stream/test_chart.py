@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from view_data import TASK, Rows, column, developed, frames, read, record, refreshed
 
-from ibe_rl import picture
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.refresh import Refresh
-from ibe_rl.stream import Recorder
+from ibe_rl.stream import Recorder, picture
 
 
 @pytest.fixture(scope="module")

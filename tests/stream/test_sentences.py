@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from view_data import TASK, developed, refreshed
 
-from ibe_rl import sentences
+from ibe_rl.stream import sentences
 
 
 def test_words_that_all_phrases_begin_with_are_left_out() -> None:

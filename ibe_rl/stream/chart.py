@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
-from ibe_rl import picture, view
 from ibe_rl.data import Array, Task
+from ibe_rl.stream import picture, view
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

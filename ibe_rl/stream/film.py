@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from ibe_rl import picture, sentences, view
 from ibe_rl.data import Array, Explanation, Task, Watched
 from ibe_rl.ibe import phrase
+from ibe_rl.stream import picture, sentences, view
 
 SILENCE = "(silent)"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ibe_rl.thinning import Thinning
+from ibe_rl.stream.thinning import Thinning
 
 LIMIT = 850_000  # of a megabyte, without the end of the file
 

@@ -8,9 +8,10 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, WATCHED, Rows, column, developed, explain, flights, frames, read, real, record, refreshed
 
-from ibe_rl import picture, sentences, stream
-from ibe_rl.run_recorder import RunRecorder
-from ibe_rl.stream import INTRO_STEPS, NoRecorder, Recorder
+from ibe_rl.stream import NoRecorder, Recorder, picture, sentences
+from ibe_rl.stream import recorder as module
+from ibe_rl.stream.recorder import INTRO_STEPS
+from ibe_rl.stream.run_recorder import RunRecorder
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,7 @@ def test_in_the_film_curves_grow_by_what_is_trained_from_one_episode_to_the_next
 
 
 def test_before_the_first_refresh_the_panel_of_words_says_so(rows: Rows) -> None:
-    assert column(rows["/now"], "TextDocument:text")[0] == [stream.GREETING]
+    assert column(rows["/now"], "TextDocument:text")[0] == [module.GREETING]
     assert frames(rows["/now"])[0] == 0
 
 
@@ -65,7 +66,7 @@ def test_curves_wait_for_the_next_episode_but_not_for_ever(
     recorder.batch(10, {"train/return_mean": 1.0})
     recorder.size()
     assert not frames(read(tmp_path / "recording.rrd")["/curves/train/return_mean"])
-    monkeypatch.setattr(stream, "HOLD_S", 0.0)
+    monkeypatch.setattr(module, "HOLD_S", 0.0)
     recorder.batch(20, {"train/return_mean": 2.0})
     recorder.size()
     assert frames(read(tmp_path / "recording.rrd")["/curves/train/return_mean"]) == [10, 20]

@@ -21,11 +21,10 @@ from view_data import (
     refreshed,
 )
 
-from ibe_rl import picture, sentences
 from ibe_rl.data import Phrases, Task
-from ibe_rl.film import SILENCE
 from ibe_rl.ibe import phrase
-from ibe_rl.stream import Recorder
+from ibe_rl.stream import Recorder, picture, sentences
+from ibe_rl.stream.film import SILENCE
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, eventually, record
 
-from ibe_rl.recording_file import RecordingFile, whole_messages
 from ibe_rl.stream import Recorder
+from ibe_rl.stream.recording_file import RecordingFile, whole_messages
 
 HEADER = b"RRF2" + bytes(8)
 

@@ -14,8 +14,8 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 from view_data import HORIZON_STEPS, TASK, developed, eventually, free_ports, needed, record
 
-from ibe_rl.relay import Relay, is_free, rerun_binary
-from ibe_rl.relay import page as page_of_relay
+from ibe_rl.serve.relay import Relay, is_free, rerun_binary
+from ibe_rl.serve.relay import page as page_of_relay
 from ibe_rl.stream import Recorder
 
 PANELS = {

@@ -10,8 +10,8 @@ from rerun.chunk import RrdReader
 from test_scripts import assert_whole
 from view_data import TASK, filmed, refreshed
 
-from ibe_rl import run_recorder
-from ibe_rl.run_recorder import RunRecorder
+from ibe_rl.stream import run_recorder
+from ibe_rl.stream.run_recorder import RunRecorder
 
 ROW = {"train/return_mean": 1.0, "train/success_rate": 0.5}
 RARE = ROW | {"ibe/came_true": 0.5}

@@ -1,7 +1,7 @@
 """A run as a rerun recording: curves, vocabularies and watched episodes, written to a file and nowhere else.
 
-A viewer that hangs can block whoever sends to it, so nothing here opens a connection; ``ibe_rl.relay`` serves
-the growing file from a process of its own. ``ibe_rl.run_recorder`` keeps what goes wrong here from the training.
+A viewer that hangs can block whoever sends to it, so nothing here opens a connection; ``ibe_rl.serve.relay`` serves
+the growing file from a process of its own. ``ibe_rl.stream.run_recorder`` keeps what goes wrong here from the training.
 
 Two timelines: ``frames``, training frames, step j of an episode watched at frame F lying at F + j; and
 ``watched_step``, which counts the steps of all watched episodes one after the other, so that playing it is a
@@ -23,10 +23,10 @@ import numpy as np
 import rerun as rr
 from rerun.error_utils import strict_mode
 
-from ibe_rl import chart, sentences, view
 from ibe_rl.data import Explanation, Task, Watched
-from ibe_rl.film import Film, Place
-from ibe_rl.recording_file import RecordingFile
+from ibe_rl.stream import chart, sentences, view
+from ibe_rl.stream.film import Film, Place
+from ibe_rl.stream.recording_file import RecordingFile
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

@@ -15,9 +15,9 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, eventually, free_ports
 
-from ibe_rl import relay as module
 from ibe_rl.data import ConfigError
-from ibe_rl.relay import Ports, Relay, choose_ports, is_free, main, rerun_binary
+from ibe_rl.serve import relay as module
+from ibe_rl.serve.relay import Ports, Relay, choose_ports, is_free, main, rerun_binary
 from ibe_rl.stream import Recorder
 
 
@@ -210,7 +210,7 @@ def test_a_relay_that_is_gone_is_said_once(tmp_path: Path, number: int, why: str
         assert eventually(lambda: found.extend(relay.news()) or found)
         assert why in found[0]
         assert "the recording is written all the same" in found[0]
-        assert f"-m ibe_rl.relay {tmp_path}" in found[0]
+        assert f"-m ibe_rl.serve.relay {tmp_path}" in found[0]
         assert relay.news() == []
         relay._process.kill()  # a stopped one would be waited for
 
@@ -265,7 +265,7 @@ def test_a_slow_server_gets_all_in_bounded_pieces_and_a_hang_is_said_once(
 TRAINER = """
 import sys, time
 from pathlib import Path
-from ibe_rl.relay import Ports, Relay
+from ibe_rl.serve.relay import Ports, Relay
 relay = Relay(Path(sys.argv[1]), Ports(int(sys.argv[2]), int(sys.argv[3])))
 print(relay._process.pid, flush=True)
 time.sleep(60)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ibe_rl import picture
+from ibe_rl.stream import picture
 
 
 def test_thinned_paths_keep_their_ends() -> None:

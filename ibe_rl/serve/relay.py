@@ -22,7 +22,7 @@ from typing import Self
 from urllib.parse import quote
 
 from ibe_rl.data import ConfigError
-from ibe_rl.server import HANG_S, POLL_S, Server, ending
+from ibe_rl.serve.server import HANG_S, POLL_S, Server, ending
 
 HOST = "127.0.0.1"
 GRPC_PORT, WEB_PORT = 9876, 9090
@@ -141,7 +141,7 @@ class Relay:
         rerun_binary()
         self._recording, self._told = recording, False
         numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
-        command = [sys.executable, "-m", "ibe_rl.relay", str(recording), *numbers]
+        command = [sys.executable, "-m", "ibe_rl.serve.relay", str(recording), *numbers]
         try:
             with (recording.parent / LOG).open("wb") as log:
                 self._process = subprocess.Popen(  # noqa: S603 - our own module
@@ -265,7 +265,8 @@ def follow(recording: Path, server: Server, stop: _Stop) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Be the process that a ``Relay`` started."""
     parser = argparse.ArgumentParser(
-        prog="python -m ibe_rl.relay", description="Started by the trainer; to open a run: python -m ibe_rl.viewer RUN"
+        prog="python -m ibe_rl.serve.relay",
+        description="Started by the trainer; to open a run: python -m ibe_rl.viewer RUN",
     )
     parser.add_argument("recording", type=Path)
     for number in ("--grpc-port", "--web-port", "--parent"):

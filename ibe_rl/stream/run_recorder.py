@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibe_rl.data import Explanation, Task, Watched
-from ibe_rl.stream import CURVE_BYTES, Recorder, strict
-from ibe_rl.thinning import Thinning
+from ibe_rl.stream.recorder import CURVE_BYTES, Recorder, strict
+from ibe_rl.stream.thinning import Thinning
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

@@ -11,8 +11,8 @@ from rerun.chunk import RrdReader
 from test_stream import Rows, column, frames, read
 
 from ibe_rl.data import ConfigError
-from ibe_rl.overlay import PALETTE, PLOTS, Overlay, blueprint
 from ibe_rl.run_folder import MetricsTable
+from ibe_rl.serve.overlay import PALETTE, PLOTS, Overlay, blueprint
 
 LATER = ("eval/return_mean", "eval/success_rate", "ibe/came_true", "ibe/skipped")
 NAMES = ("seed=0", "seed=1")

@@ -1,0 +1,7 @@
+"""A run as a rerun recording: what is drawn and said, and the file that it goes to."""
+
+from ibe_rl.stream.film import SILENCE
+from ibe_rl.stream.recorder import NoRecorder, Recorder
+from ibe_rl.stream.run_recorder import RunRecorder
+
+__all__ = ["SILENCE", "NoRecorder", "Recorder", "RunRecorder"]
