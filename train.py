@@ -32,7 +32,7 @@ from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, step
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
-from ibe_rl.development import FIGURES, Development, figures, truth
+from ibe_rl.development import FIGURES, Development, check_development, figures, truth
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import narrate
 from ibe_rl.ibe import TooLittleDataError
@@ -42,7 +42,6 @@ from ibe_rl.metrics import happened
 from ibe_rl.play import play, watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
-from ibe_rl.refresh import check_mapping
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     METRICS,
@@ -256,7 +255,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, then train, and say how to look at it again."""
     env = make_gym(cfg.env.id, cfg.env.kwargs)
-    check_mapping(cfg.mapping, task_of(env))
+    check_development(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     folder = create_run_folder(output_folder(cfg.run_dir))
     save_config(cfg, folder / ".hydra")

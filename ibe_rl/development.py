@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ibe_rl.config import MappingConfig
-from ibe_rl.data import Array, Episode, Explanation, Phrases, Policy, Task, observe
+from ibe_rl.config import MappingConfig, TrainConfig
+from ibe_rl.data import Array, ConfigError, Episode, Explanation, Phrases, Policy, Task, observe
 from ibe_rl.explainer import put_in_words
 from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES, came_true, policy_drift, vocabulary_drift, vocabulary_scores
-from ibe_rl.refresh import Change, Refresh, learn_vocabulary, save_refresh
+from ibe_rl.refresh import Change, Refresh, check_mapping, learn_vocabulary, save_refresh
 from ibe_rl.run_folder import write_atomically
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
@@ -126,6 +126,20 @@ class Development:
         episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
         windows = cut_windows(episodes, self._config.horizon_steps, "clamp")
         return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
+
+
+def check_development(config: TrainConfig, task: Task) -> None:
+    """Refuse settings of the refreshes that cannot work, or that nothing would read.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    check_mapping(config.mapping, task)
+    if config.refresh_when_stale is not None and config.refresh_every_frames is None:
+        raise ConfigError(
+            f"refresh_when_stale={config.refresh_when_stale:g}: allowed is null with refresh_every_frames=null, "
+            "when no vocabulary is looked at"
+        )
 
 
 def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:

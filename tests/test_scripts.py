@@ -363,6 +363,10 @@ BAD = {
     "unknown environment": (["env.id=Mars-v0"], ["env.id=Mars-v0", "ibe_rl/LunarLanderPads-v0"]),
     "other environment": (["env.id=CartPole-v1"], ["env.id=CartPole-v1", "'pad'"]),
     "wrong pad": (["env.kwargs.pad=middle"], ["env.kwargs", "middle", "center"]),
+    "stale without a look": (
+        ["refresh_every_frames=null", "refresh_when_stale=0.1"],
+        ["refresh_when_stale=0.1", "allowed is null"],
+    ),
     "wrong viewer": (["viewer=tv"], ["viewer=tv", "file, live, off"]),
     "no such port": (["viewer=live", "viewer.web_port=70000"], ["viewer.web_port=70000", "65535"]),
 }
