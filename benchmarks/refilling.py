@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ def fill(folder: str, frames: int, capacity: int, flown_frames: int) -> int:
     episodes = fly(flown_frames)
     while log.frames < frames:
         for place in random.permutation(len(episodes)):
-            log.add(steps_of_episode(episodes[place], number, random), LANDER_TASK.context)
+            log.add(steps_of_episode(shaken(episodes[place], random), number), LANDER_TASK.context)
             number += 1
             if log.frames >= frames:
                 break
@@ -63,9 +64,15 @@ def fly_with(policy: Policy, frames: int) -> list[Episode]:
     return episodes
 
 
-def steps_of_episode(episode: Episode, number: int, random: np.random.Generator) -> dict[str, Array]:
-    """An episode with a little noise in its states as one row of what ``TrajectoryLog.add`` takes."""
+def shaken(episode: Episode, random: np.random.Generator) -> Episode:
+    """The episode with a little noise in its states."""
     states = (episode.states + random.normal(0, NOISE, episode.states.shape)).astype(np.float32)
+    return replace(episode, states=states)
+
+
+def steps_of_episode(episode: Episode, number: int) -> dict[str, Array]:
+    """An episode as one row of what ``TrajectoryLog.add`` takes."""
+    states = episode.states
     last = np.arange(len(episode)) == len(episode) - 1
     columns = {
         "state": states[:-1],

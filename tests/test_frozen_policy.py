@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
+from benchmarks.refilling import steps_of_episode
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Episode
 from ibe_rl.development import Development
@@ -23,20 +23,7 @@ def logged(folder: Path, contexts: tuple[str, ...], episodes: list[Episode]) -> 
     """A log of these whole episodes."""
     log = TrajectoryLog(folder, sum(len(episode) + 1 for episode in episodes), contexts)
     for number, episode in enumerate(episodes):
-        last = np.arange(len(episode)) == len(episode) - 1
-        steps = {
-            "state": episode.states[:-1],
-            "next_state": episode.states[1:],
-            "action": episode.actions,
-            "reward": episode.rewards,
-            "instruction": episode.instructions,
-            "given": episode.given,
-            "done": last,
-            "terminated": last & episode.terminated,
-            "success": last & episode.success,
-            "episode": np.full(len(episode), number),
-        }
-        log.add({name: column[None] for name, column in steps.items()}, lambda _, name=episode.context: name)
+        log.add(steps_of_episode(episode, number), lambda _, name=episode.context: name)
     return log
 
 
