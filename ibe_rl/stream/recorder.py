@@ -106,6 +106,7 @@ class Recorder:
         self._curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
         self._sent_at = time.monotonic()
         self._vocabulary: Refresh | None = None
+        self._standings: dict[int | None, str] = {}  # what the panel of words says of it, by the cluster spoken
         self._shown: list[int] = []  # clusters in the picture; not every refresh need be recorded
         self._film = Film(self._recording, task)
         self._open = True
@@ -126,7 +127,7 @@ class Recorder:
     def refresh(self, refresh: Refresh) -> None:
         """Show a vocabulary: its clusters, expressions, what it was learnt from, and in the log what moved."""
         self._send_curves()
-        self._vocabulary = refresh
+        self._vocabulary, self._standings = refresh, {}
         place = self._at(refresh.frame)
         place.set(self._recording)
         if refresh.taken:
@@ -237,4 +238,8 @@ class Recorder:
 
     def _standing(self, spoken: int | None) -> str:
         """The vocabulary in markdown, the cluster just spoken marked; nothing before the first one."""
-        return "" if self._vocabulary is None else sentences.standing(self._vocabulary, self._task.phrases, spoken)
+        if self._vocabulary is None:
+            return ""
+        if spoken not in self._standings:
+            self._standings[spoken] = sentences.standing(self._vocabulary, self._task.phrases, spoken)
+        return self._standings[spoken]
