@@ -81,8 +81,10 @@ def test_each_vocabulary_is_held_against_the_one_before(log: TrajectoryLog):
         assert after.change is not None
         assert after.change.last is before.mapping
         assert after.change.since_frame == before.frame
-    np.testing.assert_allclose(refreshes[1].mapping.evidence, 16 + 0.75 * 8)  # in the log, and remembered
-    np.testing.assert_allclose(refreshes[2].mapping.evidence, 24 + 0.75 * 22)
+    memory = config().memory
+    assert memory
+    np.testing.assert_allclose(refreshes[1].mapping.evidence, 16 + memory * 8)  # in the log, and remembered
+    np.testing.assert_allclose(refreshes[2].mapping.evidence, 24 + memory * (16 + memory * 8))
 
 
 def test_without_memory_a_vocabulary_starts_from_nothing_but_keeps_its_names(log: TrajectoryLog):

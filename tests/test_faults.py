@@ -136,7 +136,7 @@ def test_a_port_that_somebody_else_takes_first(training: START) -> None:
         other.listen()
         port = other.getsockname()[1]
         run = training(PORTS.format(grpc=port, web=free_ports().web))
-        assert f"{port}: taken" in the_warning(run.ended([]))
+        assert f"port {port} was free, but is taken now" in the_warning(run.ended([]))
     assert_whole(run.recording())
 
 

@@ -32,7 +32,8 @@ class Simulator:
         future_instruction: what the policy is told inside the prediction: "hold" keeps the moment's
             instruction, all that a person's student can know; "rule" asks the rule in the predicted states.
         moments_at_once: environments kept in each process, stepped side by side.
-        processes: that share the moments, with the same result; 1 stays in this one. With more of them, which
+        processes: that share the moments; 1 stays in this one. The result is the same but for 1e-3 or so where
+            something touches the ground: a copy keeps traces of whom it played before. More than one, which
             take seconds to start, ``make_env``, ``rule`` and the policy must be picklable.
         seed: of the engine's noise. Each prediction draws its own, since nobody knows the future's.
         own_noise: False repeats the draws of the original instead: only for testing the engine.

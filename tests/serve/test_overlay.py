@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from rerun.chunk import RrdReader
-from test_stream import Rows, column, frames, read
+from view_data import Rows, column, frames, read
 
 from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import MetricsTable

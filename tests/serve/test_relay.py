@@ -210,7 +210,7 @@ def test_a_relay_that_is_gone_is_said_once(tmp_path: Path, number: int, why: str
         assert eventually(lambda: found.extend(relay.news()) or found)
         assert why in found[0]
         assert "the recording is written all the same" in found[0]
-        assert f"-m ibe_rl.serve.relay {tmp_path}" in found[0]
+        assert f"-m ibe_rl.viewer {tmp_path}" in found[0]
         assert relay.news() == []
         relay._process.kill()  # a stopped one would be waited for
 

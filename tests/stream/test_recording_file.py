@@ -77,7 +77,7 @@ def test_whole_messages_are_counted(size: int) -> None:
 def test_messages_are_framed_as_rerun_frames_them(tmp_path: Path) -> None:
     record(tmp_path / "whole.rrd")
     data = (tmp_path / "whole.rrd").read_bytes()
-    for cut in (100_000, 200_000):
+    for cut in (200_000, 300_000):
         end = whole_messages(BytesIO(data), cut)
         assert cut - 60_000 < end <= cut
         (tmp_path / "cut.rrd").write_bytes(data[:end])
@@ -107,7 +107,9 @@ def test_rerun_never_notices_a_full_disk(tmp_path: Path) -> None:
     """Not even at the exit, where its own writer waits for ever every few times."""
     path = tmp_path / "recording.rrd"
     command = [sys.executable, "-c", LIMITED, str(path)]
-    ended = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=120, check=False)
+    ended = subprocess.run(
+        command, cwd=Path(__file__).parent.parent, capture_output=True, text=True, timeout=120, check=False
+    )
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "File too large\n" * 2, "")
     entities = {str(chunk.entity_path) for chunk in RrdReader(str(path)).stream()}
     assert "/vocabulary/centres" in entities

@@ -76,7 +76,7 @@ def test_thinning_is_said_in_the_terminal_and_in_the_log(long: tuple[Path, list[
 
 
 def test_rows_alone_stay_below_the_limit_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ibe_rl.stream.HOLD_S", -1.0)  # every row is sent alone
+    monkeypatch.setattr("ibe_rl.stream.recorder.HOLD_S", -1.0)  # every row is sent alone
     recorder = RunRecorder(tmp_path / "a", TASK, "run", max_mb=1)
     for frame in range(5000):
         recorder.batch(frame, ROW)
