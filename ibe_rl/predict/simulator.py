@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
+from itertools import cycle
 from typing import Any
 
 import gymnasium
@@ -32,8 +33,8 @@ class Simulator:
         future_instruction: what the policy is told inside the prediction: "hold" keeps the moment's
             instruction, all that a person's student can know; "rule" asks the rule in the predicted states.
         moments_at_once: environments kept in each process, stepped side by side.
-        processes: that share the moments; 1 stays in this one. The result is the same but for 1e-3 or so where
-            something touches the ground: a copy keeps traces of whom it played before. More than one, which
+        processes: that share the moments; 1 stays in this one. The result is the same to 1e-3 until something touches
+            the ground, where a copy of the game shows traces of whom it played before. With more of them, which
             take seconds to start, ``make_env``, ``rule`` and the policy must be picklable.
         seed: of the engine's noise. Each prediction draws its own, since nobody knows the future's.
         own_noise: False repeats the draws of the original instead: only for testing the engine.
@@ -52,7 +53,7 @@ class Simulator:
         self._at_once, self._processes, self._own_noise = moments_at_once, processes, own_noise
         self._games = _Games(make_env, rule, future_instruction == "rule")
         self._seeds = np.random.SeedSequence(seed)
-        self._pool: Executor | None = None
+        self._workers: list[Executor] = []
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
         """See ``ibe_rl.data.Predictor``."""
@@ -64,19 +65,19 @@ class Simulator:
     def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
             return [self._games.roll(part, policy, horizon_steps) for part in parts]
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                self._processes, multiprocessing.get_context("spawn"), _keep, (self._games,)
-            )
-        with interrupts_stay_here(), script_stays_here():
-            rolled = [self._pool.submit(_roll, part, policy, horizon_steps) for part in parts]
+        if not self._workers:
+            spawn = multiprocessing.get_context("spawn")
+            self._workers = [ProcessPoolExecutor(1, spawn, _keep, (self._games,)) for _ in range(self._processes)]
+        with interrupts_stay_here(), script_stays_here():  # each part has its process, so that all is repeatable
+            workers = cycle(self._workers)
+            rolled = [next(workers).submit(_roll, part, policy, horizon_steps) for part in parts]
         return [part.result() for part in rolled]
 
     def close(self) -> None:
         """Stop the processes, if there are any."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        for worker in self._workers:
+            worker.shutdown()
+        self._workers = []
 
 
 def make_simulator(config: PredictorConfig, make_env: MakeEnv, rule: Rule, seed: int) -> Simulator:

@@ -77,11 +77,13 @@ def test_whole_messages_are_counted(size: int) -> None:
 def test_messages_are_framed_as_rerun_frames_them(tmp_path: Path) -> None:
     record(tmp_path / "whole.rrd")
     data = (tmp_path / "whole.rrd").read_bytes()
-    for cut in (200_000, 300_000):
-        end = whole_messages(BytesIO(data), cut)
-        assert cut - 60_000 < end <= cut
+    chunks = [str(chunk.id) for chunk in RrdReader(str(tmp_path / "whole.rrd")).stream()]
+    for share in (0.4, 0.5, 0.6):  # the footer is at the end
+        end = whole_messages(BytesIO(data), int(share * len(data)))
         (tmp_path / "cut.rrd").write_bytes(data[:end])
-        assert len(list(RrdReader(str(tmp_path / "cut.rrd")).stream())) > 10
+        before = [str(chunk.id) for chunk in RrdReader(str(tmp_path / "cut.rrd")).stream()]
+        assert 3 < len(before) < len(chunks)
+        assert set(before) < set(chunks)
 
 
 LIMITED = """
