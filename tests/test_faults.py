@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from processes import ROOT, SMALL, assert_whole, children, gone, server_of
 from rerun.chunk import RrdReader
-from test_relay import children, gone, server_of
-from test_scripts import ROOT, SMALL, assert_whole
 from view_data import eventually, free_ports
 
 from benchmarks.faults import NOT_INSTALLED, PORTS, SCRIPT, command, fill_disk

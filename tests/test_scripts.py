@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import ROOT, SMALL, assert_whole, start
 from rerun.chunk import RrdReader
 from view_data import column, frames, read
 
@@ -29,19 +30,6 @@ from ibe_rl.ibe import normalise
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES
 
-ROOT = Path(__file__).parent.parent
-SMALL = [
-    "collect.processes=1",
-    "collect.envs_per_process=8",
-    "collect.steps_per_batch=128",
-    "total_frames=6000",
-    "refresh_every_frames=2000",
-    "eval_every_frames=3000",
-    "eval_episodes=5",
-    "mapping.horizon_steps=20",
-    "agent.hidden=[16]",
-    "log.capacity_frames=10000",
-]
 SUMMARY_KEYS = {
     *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),
     *("refreshes_kept", "refreshes_skipped", "time_s", "seed", "agent", "mapping", "versions"),
@@ -56,24 +44,6 @@ def call(script: str, *arguments: str) -> None:
         run_script({"train": train.main, "explain": explain.main}[script], ROOT / "configs", script)
     finally:
         sys.argv = before
-
-
-def start(*arguments: str, cwd: Path = ROOT) -> subprocess.Popen[str]:
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-    return subprocess.Popen(
-        [sys.executable, *arguments],
-        cwd=cwd,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
-
-
-def assert_whole(recording: Path) -> None:
-    """The recording has its footer, so it was closed in order."""
-    subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", recording], check=True)
 
 
 def rows(folder: Path) -> list[dict[str, str]]:

@@ -16,13 +16,12 @@ import pytest
 import rerun as rr
 import yaml
 from PIL import Image
+from processes import SMALL, children, gone, server_of, start
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
-from test_relay import children, gone, server_of
-from test_scripts import SMALL, start
-from test_view import BROWSER_FLAGS, FILLED, new_share, opened, panels
-from test_view import viewer as viewer  # a fixture
 from view_data import TASK, eventually, free_ports, needed
+from viewers import BROWSER_FLAGS, FILLED, new_share, opened, panels
+from viewers import viewer as viewer  # a fixture
 
 from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import MetricsTable

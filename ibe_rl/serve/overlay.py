@@ -153,8 +153,9 @@ def _style(column: str, name: str, colour: tuple[int, int, int]) -> list[rr.AsCo
 
 def blueprint(columns: set[str]) -> rrb.Blueprint:
     """Lay out the plots of which at least one of ``columns`` is there, with the list of recordings beside them."""
-    shown = {title: [c for c in plotted if c in columns] for title, plotted in PLOTS.items()}
-    plots = [_plot(title, plotted) for title, plotted in shown.items() if plotted]
+    shown = {title: [name for name in names if name in columns] for title, names in PLOTS.items()}
+    plotted = [(title, names) for title, names in shown.items() if names]
+    plots = [_plot(*one, legend=i == 0) for i, one in enumerate(plotted)]  # the colours are the same in all
     return rrb.Blueprint(
         rrb.Grid(*plots, grid_columns=2),
         rrb.BlueprintPanel(state="expanded"),
@@ -165,12 +166,12 @@ def blueprint(columns: set[str]) -> rrb.Blueprint:
     )
 
 
-def _plot(title: str, columns: Sequence[str]) -> rrb.View:
+def _plot(title: str, columns: Sequence[str], legend: bool) -> rrb.View:
     boundary = rrb.TimeRangeBoundary.infinite()
     return rrb.TimeSeriesView(
         name=title,
         contents=[f"/{column}/**" for column in columns],
         axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary, end=boundary)),
         axis_y=rrb.ScalarAxis(range=(-0.02, 1.06)) if SHARES.issuperset(columns) else None,
-        plot_legend=rrb.PlotLegend("RightBottom"),
+        plot_legend=rrb.PlotLegend("RightBottom", visible=legend),
     )

@@ -12,6 +12,7 @@ from urllib.parse import parse_qs, urlsplit
 from urllib.request import urlopen
 
 import pytest
+from processes import gone, server_of
 from rerun.chunk import RrdReader
 from view_data import TASK, eventually, free_ports
 
@@ -27,23 +28,6 @@ def taken() -> Iterator[int]:
         server.bind(("127.0.0.1", 0))
         server.listen()
         yield server.getsockname()[1]
-
-
-def children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def gone(pid: int) -> bool:
-    """True if the process has ended, whether or not somebody has asked for its exit status."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True
-
-
-def server_of(relay_pid: int) -> int:
-    assert eventually(lambda: children(relay_pid))
-    return children(relay_pid)[0]
 
 
 def frames_in(path: Path) -> list[int]:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import assert_whole
 from rerun.chunk import RrdReader
-from test_scripts import assert_whole
 from view_data import TASK, filmed, refreshed
 
 from ibe_rl.stream import run_recorder

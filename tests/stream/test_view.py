@@ -1,8 +1,5 @@
 """What a person sees: real viewers, native and in a browser, in which every panel must be filled."""
 
-import ctypes.util
-import subprocess
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import which
@@ -10,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 from rerun.experimental import ViewerClient
 from view_data import HORIZON_STEPS, TASK, developed, eventually, free_ports, needed, record
+from viewers import BROWSER_FLAGS, FILLED, colours, new_share, opened, panels, pixels, settled
+from viewers import viewer as viewer  # a fixture
 
-from ibe_rl.serve.relay import Relay, is_free, rerun_binary
+from ibe_rl.serve.relay import Relay, is_free
 from ibe_rl.serve.relay import page as page_of_relay
 from ibe_rl.stream import Recorder
 
@@ -33,19 +31,6 @@ PANELS = {
     "Spoken",
 }
 CLUSTERS = ("What the best episodes did, by cluster", "Expressions now", "Now")
-FILLED = 0.003
-BROWSER_FLAGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
-]
 
 
 @pytest.fixture(scope="module")
@@ -53,69 +38,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("view") / "recording.rrd"
     record(path)
     return path
-
-
-def pixels(path: Path) -> np.ndarray:
-    """A picture ``(h, w, 3)`` with five bits a colour, so that smoothing at edges counts little."""
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB")) >> 3
-
-
-def colours(picture: np.ndarray) -> np.ndarray:
-    """One number for each pixel's colour ``(h, w)``."""
-    return picture.astype(int) @ (1, 32, 1024)
-
-
-def new_share(picture: np.ndarray, empty: np.ndarray) -> float:
-    """Share of the pixels whose colour is nowhere in the empty panel: "not black" would prove nothing."""
-    return float(np.mean(~np.isin(colours(picture), colours(empty))))
-
-
-@pytest.fixture
-def viewer() -> Iterator[ViewerClient]:
-    drivers = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
-    there = ctypes.util.find_library("vulkan") is not None and bool(drivers)
-    needed(there, "a Vulkan driver (apt install mesa-vulkan-drivers libvulkan1)")
-    port = free_ports().grpc
-    address = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1280x720"]
-    with subprocess.Popen([rerun_binary(), *address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            assert eventually(lambda: not is_free(port))
-            yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        finally:
-            process.kill()
-
-
-def shoot(client: ViewerClient, name: str, shot: Path) -> np.ndarray | None:
-    """A picture of one panel, or None while the viewer is about to lay out its panels anew."""
-    try:
-        [view] = [view for view in client.get_state().views if view.name == name]
-        assert not view.reports
-        client.save_screenshot(str(shot), view.view_id)
-    except (ConnectionError, ValueError):
-        return None
-    return pixels(shot)
-
-
-def panels(client: ViewerClient, shot: Path) -> dict[str, np.ndarray]:
-    """A picture of every panel by its title, of the recording opened last."""
-    pictures: dict[str, np.ndarray] = {}
-
-    def all_there() -> bool:
-        names = {view.name for view in client.get_state().views}
-        found = {name: shoot(client, name, shot) for name in names}
-        pictures.update({name: picture for name, picture in found.items() if picture is not None})
-        return bool(names) and pictures.keys() >= names
-
-    assert eventually(all_there)
-    return pictures
-
-
-def opened(client: ViewerClient, path: Path) -> None:
-    before = len(client.get_state().recordings)
-    client.open(str(path))
-    assert eventually(lambda: len(client.get_state().recordings) > before)
-    assert eventually(lambda: not client.get_state().loading and client.get_state().views)
 
 
 def test_every_panel_of_the_native_viewer_is_filled(viewer: ViewerClient, recording: Path, tmp_path: Path) -> None:
@@ -161,18 +83,6 @@ def test_scrubbing_back_shows_the_clusters_of_that_time(viewer: ViewerClient, re
         for other in set(seen) - {refresh.frame}:
             assert all(np.mean(shown[name] != seen[other][name]) > FILLED for name in CLUSTERS)
         seen[refresh.frame] = shown
-
-
-def settled(client: ViewerClient, name: str, shot: Path) -> np.ndarray:
-    """A picture of one panel once two in a row are the same."""
-    pictures: list[np.ndarray | None] = [None]
-
-    def same() -> bool:
-        pictures.append(shoot(client, name, shot))
-        return pictures[-1] is not None and np.array_equal(pictures[-1], pictures[-2])
-
-    assert eventually(same)
-    return pictures[-1]
 
 
 def test_the_page_of_the_relay_shows_the_recording(recording: Path, tmp_path: Path) -> None:

@@ -1,0 +1,57 @@
+"""Scripts as a user runs them, and the processes that they start."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from view_data import eventually
+
+ROOT = Path(__file__).parent.parent
+SMALL = [
+    "collect.processes=1",
+    "collect.envs_per_process=8",
+    "collect.steps_per_batch=128",
+    "total_frames=6000",
+    "refresh_every_frames=2000",
+    "eval_every_frames=3000",
+    "eval_episodes=5",
+    "mapping.horizon_steps=20",
+    "agent.hidden=[16]",
+    "log.capacity_frames=10000",
+]
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def gone(pid: int) -> bool:
+    """True if the process has ended, whether or not somebody has asked for its exit status."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def server_of(relay_pid: int) -> int:
+    assert eventually(lambda: children(relay_pid))
+    return children(relay_pid)[0]
+
+
+def start(*arguments: str, cwd: Path = ROOT) -> subprocess.Popen[str]:
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    return subprocess.Popen(
+        [sys.executable, *arguments],
+        cwd=cwd,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def assert_whole(recording: Path) -> None:
+    """The recording has its footer, so it was closed in order."""
+    subprocess.run([Path(sys.executable).parent / "rerun", "rrd", "verify", recording], check=True)
