@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -47,20 +48,13 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     """The clusters as a markdown table with what each was called before; the one just spoken marked."""
     rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
-    phrases = short([phrase(expression, words) for expression in mapping.expressions], words)
-    for name, expression, now, size in zip(
-        mapping.ids.tolist(), mapping.expressions, phrases, mapping.sizes, strict=True
-    ):
-        number = " ".join(f"{value:+.2f}" for value in expression)
-        then = before.get(name, "new") if before else ""
-        cells = [
-            f"→ #{name}" if name == spoken else f"#{name}",
-            number,
-            now,
-            "" if then == now else then,
-            f"{size:,.0f}",
-        ]
-        rows.append("| " + " | ".join(f"**{cell}**" if cell and name == spoken else cell for cell in cells) + " |")
+    for row, (name, now) in enumerate(phrases_of(mapping, words).items()):
+        number = " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
+        then = before.get(name, "new") if before else now
+        cells = [f"#{name}", number, now, "" if then == now else then, f"{mapping.sizes[row]:,.0f}"]
+        if name == spoken:
+            cells = [f"**{cell}**" if cell else cell for cell in (f"→ #{name}", *cells[1:])]
+        rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
 
 
@@ -94,16 +88,19 @@ def moved(refresh: Refresh) -> list[str]:
         return []
     acts = f"it acts otherwise in {change.policy_drift:.0%} of the probed states"
     words = f"{change.drift.phrase_changed:.0%} of the probed windows are called something else"
-    stale = f"staleness of the words before: {change.staleness:+.3f}"
+    told = not math.isnan(change.staleness)
+    stale = f"staleness of the words before: {change.staleness:+.3f}" if told else "their staleness cannot be told"
     return [acts, words, stale] if refresh.taken else [acts, f"{stale}, so they stay"]
 
 
 def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> str:
     """A vocabulary, what moved, and what it stands on, in markdown."""
     since = f"Since {refresh.change.since_frame:,} frames {'; '.join(moved(refresh))}.\n\n" if refresh.change else ""
+    table = f"{vocabulary_table(refresh, words, spoken)}\n\n{since}"
+    if not refresh.taken:  # what follows is of the one that was not taken
+        return table
     return (
-        f"{vocabulary_table(refresh, words, spoken)}\n\n{since}"
-        f"Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
+        f"{table}Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
         f"{counts(refresh.episodes_by_context)}  \n"
         f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
         f"by instruction: {counts(refresh.windows_by_instruction)}"

@@ -54,3 +54,16 @@ def test_each_cluster_that_changed_has_its_line() -> None:
 def test_a_verdict_says_what_happened_where_it_was_not_what_was_said() -> None:
     assert sentences.judged(60, "going up", "going up") == "said 60 steps ago: going up: it did"
     assert sentences.judged(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
+
+
+def test_what_cannot_be_told_is_not_a_number_in_words() -> None:
+    refresh = developed()[1]
+    assert refresh.change is not None
+    unknown = replace(refresh, change=replace(refresh.change, staleness=float("nan")))
+    assert sentences.moved(unknown)[-1] == "their staleness cannot be told"
+
+
+def test_a_vocabulary_that_stays_is_not_said_to_stand_on_what_the_other_one_would() -> None:
+    refresh = developed()[1]
+    assert "Best " in sentences.standing(refresh, TASK.phrases, None)
+    assert "Best " not in sentences.standing(replace(refresh, taken=False), TASK.phrases, None)
