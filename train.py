@@ -34,7 +34,7 @@ from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
 from ibe_rl.development import FIGURES, Development, check_development, figures, truth
 from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.explainer import narrate
+from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
@@ -206,7 +206,8 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     with timeit("explain"):
         watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + parts.refreshes + parts.kept)
         horizon, every = cfg.mapping.horizon_steps, cfg.explain_every_steps
-        said = narrate(watched, every, policy, parts.predictor, refresh.standing, horizon, task.phrases)
+        new = explain(watched.moments[::every], policy, parts.predictor, refresh.standing, horizon, task.phrases)
+        said = hold(new, every, len(watched.moments))
         row = figures(refresh) | truth(refresh, watched.episode, said, every, task.phrases)
     with timeit("stream"):
         parts.recorder.refresh(refresh)

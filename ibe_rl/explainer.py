@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ibe_rl.data import Array, Explanation, Mapping, Moment, Phrases, Policy, Predictor, Watched
+from ibe_rl.data import Array, Explanation, Mapping, Moment, Phrases, Policy, Predictor
 from ibe_rl.ibe import phrase
 
 
@@ -34,22 +34,9 @@ def explain(
     return put_in_words(predictor.rollout(moments, policy, horizon_steps), mapping, horizon_steps, vocabulary)
 
 
-def narrate(
-    watched: Watched,
-    every_steps: int,
-    policy: Policy,
-    predictor: Predictor,
-    mapping: Mapping,
-    horizon_steps: int,
-    vocabulary: Sequence[Phrases],
-) -> list[Explanation]:
-    """Explain every so many steps of an episode of ``T`` steps, as ``explain``; in between the last one holds.
-
-    Returns:
-        ``T`` explanations.
-    """
-    new = explain(watched.moments[::every_steps], policy, predictor, mapping, horizon_steps, vocabulary)
-    return [new[step // every_steps] for step in range(len(watched.moments))]
+def hold(said: Sequence[Explanation], every_steps: int, steps: int) -> list[Explanation]:
+    """What is said at each of ``steps`` steps, if something new is said every ``every_steps`` and holds in between."""
+    return [said[step // every_steps] for step in range(steps)]
 
 
 def put_in_words(

@@ -39,8 +39,8 @@ def server_of(relay_pid: int) -> int:
     return children(relay_pid)[0]
 
 
-def start(*arguments: str, cwd: Path = ROOT) -> subprocess.Popen[str]:
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen[str]:
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"} | variables
     return subprocess.Popen(
         [sys.executable, *arguments],
         cwd=cwd,

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from ibe_rl.data import Array, Episode, Moment, Phrases, Policy, Watched
-from ibe_rl.explainer import explain, narrate, put_in_words
+from ibe_rl.data import Array, Moment, Phrases, Policy
+from ibe_rl.explainer import explain, hold, put_in_words
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.1, "a little "), (0.5, "")))]
 
@@ -66,23 +66,15 @@ def test_without_moments_nothing_is_said():
     assert predictor.calls == []
 
 
-def watched(*speeds: float) -> Watched:
-    steps = len(speeds)
-    states = np.zeros((steps + 1, 2))
-    episode = Episode(states, np.zeros(steps), np.zeros(steps), np.zeros((steps, 1)), np.ones(steps), True, True, "")
-    return Watched(episode, moments(*speeds), [], [[]] * (steps + 1))
-
-
 @pytest.mark.parametrize(
     ("every_steps", "heard"),
     [(1, [1, 2, 3, 4, 5, 6]), (2, [1, 1, 3, 3, 5, 5]), (4, [1, 1, 1, 1, 5, 5]), (5, [1, 1, 1, 1, 1, 6]), (9, [1] * 6)],
 )
 def test_in_between_the_last_explanation_holds(every_steps: int, heard: list[int]):
-    predictor, mapping = Straight(), Tenths()
+    mapping = Tenths()
     mapping.ids = np.arange(6)
-    said = narrate(watched(1, 2, 3, 4, 5, 6), every_steps, stay, predictor, mapping, 1, WORDS)
-    assert [one.delta_state[0] for one in said] == heard
-    assert predictor.calls == [(len(set(heard)), stay, 1)]  # no more are predicted than are said
+    new = explain(moments(1, 2, 3, 4, 5, 6)[::every_steps], stay, Straight(), mapping, 1, WORDS)
+    assert [one.delta_state[0] for one in hold(new, every_steps, 6)] == heard
 
 
 def test_predictions_can_be_put_into_the_words_of_another_vocabulary():

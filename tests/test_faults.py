@@ -7,13 +7,12 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from processes import ROOT, SMALL, assert_whole, children, gone, server_of
+from processes import ROOT, SMALL, assert_whole, children, gone, server_of, start
 from rerun.chunk import RrdReader
 from view_data import eventually, free_ports
 
@@ -59,19 +58,10 @@ class Training:
 
 def begin(folder: Path, patch: str = "", *overrides: str) -> Training:
     """Start a small training; ``patch`` is run before it, in its process."""
-    environment = os.environ | {"PYTHONUNBUFFERED": "1", "RERUN_STRICT": "0", "PYTHONPATH": str(ROOT)}
     ports = free_ports()
     numbers = [f"viewer.grpc_port={ports.grpc}", f"viewer.web_port={ports.web}"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT.format(patch=patch), *RUN, *numbers, f"run_dir={folder}", *overrides],
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
-    return Training(folder, process)
+    script, settings = SCRIPT.format(patch=patch), [*RUN, *numbers, f"run_dir={folder}", *overrides]
+    return Training(folder, start("-c", script, *settings, RERUN_STRICT="0", PYTHONPATH=str(ROOT)))
 
 
 def the_warning(output: str) -> str:

@@ -1,5 +1,4 @@
-"""Recordings in the browser: the process that serves one while it grows, and the curves of several runs."""
+"""Recordings in the browser: the process that serves one while it grows, and the curves of several runs.
 
-from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
-
-__all__ = ["Ports", "Relay", "choose_ports", "invitation"]
+Nothing is imported here: ``relay`` is run as a program, which must be the first to import itself.
+"""

@@ -62,9 +62,6 @@ class NoRecorder:
     def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Do nothing."""
 
-    def flush(self) -> None:
-        """Do nothing."""
-
     def close(self) -> None:
         """Do nothing."""
 

@@ -89,10 +89,6 @@ class RunRecorder:
         self._refreshes += 1
         self._say_if_thinner()
 
-    def flush(self) -> None:
-        """Write all that was added so far."""
-        self._do(Recorder.flush)
-
     def close(self) -> None:
         """Write what is newest where it was left out, and the end of the file; a second call does nothing."""
         for call, size in (*self._newest, *self._newest_row):

@@ -95,7 +95,7 @@ def test_the_target_follows_once_a_batch():
     assert not torch.equal(before, agent._network[-1].bias)
 
 
-@pytest.mark.filterwarnings("ignore:No target network updater")
+@pytest.mark.filterwarnings("ignore:No target network updater")  # the loss is only compared with, never trained
 def test_with_one_step_loss_and_gradients_are_torchrls():
     torch.manual_seed(2)
     agent = DQN(DQNConfig(n_steps=1, gamma=0.9, hidden=[8]), 1, 3, 1_000)

@@ -299,7 +299,7 @@ def test_the_drawing_has_the_lander_where_the_scene_path_says():
     np.testing.assert_allclose(body.points.mean(axis=0), LANDER_TASK.scene_path(state), atol=0.2)
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.filterwarnings("ignore::UserWarning")  # the checker advises; what it refuses it raises
 def test_gymnasiums_checker_passes():
     check_env(make().unwrapped, skip_render_check=True)
 

@@ -142,6 +142,7 @@ def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
             assert answer.status == 200
         assert relay.alive()
         recorder.close()
+    assert (tmp_path / module.LOG).read_text() == ""  # nothing to complain of
     assert not relay.alive()
     assert is_free(ports.grpc)
 

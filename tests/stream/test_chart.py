@@ -5,23 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from view_data import TASK, Rows, column, developed, frames, read, record, refreshed
+from view_data import Rows, column, developed, frames, read, refreshed
 
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import Recorder, picture
-
-
-@pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> Rows:
-    path = tmp_path_factory.mktemp("chart") / "recording.rrd"
-    record(path)
-    return read(path)
-
-
-@pytest.fixture
-def recorder(tmp_path: Path) -> Recorder:
-    return Recorder(tmp_path / "recording.rrd", TASK, "run")
 
 
 def hand_made() -> Refresh:

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from view_data import (
     HORIZON_STEPS,
     TASK,
@@ -17,7 +16,6 @@ from view_data import (
     frames,
     read,
     real,
-    record,
     refreshed,
 )
 
@@ -25,13 +23,6 @@ from ibe_rl.data import Phrases, Task
 from ibe_rl.ibe import phrase
 from ibe_rl.stream import Recorder, picture, sentences
 from ibe_rl.stream.film import SILENCE
-
-
-@pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> Rows:
-    path = tmp_path_factory.mktemp("film") / "recording.rrd"
-    record(path)
-    return read(path)
 
 
 def test_the_predicted_path_is_the_explanations_path_in_the_scene(rows: Rows) -> None:

@@ -6,24 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from view_data import TASK, WATCHED, Rows, column, developed, explain, flights, frames, read, real, record, refreshed
+from view_data import TASK, WATCHED, Rows, column, developed, explain, flights, frames, read, real, refreshed
 
 from ibe_rl.stream import NoRecorder, Recorder, picture, sentences
 from ibe_rl.stream import recorder as module
 from ibe_rl.stream.recorder import INTRO_STEPS
 from ibe_rl.stream.run_recorder import RunRecorder
-
-
-@pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> Rows:
-    path = tmp_path_factory.mktemp("stream") / "recording.rrd"
-    record(path)
-    return read(path)
-
-
-@pytest.fixture
-def recorder(tmp_path: Path) -> Recorder:
-    return Recorder(tmp_path / "recording.rrd", TASK, "run")
 
 
 def test_the_curves_hold_every_value_at_its_frame(rows: Rows) -> None:
@@ -181,7 +169,6 @@ def test_no_recorder_takes_the_same_and_writes_nothing(tmp_path: Path) -> None:
     nothing.refresh(refreshed())
     nothing.skipped(0, "reason")
     nothing.watched(0, watched, [], [])
-    nothing.flush()
     assert nothing.news() == []
     nothing.close()
     assert not list(tmp_path.iterdir())

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from by_hand import STEPS, TASK, WORDS, config, defy, obey, on_a_line, race, stay
+from by_hand import TASK, WORDS, config, defy, obey, on_a_line, race, stay
 
-from ibe_rl import development as module
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Episode, Explanation
 from ibe_rl.development import FIGURES, Development, figures, truth
@@ -17,19 +15,6 @@ from ibe_rl.ibe import ClusterMapping, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES, VocabularyDrift
 from ibe_rl.refresh import Change, Refresh, learn_vocabulary
-
-
-@pytest.fixture
-def log(tmp_path: Path) -> TrajectoryLog:
-    return TrajectoryLog(tmp_path / "log", 10_000, TASK.contexts)
-
-
-@pytest.fixture
-def only_the_newest_count(monkeypatch: pytest.MonkeyPatch) -> MappingConfig:
-    """Vocabularies are learnt from, and scored on, the last three episodes, without any memory."""
-    monkeypatch.setattr(module, "SCORED_EPISODES", 3)
-    return config(newest_frames=3 * STEPS, memory=None)
-
 
 MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement")
