@@ -14,7 +14,8 @@ from ibe_rl.stream import picture, view
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
 
-HEIGHT = view.SCATTER_HEIGHT
+HEIGHT = 0.45
+"""Of the scatter in units of its half width, for a panel that is broader than high."""
 
 
 def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, shown: Collection[int] = ()) -> None:

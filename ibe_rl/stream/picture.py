@@ -7,29 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ibe_rl.data import Array, Shape, Task
 from ibe_rl.ibe import ClusterMapping, Windows
 
-if TYPE_CHECKING:
-    pass
-
 BLUE, GREY, ORANGE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions from -1 over 0 to +1, told apart also without red or green."""
 LASTING = (
-    *((230, 100, 140), (90, 190, 250), (250, 200, 60), (150, 120, 240), (80, 210, 160)),
-    *(
-        (250, 140, 70),
-        (200, 200, 210),
-        (190, 90, 210),
-        (170, 210, 80),
-        (110, 140, 220),
-        (220, 150, 180),
-        (60, 170, 170),
-    ),
+    *((230, 100, 140), (90, 190, 250), (250, 200, 60), (150, 120, 240), (80, 210, 160), (250, 140, 70)),
+    *((200, 200, 210), (190, 90, 210), (170, 210, 80), (110, 140, 220), (220, 150, 180), (60, 170, 170)),
 )
 """Colours of clusters, by their lasting ids."""
 TRAIL_POINTS = 64

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -13,16 +12,11 @@ from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 from ibe_rl.data import Shape, Task
 from ibe_rl.stream import picture
 
-if TYPE_CHECKING:
-    pass
-
 FRAMES, WATCHED_STEP = "frames", "watched_step"
 INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
 TRAIL, BLUE, PALE = (150, 140, 200), (96, 165, 250), (190, 190, 200)
 GREEN, PINK, SILENT, OTHERS = (132, 224, 96), (244, 114, 182), (70, 70, 78), (130, 130, 140)
 BACKGROUND, AXIS = (13, 14, 20), (150, 150, 160)
-SCATTER_HEIGHT = 0.45
-"""Of the scatter in units of its half width, for a panel that is broader than high."""
 FILM_FPS = 50
 """Steps a second when the film plays."""
 WINDOW_STEPS = 320
