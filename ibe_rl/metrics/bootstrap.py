@@ -67,7 +67,7 @@ def episode_weights(episode: Array, resamples: int = 1000, seed: int = 0) -> Arr
 
 def weighted_mean(values: Array, weights: Array) -> Array:
     """Mean of ``(N,)`` under each row of weights ``(R, N)``; not a number where these are 0."""
-    return _share(weights @ np.asarray(values, float), weights.sum(axis=1, dtype=float))
+    return ratio(weights @ np.asarray(values, float), weights.sum(axis=1, dtype=float))
 
 
 def weighted_auc(score: Array, positive: Array, weights: Array) -> Array:
@@ -90,7 +90,7 @@ def weighted_auc(score: Array, positive: Array, weights: Array) -> Array:
         ahead = ties.sums(part * positive)
         others = ties.sums(part) - ahead
         right = np.sum(ahead * _middle(others), axis=1)
-        return _share(right, ahead.sum(axis=1) * others.sum(axis=1))
+        return ratio(right, ahead.sum(axis=1) * others.sum(axis=1))
 
     return by_chunks(auc, weights)
 
@@ -114,7 +114,7 @@ def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
             products *= ranks[:, ties.group]
             scale *= np.sqrt(np.sum(sums * ranks**2, axis=1))
             constant |= np.sum(sums > 0, axis=1) < 2
-        return _share(products.sum(axis=1), np.where(constant, 0, scale))
+        return ratio(products.sum(axis=1), np.where(constant, 0, scale))
 
     return by_chunks(spearman, weights)
 
@@ -198,5 +198,6 @@ def _middle(sums: Array) -> Array:
     return np.cumsum(sums, axis=1) - sums / 2
 
 
-def _share(part: Array, whole: Array) -> Array:
-    return np.divide(part, whole, out=np.full(len(whole), np.nan), where=whole > 0)
+def ratio(part: Array, whole: Array, of_nothing: float = math.nan) -> Array:
+    """Divide, with ``of_nothing`` where ``whole`` is 0."""
+    return np.divide(part, whole, out=np.full(whole.shape, of_nothing), where=whole > 0)
