@@ -45,5 +45,6 @@ def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Ar
 
 def mirrored(centres: Array) -> Array:
     """Make a set of centres ``(k, P)`` its own mirror image about no change: each is averaged with its opposite."""
-    opposite = linear_sum_assignment(pairwise_distances(centres, -centres))[1]
+    # squared: several pairings can have the smallest sum of distances, and not all of them are mutual
+    opposite = linear_sum_assignment(pairwise_distances(centres, -centres, metric="sqeuclidean"))[1]
     return (centres - centres[opposite]) / 2
