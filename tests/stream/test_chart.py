@@ -20,7 +20,14 @@ def hand_made() -> Refresh:
     expressions = np.array([[-1.0], [0.25], [1.0]])
     sizes, purities = np.array([5, 6, 7]), np.array([0.9, 0.5, 0.8])
     mapping = ClusterMapping(
-        scaled(np.zeros(9), np.full(9, 2.0)), centres, expressions / 2, expressions, sizes, purities, sizes, np.array([4, 2, 9])
+        scaled(np.zeros(9), np.full(9, 2.0)),
+        centres,
+        expressions / 2,
+        expressions,
+        sizes,
+        purities,
+        sizes,
+        np.array([4, 2, 9]),
     )
     return replace(refreshed(), mapping=mapping)
 
