@@ -24,7 +24,7 @@ from ibe_rl.ibe.space import (
     scaled,
     typical_movement,
 )
-from ibe_rl.ibe.split import mirrored, split
+from ibe_rl.ibe.split import split, split_mirrored
 from ibe_rl.ibe.vocabulary import normalise
 
 SPACES = ("all", "information", "lasso", "network", "rule")
@@ -206,10 +206,8 @@ class IBEMapping(BaseEstimator):
         if self.last is not None:
             first = space.place(self.last.centre_changes())
             places, counts = np.concatenate([places, first]), np.append(counts, self.memory * self.last.evidence)
-        if self.symmetric:
-            places, counts = np.concatenate([places, -places]), np.append(counts, counts)
-        centres = split(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
-        return mirrored(centres) if self.symmetric else centres
+        divide = split_mirrored if self.symmetric else split
+        return divide(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
 
     def _name(self, lessons: _Lessons, places: Array, centres: Array, space: Space) -> tuple[ClusterMapping, Array]:
         """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and its name; and labels."""

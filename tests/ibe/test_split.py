@@ -5,7 +5,7 @@ import pytest
 from sklearn.metrics import pairwise_distances_argmin
 
 from ibe_rl.data import Array
-from ibe_rl.ibe.split import SPLITS, mirrored, split
+from ibe_rl.ibe.split import SPLITS, mirrored, split, split_mirrored
 
 
 def skewed(count: int = 4_000) -> Array:
@@ -86,3 +86,21 @@ def test_whatever_the_centres_on_a_line_their_mirror_image_is_the_same_set(seed:
     random = np.random.default_rng(seed)
     found = np.sort(mirrored(random.normal(size=(int(random.integers(2, 12)), 1))), axis=0)
     np.testing.assert_allclose(found, -found[::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("k", [2, 3, 8, 9])
+@pytest.mark.parametrize("how", SPLITS)
+def test_places_and_their_opposites_are_divided_alike(how: str, k: int):
+    places = skewed(1_000) - 0.2
+    found = np.sort(split_mirrored(places, np.ones(1_000), k, how, 4, None, 0), axis=0)
+    assert len(np.unique(found)) == k
+    np.testing.assert_allclose(found, -found[::-1], atol=1e-9)
+
+
+def test_a_mirrored_division_is_settled():
+    """Of three equal groups the best two clusters are lopsided; mirrored, the one in the middle is shared."""
+    places = np.random.default_rng(0).normal(np.repeat([-1.0, 0, 1], 200), 0.05)[:, None]
+    settled = split_mirrored(places, np.ones(600), 2, "kmeans", 4, None, 0)
+    again = split_mirrored(places, np.ones(600), 2, "kmeans", 4, settled, 0)
+    np.testing.assert_allclose(np.sort(again, axis=0), np.sort(settled, axis=0), atol=1e-6)
+    np.testing.assert_allclose(np.sort(settled, axis=0)[:, 0], [-2 / 3, 2 / 3], atol=0.05)
