@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,15 @@ def add(
     log.add({name: values[None] for name, values in columns.items()}, TASK.context)
 
 
+def two_floors(folder: Path) -> TrajectoryLog:
+    """Four good episodes below, worse ones above: told up, down, still, still."""
+    made = TrajectoryLog(folder, 1_000, TASK.contexts)
+    for floor, base in ((0, 100.0), (1, 50.0)):
+        for rank, told in enumerate((1.0, -1.0, 0.0, 0.0)):
+            add(made, base - rank, told, floor)
+    return made
+
+
 WAYS = (1.0, -1.0, 0.0)
 
 
@@ -100,6 +110,11 @@ def config(**changes: Any) -> MappingConfig:
     """Three clusters of five steps, of all whole windows of all episodes."""
     settings = {"horizon_steps": 5, "spans_steps": [], "n_clusters": 3, "window_end": "drop"}
     return MappingConfig(**(settings | {"top_fraction": 1.0, "newest_frames": None} | changes))
+
+
+def better_half(**changes: Any) -> MappingConfig:
+    """The same of the better half of the episodes."""
+    return config(**({"top_fraction": 0.5} | changes))
 
 
 def obey(log: TrajectoryLog, reward: float = 1.0) -> None:
