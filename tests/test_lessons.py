@@ -42,6 +42,10 @@ def test_the_instructor_is_heard_in_good_and_bad_episodes_as_they_are(log: Traje
     heard = rewards(read_lessons(log, better_half(), seed=0).heard)
     assert len(heard) == 4
     assert sum(reward > 60 for reward in heard) == 2
+    monkeypatch.setattr(module, "OTHER_EPISODES", 3)  # of six: so one of the two best
+    heard = rewards(read_lessons(log, better_half(top_fraction=0.25), seed=0).heard)
+    assert len(heard) == 4
+    assert sum(reward > 98 for reward in heard) == 1
     assert rewards(read_lessons(log, config(), seed=0).heard) == [47, 48, 49, 50, 97, 98, 99, 100]  # all are best
     monkeypatch.setattr(module, "OTHER_EPISODES", 7)
     one = rewards(read_lessons(log, better_half(top_fraction=0.1), seed=0).heard)
