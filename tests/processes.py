@@ -17,7 +17,6 @@ SMALL = [
     "eval_every_frames=3000",
     "eval_episodes=5",
     "mapping.horizon_steps=20",
-    "mapping.spans_steps=[10]",
     "agent.hidden=[16]",
     "log.capacity_frames=10000",
 ]

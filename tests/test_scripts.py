@@ -55,7 +55,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "small"
-    call("train", *SMALL, f"run_dir={folder}", "viewer=file")
+    call("train", *SMALL, "mapping.spans_steps=[10]", f"run_dir={folder}", "viewer=file")
     return folder
 
 
