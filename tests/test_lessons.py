@@ -189,7 +189,7 @@ def test_every_setting_of_the_estimator_is_the_configs(log: TrajectoryLog, monke
     given: list[Any] = []
     monkeypatch.setattr(module, "IBEMapping", lambda **settings: given.append(settings) or IBEMapping(**settings))
     changes = {
-        "n_clusters": 2, "space": "rule", "split": "bisecting", "power": 0.5, "symmetric": True,
+        "n_clusters": 2, "space": "lasso", "split": "bisecting", "power": 0.5, "symmetric": True,
         "normalisation": "movement", "membership": "soft", "weigh_followed": True, "hidden": [7], "n_init": 3,
         "max_fit_windows": 123, "memory": None,
     }  # fmt: skip

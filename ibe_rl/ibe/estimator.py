@@ -192,7 +192,9 @@ class IBEMapping(BaseEstimator):
         if self.last is None:
             return moved
         new, d = self._new_share(len(lessons.delta)), len(moved)
-        return new * moved + (1 - new) * np.diag(self.last.space.change_at(np.eye(d)) @ axes)
+        before = np.diag(self.last.space.change_at(np.eye(d)) @ axes)
+        same_way = before * moved > 0  # once the instruction means the opposite, the past says nothing
+        return np.where(same_way, new * moved + (1 - new) * before, moved)
 
     def _new_share(self, windows: int) -> float:
         assert self.last is not None
