@@ -30,7 +30,7 @@ class VocabularyDrift:
 def vocabulary_drift(before: Mapping, after: Mapping, probe: Array, words: Sequence[Phrases]) -> VocabularyDrift:
     """Compare two mappings on fixed changes of the state ``(P, S)``."""
     expressions = [mapping.express(probe) for mapping in (before, after)]
-    spoken = [_phrases(each, words) for each in expressions]
+    spoken = [phrases_of(each, words) for each in expressions]
     return VocabularyDrift(
         phrase_changed=float(np.mean(spoken[0] != spoken[1])),
         expression_moved=float(np.mean(np.linalg.norm(expressions[0] - expressions[1], axis=1))),
@@ -43,7 +43,7 @@ def policy_drift(before: Array, after: Array) -> float:
     return float(np.mean(np.any((before != after).reshape(len(before), -1), axis=1)))
 
 
-def _phrases(expressions: Array, words: Sequence[Phrases]) -> Array:
+def phrases_of(expressions: Array, words: Sequence[Phrases]) -> Array:
     """Expressions ``(P, d)``, few of them distinct, to phrases ``(P,)``."""
     distinct, rows = np.unique(expressions, axis=0, return_inverse=True)
     return np.array([phrase(expression, words) for expression in distinct])[rows]
