@@ -88,13 +88,12 @@ def score_confidence(probability: Array, true: Array, truth: Truth) -> Samples:
     }
 
 
-def score_balance(mapping: Any) -> dict[str, float]:
-    """How the clusters of a vocabulary share the windows and the scale; empty for one without sizes."""
-    if not hasattr(mapping, "sizes"):
+def balance(mapping: Any) -> dict[str, Any]:
+    """How a vocabulary's clusters share the windows and the scale; empty for one that does not tell its sizes."""
+    if not len(getattr(mapping, "sizes", ())):
         return {}
-    values = {"size_cv": size_cv(mapping.sizes), "size_max": size_max(mapping.sizes)}
-    below, above = left_right(mapping.expressions)
-    return values | {"left": below, "right": above}
+    sides = {"value": list(left_right(mapping.expressions[:, 0])), "low": None, "high": None}
+    return {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes)), "left_right": sides}
 
 
 def weighted_f1(said: Array, told: Array, values: Sequence[float], weights: Array) -> Array:
