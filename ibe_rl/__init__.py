@@ -4,6 +4,6 @@ Importing it registers the environments with gymnasium; IBE itself works on plai
 """
 
 import ibe_rl.env  # noqa: F401 - registers the environments
-from ibe_rl.ibe import ClusterMapping, PaperMapping, cut_windows, delta_states, phrase, top_episodes
+from ibe_rl.ibe import ClusterMapping, IBEMapping, cut_windows, delta_states, phrase, top_episodes
 
-__all__ = ["ClusterMapping", "PaperMapping", "cut_windows", "delta_states", "phrase", "top_episodes"]
+__all__ = ["ClusterMapping", "IBEMapping", "cut_windows", "delta_states", "phrase", "top_episodes"]

@@ -106,22 +106,31 @@ class InstructorConfig:
 
 @dataclass
 class MappingConfig:
-    """How the vocabulary is learnt (docs/PAPER.md gives the reason of each default)."""
+    """How the vocabulary is learnt; as it stands here, the paper's (docs/PAPER.md, docs/QUALITY.md say why)."""
 
-    kind: str = setting("paper", choices=("paper",))
+    kind: str = "paper"  # what the mapping is called in summaries and tables
     horizon_steps: int = setting(60, low=1)
+    spans_steps: list[int] = field(default_factory=lambda: [20])  # other horizons that are explained along with it
     top_fraction: float = setting(0.25, low=TINY, high=1.0)
     top_within: str = setting("all", choices=("all", "context"))
-    n_clusters: int = setting(8, low=2)
-    normalisation: str = setting("minmax", choices=("minmax", "sign"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
-    dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster on; empty: all
+    failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of an episode gone wrong
+    n_clusters: int = setting(8, low=2)
+    space: str = setting("all", choices=("all", "information", "lasso", "network", "rule"))  # see ibe_rl.ibe.IBEMapping
+    split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
+    power: float = setting(1.0, low=0.05, high=1.0)  # of a movement's magnitude: below 1 small ones get more clusters
+    symmetric: bool = False  # as many clusters on both sides
+    normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
+    membership: str = setting("hard", choices=("hard", "soft", "direct"))
+    weigh_followed: bool = False  # windows count by how well the instruction was followed
+    dimensions: list[str] = field(default_factory=list)  # names of state dimensions that count; empty: all
+    hidden: list[int] = field(default_factory=lambda: [32, 32])  # of space=network
     n_init: int = setting(4, low=1)  # k-means starts of a refresh that starts from nothing
     newest_frames: int | None = setting(250_000, low=1)  # episodes that ended in these count; None: the whole log
     memory: float | None = setting(0.85, low=0.0, high=0.99)  # what earlier windows still count; None: from nothing
     survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # with less in common a cluster is not the same one
     hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving cluster's expression moves by more or stays
-    max_fit_windows: int = setting(20_000, low=100)  # k-means sees at most so many, drawn at random
+    max_fit_windows: int = setting(20_000, low=100)  # clusters are learnt from at most so many, drawn at random
 
 
 @dataclass

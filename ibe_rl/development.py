@@ -12,9 +12,10 @@ from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Explanation, Phrases, Policy, Task, observe
 from ibe_rl.explainer import put_in_words
 from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
+from ibe_rl.lessons import check_mapping
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES, came_true, policy_drift, vocabulary_drift, vocabulary_scores
-from ibe_rl.refresh import Change, Refresh, check_mapping, learn_vocabulary, save_refresh
+from ibe_rl.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
 from ibe_rl.run_folder import write_atomically
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
@@ -58,12 +59,14 @@ class Development:
 
     Attributes:
         mapping: the vocabulary that stands, None before the first refresh.
+        spans: those of the other spans of time, by their horizon in steps.
         probe: drawn from the episodes of the first refresh.
     """
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
         self._config, self._task, self._seed, self._when_stale = config, task, seed, when_stale
         self.mapping: ClusterMapping | None = None
+        self.spans: Spans = {}
         self.probe: Probe | None = None
         self._learnt_at = self._next_id = 0
         self._actions: Array | None = None
@@ -78,7 +81,8 @@ class Development:
         Raises:
             TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
         """
-        learnt = learn_vocabulary(log, self._config, self._task, self._seed, self.mapping)
+        last = {} if self.mapping is None else {self._config.horizon_steps: self.mapping, **self.spans}
+        learnt = learn_vocabulary(log, self._config, self._task, self._seed, last)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)
@@ -88,7 +92,12 @@ class Development:
         else:
             learnt = replace(learnt, scores=vocabulary_scores(learnt.mapping, newest, self._task))
         if learnt.taken:
-            self.mapping, self._learnt_at, self._actions = learnt.mapping, learnt.frame, actions
+            self.mapping, self.spans, self._learnt_at, self._actions = (
+                learnt.mapping,
+                learnt.spans,
+                learnt.frame,
+                actions,
+            )
             self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
         return learnt
 

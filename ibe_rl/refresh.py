@@ -13,23 +13,15 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config import MappingConfig
-from ibe_rl.data import Array, ConfigError, Episode, Task
-from ibe_rl.ibe import (
-    ClusterMapping,
-    PaperMapping,
-    TooLittleDataError,
-    Transition,
-    Windows,
-    cut_windows,
-    phrase,
-    top_episodes,
-)
+from ibe_rl.data import Array, Task
+from ibe_rl.ibe import ClusterMapping, Transition, Windows, phrase
+from ibe_rl.lessons import best_windows, fit_mapping, fit_windows, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import VocabularyDrift
 from ibe_rl.run_folder import write_json
 
-OTHER_EPISODES = 300
-"""How many of the episodes that are not among the best are read for comparison."""
+Spans = Dict[int, ClusterMapping]
+"""Vocabularies by their horizon in steps."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +54,7 @@ class Refresh:
     Attributes:
         frame: training frames when it was learnt.
         mapping: the vocabulary.
+        spans: those of the other spans of time, by their horizon in steps.
         top: the windows of the best episodes that it was learnt from.
         others: windows with an instruction of other episodes, a sample, for comparison only.
         episodes_logged: whole episodes in the log.
@@ -77,6 +70,7 @@ class Refresh:
 
     frame: int
     mapping: ClusterMapping
+    spans: Spans
     top: Windows
     others: Windows
     episodes_logged: int
@@ -95,103 +89,42 @@ class Refresh:
         return self.mapping if self.taken or self.change is None else self.change.last
 
 
-def check_mapping(config: MappingConfig, task: Task) -> None:
-    """Refuse a mapping that cannot work in this environment.
-
-    Raises:
-        ConfigError: naming the key, the value and what is allowed.
-    """
-    if config.horizon_steps > task.max_episode_steps:
-        raise ConfigError(
-            f"mapping.horizon_steps={config.horizon_steps}: allowed is at most {task.max_episode_steps}, "
-            "the length of the longest episode"
-        )
-    unknown = [name for name in config.dimensions if name not in task.state_names]
-    if unknown:
-        allowed = ", ".join(task.state_names)
-        raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
-
-
 def learn_vocabulary(
-    log: TrajectoryLog, config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None = None
+    log: TrajectoryLog, config: MappingConfig, task: Task, seed: int, last: Spans | None = None
 ) -> Refresh:
-    """Learn the vocabulary from the best episodes of the log.
+    """Learn the vocabulary from the best episodes of the log, and one for each of the other spans of time.
 
     Args:
         log: with whole episodes in it.
         config: see ``MappingConfig``.
         task: the environment's own names.
         seed: of the clustering; with the same log it gives the same vocabulary.
-        last: the vocabulary so far, where the new one starts unless ``config.memory`` is None.
+        last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    index, contexts = log.index, log.context_names
-    if not len(index):
-        raise TooLittleDataError("no episode has ended yet")
-    counted = _counted(index["frame"], log.frames, config.newest_frames)
-    best = np.zeros(len(index), bool)
-    best[counted] = top_episodes(
-        index["total_reward"][counted],
-        config.top_fraction,
-        contexts[counted] if config.top_within == "context" else None,
-    )
-    episodes = log.read(np.flatnonzero(best))
-    top = cut_windows(episodes, config.horizon_steps, config.window_end)
-    top = top[np.asarray(top.given)]
-    if not len(top):
-        longest = max(len(episode) for episode in episodes)
-        raise TooLittleDataError(
-            f"the best {len(episodes)} of {len(counted)} episodes have no window of {config.horizon_steps} steps with "
-            f"an instruction (the longest has {longest} steps)"
-        )
+    lessons, last = read_lessons(log, config, seed), last or {}
+    top = best_windows(lessons.best, config, config.horizon_steps)
+    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(config.horizon_steps))
+    others = told_windows(lessons.others, config, config.horizon_steps)
+    contexts = np.array([episode.context for episode in lessons.best])
     return Refresh(
         frame=log.frames,
-        mapping=_estimator(config, task, seed, last).fit(top.delta, top.instruction).mapping_,
+        mapping=mapping,
+        spans={
+            n: fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n)
+            for n in sorted({*config.spans_steps} - {config.horizon_steps})
+        },
         top=top,
-        others=_other_windows(log, counted[~best[counted]], config, seed) or top[:0],
-        episodes_logged=len(index),
-        episodes_counted=len(counted),
-        episodes_used=len(episodes),
-        episodes_by_context=_count(contexts[best], task.contexts),
-        windows_by_context=_count(contexts[best][top.episode], task.contexts),
+        others=top[:0] if others is None else others,
+        episodes_logged=lessons.logged,
+        episodes_counted=lessons.counted,
+        episodes_used=len(lessons.best),
+        episodes_by_context=_count(contexts, task.contexts),
+        windows_by_context=_count(contexts[top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
     )
-
-
-def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
-    """Rows of the episodes that count.
-
-    Raises:
-        TooLittleDataError: if there are none.
-    """
-    counted = np.flatnonzero(ended_at > (-1 if newest_frames is None else frames - newest_frames))
-    if not len(counted):
-        raise TooLittleDataError(f"no episode has ended in the newest {newest_frames:,} frames")
-    return counted
-
-
-def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> PaperMapping:
-    return PaperMapping(
-        n_clusters=config.n_clusters,
-        normalisation=config.normalisation,
-        dimensions=[task.state_names.index(name) for name in config.dimensions] or None,
-        n_init=config.n_init,
-        last=None if config.memory is None else last,
-        memory=config.memory or 0.0,
-        max_fit_windows=config.max_fit_windows,
-        random_state=seed,
-    )
-
-
-def _other_windows(log: TrajectoryLog, others: Array, config: MappingConfig, seed: int) -> Windows | None:
-    rows = np.random.default_rng(seed).permutation(others)[:OTHER_EPISODES]
-    episodes: Sequence[Episode] = log.read(rows)
-    if not episodes:
-        return None
-    windows = cut_windows(episodes, config.horizon_steps, config.window_end)
-    return windows[np.asarray(windows.given)]
 
 
 def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
@@ -208,7 +141,7 @@ def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
 
 
 def save_refresh(folder: Path, refresh: Refresh, config: MappingConfig, task: Task) -> Path:
-    """Write a refresh as JSON, for people and for ``load_mapping``; returns the file."""
+    """Write a refresh as JSON, for people and for ``load_refresh``; returns the file."""
     mapping = refresh.mapping
     clusters = [
         {
@@ -237,6 +170,7 @@ def save_refresh(folder: Path, refresh: Refresh, config: MappingConfig, task: Ta
             "change": None if refresh.change is None else _change(refresh.change),
             "state_names": list(task.state_names),
             "mapping": mapping.to_dict(),
+            "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
         },
     )
     return path
@@ -258,14 +192,33 @@ def _without_nan(values: Dict[str, float]) -> dict[str, float | None]:
     return {name: None if math.isnan(value) else value for name, value in values.items()}
 
 
-def load_mapping(path: Path) -> tuple[ClusterMapping, int, int]:
-    """Read a saved refresh: the mapping, its horizon in steps, and the frame it was learnt at.
+@dataclass(frozen=True)
+class Saved:
+    """What a refresh left on disk.
+
+    Attributes:
+        mapping: the vocabulary.
+        horizon_steps: n, the one it was learnt with.
+        frame: training frames when it was learnt.
+        spans: the vocabularies of other spans of time, by their horizon in steps.
+    """
+
+    mapping: ClusterMapping
+    horizon_steps: int
+    frame: int
+    spans: Spans
+
+
+def load_refresh(path: Path) -> Saved:
+    """Read a saved refresh.
 
     Raises:
         ValueError: if the file is damaged.
     """
     try:
         saved: dict[str, Any] = json.loads(path.read_text())
-        return ClusterMapping.from_dict(saved["mapping"]), int(saved["horizon_steps"]), int(saved["frame"])
+        spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
+        mapping = ClusterMapping.from_dict(saved["mapping"])
+        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path} is not a readable refresh: {error}") from None

@@ -14,11 +14,12 @@ LAYERS = (
     {"data", "config", "run_folder", "signals", "command_line", "checkpoint"},
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
-    {"collect", "explainer", "play", "refresh", "development"},
+    {"collect", "explainer", "play", "lessons", "refresh", "development"},
     {"progress", "stream", "serve", "viewer", "evaluation"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
+    *(("refresh", "lessons"), ("development", "lessons")),
     *(("development", "refresh"), ("development", "explainer"), ("progress", "stream")),
     *(("viewer", "serve"), ("viewer", "stream")),
 }

@@ -437,5 +437,5 @@ def name_of(recording: Path) -> str:
 
 
 def test_importing_ibe_brings_no_torch() -> None:
-    code = "import ibe_rl, sys; from ibe_rl import PaperMapping; assert 'torch' not in sys.modules"
+    code = "import ibe_rl, sys; from ibe_rl import IBEMapping; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -23,7 +23,7 @@ from ibe_rl.data import Array, Episode, Explanation, Moment, Task, Watched
 from ibe_rl.development import figures
 from ibe_rl.env import LANDER_ID
 from ibe_rl.env.lander_task import LANDER_TASK, X
-from ibe_rl.ibe import PaperMapping, cut_windows, keep_identity, phrase, top_episodes
+from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episodes
 from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
 from ibe_rl.refresh import Change, Refresh
 from ibe_rl.serve.relay import Ports
@@ -81,7 +81,7 @@ def refreshed(frame: int = 50_000, count: int = 12, n_clusters: int = 8) -> Refr
     top = [episode for episode, is_best in zip(episodes, best, strict=True) if is_best]
     others = [episode for episode, is_best in zip(episodes, best, strict=True) if not is_best]
     windows = cut_windows(top, HORIZON_STEPS)
-    fitted = PaperMapping(n_clusters, random_state=frame).fit(windows.delta, windows.instruction)
+    fitted = IBEMapping(n_clusters, random_state=frame).fit(windows.delta, windows.instruction)
     return Refresh(
         frame=frame,
         mapping=fitted.mapping_,

@@ -15,7 +15,7 @@ from ibe_rl.config import TrainConfig, check
 from ibe_rl.data import ConfigError, Task
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.refresh import load_mapping
+from ibe_rl.refresh import Saved, Spans, load_refresh
 from ibe_rl.run_folder import CHECKPOINTS, CONFIG, REFRESHES
 
 
@@ -32,6 +32,7 @@ class TrainedRun:
         mapping: the vocabulary of the last refresh before that.
         mapping_frame: training frames when it was learnt.
         horizon_steps: n, the one the vocabulary was learnt with.
+        spans: the vocabularies of other spans of time, by their horizon in steps.
     """
 
     folder: Path
@@ -42,6 +43,7 @@ class TrainedRun:
     mapping: ClusterMapping
     mapping_frame: int
     horizon_steps: int
+    spans: Spans
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """One more environment as the run had them."""
@@ -64,21 +66,30 @@ def load_run(folder: Path) -> TrainedRun:
         agent.greedy.load_state_dict(load(path))
     except (RuntimeError, AttributeError, TypeError) as error:
         raise ConfigError(f"{path}: not a policy of this run ({' '.join(str(error).split())[:200]})") from None
-    mapping, horizon, learnt = _last_mapping(folder, frame)
-    if mapping.mean.shape != (len(task.state_names),):
-        raise ConfigError(
-            f"{folder}: its vocabulary is for {len(mapping.mean)} state dimensions, not {len(task.state_names)}"
-        )
-    return TrainedRun(folder, config, task, agent.greedy, frame, mapping, learnt, horizon)
+    saved = _last_refresh(folder, frame)
+    dimensions = len(saved.mapping.space.mean)
+    if dimensions != len(task.state_names):
+        raise ConfigError(f"{folder}: its vocabulary is for {dimensions} state dimensions, not {len(task.state_names)}")
+    return TrainedRun(
+        folder,
+        config,
+        task,
+        agent.greedy,
+        frame,
+        saved.mapping,
+        saved.frame,
+        saved.horizon_steps,
+        saved.spans,
+    )
 
 
-def _last_mapping(folder: Path, frame: int) -> tuple[ClusterMapping, int, int]:
+def _last_refresh(folder: Path, frame: int) -> Saved:
     """The newest refresh that is no newer than the policy."""
     found = {int(path.stem): path for path in (folder / REFRESHES).glob("*.json") if path.stem.isdecimal()}
     usable = {learnt: path for learnt, path in sorted(found.items()) if learnt <= frame}
     _, path = _last(usable, folder, f"vocabulary from before its policy of frame {frame:,}")
     try:
-        return load_mapping(path)
+        return load_refresh(path)
     except ValueError as error:
         raise ConfigError(str(error)) from None
 

@@ -1,17 +1,20 @@
 """Instruction-based Behavior Explanation on plain arrays: numpy and scikit-learn, no torch."""
 
 from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
+from ibe_rl.ibe.estimator import IBEMapping, check_settings
 from ibe_rl.ibe.identity import Transition, keep_identity
-from ibe_rl.ibe.mapping import ClusterMapping, PaperMapping, TooLittleDataError
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase
 
 __all__ = [
     "NORMALISATIONS",
     "ClusterMapping",
-    "PaperMapping",
+    "IBEMapping",
     "TooLittleDataError",
     "Transition",
     "Windows",
+    "check_settings",
     "cut_windows",
     "delta_states",
     "keep_identity",

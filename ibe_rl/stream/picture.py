@@ -23,6 +23,7 @@ LASTING = (
 TRAIL_POINTS = 64
 SCATTER_POINTS = 600
 BINS = 41
+TINY = 1e-9
 FEW = 5
 
 
@@ -111,12 +112,14 @@ class Axis:
 
 
 def second_dimension(mapping: ClusterMapping, explained: int, delta: Array) -> int:
-    """The dimension that separates the centres best in standardised units, beside the explained one.
+    """The dimension that separates the clusters best in standardised units, beside the explained one.
 
     Dimensions whose changes ``delta`` ``(W, S)`` take few values, such as flags, come last: their points lie on
     top of each other.
     """
-    spread = mapping.centres.var(axis=0)
+    labels, scale = mapping.cluster(delta), np.maximum(delta.std(axis=0), TINY)
+    means = np.array([delta[labels == each].mean(axis=0) for each in np.unique(labels)])
+    spread = (means / scale).var(axis=0)
     few = [len(np.unique(column)) <= FEW for column in delta.T]
     spread = np.where(few, spread - spread.max() - 1, spread)
     spread[explained] = -np.inf

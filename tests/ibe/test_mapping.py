@@ -11,7 +11,7 @@ from sklearn.cluster import KMeans
 from sklearn.exceptions import NotFittedError
 
 from ibe_rl.data import Array
-from ibe_rl.ibe import ClusterMapping, PaperMapping, TooLittleDataError
+from ibe_rl.ibe import ClusterMapping, IBEMapping, TooLittleDataError
 
 LEFT, DOWN, RIGHT = [-3.0, 0.0], [0.0, -3.0], [3.0, 0.0]
 
@@ -25,8 +25,8 @@ def groups() -> tuple[Array, Array]:
     return delta[order], told[order]
 
 
-def fit(**settings: Any) -> PaperMapping:
-    return PaperMapping(**({"n_clusters": 3, "random_state": 0} | settings)).fit(*groups())
+def fit(**settings: Any) -> IBEMapping:
+    return IBEMapping(**({"n_clusters": 3, "random_state": 0} | settings)).fit(*groups())
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_changes_are_standardised_before_they_are_clustered(mapping: ClusterMapp
     delta, told = groups()
     np.testing.assert_allclose(mapping.mean, delta.mean(axis=0))
     np.testing.assert_allclose(mapping.weight, 1 / delta.std(axis=0))
-    stretched = PaperMapping(3, random_state=0).fit(delta * [1, 1000], told).mapping_
+    stretched = IBEMapping(3, random_state=0).fit(delta * [1, 1000], told).mapping_
     np.testing.assert_allclose(stretched.sizes, mapping.sizes)
     np.testing.assert_allclose(stretched.express(delta * [1, 1000]), mapping.express(delta))
 
@@ -81,27 +81,27 @@ def test_a_dimension_left_out_changes_nothing():
 def test_a_dimension_that_never_changes_does_no_harm():
     delta, told = groups()
     still = np.column_stack([delta, np.full(12, 0.5)])
-    mapping = PaperMapping(3, random_state=0).fit(still, told).mapping_
+    mapping = IBEMapping(3, random_state=0).fit(still, told).mapping_
     assert np.isfinite(mapping.weight).all()
     assert mapping.sizes.tolist() == [4, 6, 2]
 
 
 def test_instructions_of_several_numbers_are_averaged_each():
     delta, told = groups()
-    mapping = PaperMapping(3, random_state=0).fit(delta, np.column_stack([told, -told])).mapping_
+    mapping = IBEMapping(3, random_state=0).fit(delta, np.column_stack([told, -told])).mapping_
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75, 0.75], [0, 0], [1, -1]], atol=1e-12)
     np.testing.assert_allclose(mapping.expressions[:, 1], -mapping.expressions[:, 0])
 
 
 def test_equal_means_are_expressed_as_nothing():
     delta, _ = groups()
-    assert not PaperMapping(3, random_state=0).fit(delta, np.ones(12)).mapping_.expressions.any()
+    assert not IBEMapping(3, random_state=0).fit(delta, np.ones(12)).mapping_.expressions.any()
 
 
 def test_sizes_and_means_are_of_all_windows_however_few_are_clustered():
     delta, told = groups()
     many = np.tile(delta, (50, 1)) + np.random.default_rng(2).normal(0, 0.02, (600, 2))
-    mapping = PaperMapping(3, max_fit_windows=120, random_state=0).fit(many, np.tile(told, 50)).mapping_
+    mapping = IBEMapping(3, max_fit_windows=120, random_state=0).fit(many, np.tile(told, 50)).mapping_
     assert mapping.sizes.tolist() == [200, 300, 100]
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75], [0.0], [1.0]], atol=1e-12)
 
@@ -125,7 +125,7 @@ def test_the_same_seed_learns_the_same():
     delta, told = random.normal(size=(300, 4)), random.integers(-1, 2, 300)
 
     def learn(seed: int) -> dict[str, Any]:
-        return PaperMapping(8, n_init=1, max_fit_windows=200, random_state=seed).fit(delta, told).mapping_.to_dict()
+        return IBEMapping(8, n_init=1, max_fit_windows=200, random_state=seed).fit(delta, told).mapping_.to_dict()
 
     assert learn(3) == learn(3)
     assert learn(3) != learn(4)
@@ -136,17 +136,17 @@ def test_clusters_start_where_they_are_told():
     delta = np.repeat([0.0, 1.0, 10.0, 11.0, 20.0, 21.0], 5)[:, None]
     told = np.repeat([-1.0, -1.0, 0.0, 0.0, 1.0, 1.0], 5)
     start = on_a_line([0.0, 1.0, 15.5])  # a poor grouping that no step of k-means leaves
-    learnt = PaperMapping(3, last=start, random_state=0).fit(delta, told).mapping_
+    learnt = IBEMapping(3, last=start, random_state=0).fit(delta, told).mapping_
     np.testing.assert_allclose(np.sort(learnt.centre_changes(), axis=0), start.centres, atol=1e-9)
-    free = PaperMapping(3, random_state=0).fit(delta, told).mapping_
+    free = IBEMapping(3, random_state=0).fit(delta, told).mapping_
     np.testing.assert_allclose(np.sort(free.centre_changes(), axis=0), [[0.5], [10.5], [20.5]], atol=1e-9)
 
 
-def remembering(memory: float) -> PaperMapping:
+def remembering(memory: float) -> IBEMapping:
     """Ten old windows at -4 told -1 and twenty at 4 told 1; now five at -2 told 0 and ten at 6 told 1."""
     last = on_a_line([-4, 4], evidence=[10, 20])
     delta, told = np.repeat([-2.0, 6.0], [5, 10])[:, None], np.repeat([0.0, 1.0], [5, 10])
-    return PaperMapping(2, last=last, memory=memory, random_state=0).fit(delta, told)
+    return IBEMapping(2, last=last, memory=memory, random_state=0).fit(delta, told)
 
 
 def test_earlier_windows_count_as_much_as_is_remembered_of_them():
@@ -183,8 +183,8 @@ def test_without_memory_the_last_vocabulary_is_a_start_only():
 def test_without_memory_it_is_k_means_from_the_last_centres(seed: int):
     random = np.random.default_rng(seed)
     earlier, delta, told = random.normal(1, 3, (200, 2)), random.normal(size=(300, 2)), random.uniform(-1, 1, 300)
-    last = PaperMapping(5, random_state=0).fit(earlier, np.ones(200)).mapping_
-    learnt = PaperMapping(5, last=last, random_state=0).fit(delta, told).mapping_
+    last = IBEMapping(5, random_state=0).fit(earlier, np.ones(200)).mapping_
+    learnt = IBEMapping(5, last=last, random_state=0).fit(delta, told).mapping_
     scale = delta.std(axis=0)
     plain = KMeans(5, init=(last.centre_changes() - delta.mean(axis=0)) / scale, n_init=1)
     expected = plain.fit((delta - delta.mean(axis=0)) / scale).cluster_centers_ * scale + delta.mean(axis=0)
@@ -207,7 +207,7 @@ def test_what_was_told_long_ago_fades_with_it():
     delta, last, found = np.repeat([-4.0, 4.0], 8)[:, None], None, []
     for told in (-1.0, 0.0, 0.0, 0.0):
         told_all = np.repeat([told, 1.0], 8)
-        last = PaperMapping(2, last=last, memory=0.5, random_state=0).fit(delta, told_all).mapping_
+        last = IBEMapping(2, last=last, memory=0.5, random_state=0).fit(delta, told_all).mapping_
         found.append(last.mean_instructions[0, 0])
     np.testing.assert_allclose(found, [-1, -1 / 3, -1 / 7, -1 / 15])
 
@@ -225,7 +225,7 @@ def test_clusters_that_became_one_remember_together():
     """Those at 3 and 5 end up in one; the third goes where the new windows are."""
     last = on_a_line([-4, 3, 5], [-1, 0, 1], evidence=[10, 10, 20])
     delta, told = np.repeat([-4.0, 3.5, 20.0], 100)[:, None], np.repeat([-1.0, 0.5, 1.0], 100)
-    mapping = PaperMapping(3, last=last, memory=0.1, random_state=0).fit(delta, told).mapping_
+    mapping = IBEMapping(3, last=last, memory=0.1, random_state=0).fit(delta, told).mapping_
     np.testing.assert_allclose(mapping.evidence, [101, 103, 100])
     np.testing.assert_allclose(mapping.centre_changes()[:, 0], [-4, (350 + 3 + 2 * 5) / 103, 20])
     np.testing.assert_allclose(mapping.mean_instructions[:, 0], [-1, (50 + 0 + 2 * 1) / 103, 1])
@@ -234,7 +234,7 @@ def test_clusters_that_became_one_remember_together():
 def test_a_cluster_without_a_new_window_lives_on_what_is_remembered():
     last = on_a_line([-4, 0, 30], [-1, 0, 0.5], evidence=[10, 10, 10])
     delta, told = np.array([[-4.0], [-4.1], [0.0], [0.1]]), np.array([-1.0, -1, 1, 1])
-    mapping = PaperMapping(3, last=last, memory=0.9, random_state=0).fit(delta, told).mapping_
+    mapping = IBEMapping(3, last=last, memory=0.9, random_state=0).fit(delta, told).mapping_
     assert mapping.sizes.tolist() == [2, 2, 0]
     assert mapping.evidence.tolist() == [11, 11, 9]
     np.testing.assert_allclose(mapping.mean_instructions, [[-1], [2 / 11], [0.5]])
@@ -246,7 +246,7 @@ def test_windows_that_are_drawn_stand_for_all_of_them_against_memory():
     last = on_a_line([-4, 4], evidence=[4_000, 4_000])
     delta = np.repeat([-2.0, 6.0], 2_000)[:, None]
     settings = {"last": last, "memory": 0.5, "max_fit_windows": 2_000, "random_state": 0}
-    mapping = PaperMapping(2, **settings).fit(delta, np.repeat([-1.0, 1.0], 2_000)).mapping_
+    mapping = IBEMapping(2, **settings).fit(delta, np.repeat([-1.0, 1.0], 2_000)).mapping_
     np.testing.assert_allclose(mapping.centre_changes(), [[-3], [5]], atol=0.05)
     assert mapping.evidence.tolist() == [4_000, 4_000]
 
@@ -282,37 +282,37 @@ def test_a_last_vocabulary_of_another_shape_is_refused():
         fit(last=fit(n_clusters=2).mapping_)
     for dimensions in (1, 3):  # numpy would stretch one to all, and refuse three in words of its own
         delta = np.random.default_rng(0).normal(size=(20, dimensions))
-        last = PaperMapping(3, random_state=0).fit(delta, np.zeros(20)).mapping_
+        last = IBEMapping(3, random_state=0).fit(delta, np.zeros(20)).mapping_
         with pytest.raises(ValueError, match=rf"last has shape \(3, {dimensions}\), expected \(3, 2\)"):
             fit(last=last)
 
 
 def test_fewer_distinct_windows_than_clusters_are_too_little():
     with pytest.raises(TooLittleDataError, match="2 distinct windows for n_clusters=3"):
-        PaperMapping(3).fit(np.array([LEFT, RIGHT] * 10), np.zeros(20))
+        IBEMapping(3).fit(np.array([LEFT, RIGHT] * 10), np.zeros(20))
     with pytest.raises(TooLittleDataError, match="1 distinct windows for n_clusters=2"):  # in what is left of them
-        PaperMapping(2, dimensions=[0]).fit(np.array([[1.0, 0.0], [1.0, 5.0]]), np.zeros(2))
+        IBEMapping(2, dimensions=[0]).fit(np.array([[1.0, 0.0], [1.0, 5.0]]), np.zeros(2))
 
 
 @pytest.mark.parametrize("instruction", [np.zeros(0), np.zeros((0, 1))])
 def test_no_windows_are_too_little(instruction: Array):
     with pytest.raises(TooLittleDataError, match="0 distinct windows for n_clusters=3"):
-        PaperMapping(3).fit(np.zeros((0, 2)), instruction)
+        IBEMapping(3).fit(np.zeros((0, 2)), instruction)
 
 
 def test_impossible_arguments_are_refused():
     with pytest.raises(ValueError, match="n_clusters=1: at least 2"):
         fit(n_clusters=1)
     with pytest.raises(ValueError, match="3 windows but 2 instructions"):
-        PaperMapping(2).fit(np.zeros((3, 2)), np.zeros(2))
+        IBEMapping(2).fit(np.zeros((3, 2)), np.zeros(2))
     with pytest.raises(ValueError, match="normalisation='other'"):
         fit(normalisation="other")
     with pytest.raises(NotFittedError):
-        PaperMapping().predict(np.zeros((1, 2)))
+        IBEMapping().predict(np.zeros((1, 2)))
 
 
 def test_it_is_an_estimator():
-    estimator = PaperMapping(n_clusters=5, normalisation="sign", dimensions=[0, 2], n_init=2, random_state=7)
+    estimator = IBEMapping(n_clusters=5, normalisation="sign", dimensions=[0, 2], n_init=2, random_state=7)
     assert clone(estimator).get_params() == estimator.get_params()
     assert estimator.get_params()["n_clusters"] == 5
 

@@ -1,0 +1,294 @@
+"""Learn a vocabulary: find where to compare changes of the state, divide them, say what each cluster is called."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.metrics import pairwise_distances, pairwise_distances_argmin
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import check_is_fitted
+
+from ibe_rl.data import Array, read_only
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.space import (
+    Space,
+    TooLittleDataError,
+    along,
+    information,
+    lasso_axes,
+    network,
+    rule_axes,
+    scaled,
+    typical_movement,
+)
+from ibe_rl.ibe.split import mirrored, split
+from ibe_rl.ibe.vocabulary import normalise
+
+SPACES = ("all", "information", "lasso", "network", "rule")
+OF_INSTRUCTIONS = ("lasso", "network", "rule")
+"""Spaces with an axis for each number of the instruction, on which 1 is what the instruction 1 typically brought about."""
+
+
+class _Lessons(NamedTuple):
+    """Changes, instructions and how much each window counts."""
+
+    delta: Array
+    instruction: Array
+    weight: Array
+
+
+class IBEMapping(BaseEstimator):
+    """IBE's mapping from changes of the state to expressions; as it stands, the paper's (section "Mapping ...").
+
+    The paper's: standardise, k-means, mean instruction per cluster, min-max between the clusters.
+
+    Args:
+        n_clusters: k, at least 2.
+        space: where changes are compared. "all" dimensions, standardised; "information": the same, times their mutual
+            information with the instruction; "lasso": along the sparse linear regression of the instruction on the
+            change; "network": along a small network's; "rule": along the axes on which the instructor's choice of
+            words turns, see ``ibe_rl.ibe.space.rule_axes``.
+        split: see ``ibe_rl.ibe.split.split``.
+        power: of the magnitude of a movement along the axes; below 1 small movements get clusters of their own. Only
+            with a space of instructions.
+        symmetric: divide the movements and their opposites, so that there are as many clusters on both sides.
+        normalisation: "minmax" (literal) or "sign" of the mean instructions; "movement": a cluster is called by how
+            far it moves, 1 being what the instruction 1 typically brought about. Only with a space of instructions.
+        membership: see ``ClusterMapping``.
+        weigh_followed: fit twice, the second time each window by how well what it is then called fits what was told.
+        dimensions: indices of the state dimensions that count; None takes all.
+        hidden: widths of the layers of "network".
+        n_init: k-means starts, the best is kept.
+        last: an earlier mapping: k-means starts from its centres instead.
+        memory: share in [0, 1) that the windows ``last`` stands on still count, each as one at its cluster's
+            centre; what it remembered itself fades likewise (streaming k-means with a decay factor).
+        max_fit_windows: clusters and axes are learnt from at most this many windows, drawn at random; sizes and mean
+            instructions are of all of them.
+        random_state: seed of the starts and of the draw.
+
+    Attributes:
+        mapping_: the learnt ``ClusterMapping``.
+        labels_: ``(W,)`` clusters of the windows it was fitted on.
+    """
+
+    def __init__(
+        self,
+        n_clusters: int = 8,
+        space: str = "all",
+        split: str = "kmeans",
+        power: float = 1.0,
+        symmetric: bool = False,
+        normalisation: str = "minmax",
+        membership: str = "hard",
+        weigh_followed: bool = False,
+        dimensions: Sequence[int] | None = None,
+        hidden: Sequence[int] = (32, 32),
+        n_init: int = 4,
+        last: ClusterMapping | None = None,
+        memory: float = 0.0,
+        max_fit_windows: int = 20_000,
+        random_state: int | None = None,
+    ):
+        self.n_clusters = n_clusters
+        self.space = space
+        self.split = split
+        self.power = power
+        self.symmetric = symmetric
+        self.normalisation = normalisation
+        self.membership = membership
+        self.weigh_followed = weigh_followed
+        self.dimensions = dimensions
+        self.hidden = hidden
+        self.n_init = n_init
+        self.last = last
+        self.memory = memory
+        self.max_fit_windows = max_fit_windows
+        self.random_state = random_state
+
+    def fit(self, delta: Array, instruction: Array, states: Array | None = None, told: Array | None = None) -> Self:
+        """Learn the vocabulary.
+
+        Args:
+            delta: ``(W, S)`` changes of the state from the best episodes.
+            instruction: ``(W,)`` or ``(W, d)`` the instruction at the beginning of each window; windows
+                without one must be left out.
+            states: ``(N, S)`` states in which the instructor spoke, of good and of bad episodes; "rule" reads them.
+            told: ``(N,)`` or ``(N, d)`` what was said in them.
+
+        Raises:
+            TooLittleDataError: with fewer distinct windows than clusters, or as the axes.
+            ValueError: for settings that do not exist or do not go together (``check_settings``), if the lengths
+                differ, or if ``last`` has another number of clusters or dimensions.
+        """
+        check_settings(self)
+        lessons = _Lessons(np.asarray(delta, float), _columns(instruction), np.ones(len(delta)))
+        heard = None if states is None or told is None else (np.asarray(states, float), _columns(told))
+        if self.space == "rule" and heard is None:
+            raise ValueError("space='rule': needs states and told")
+        if len(lessons.delta) != len(lessons.instruction):
+            raise ValueError(f"{len(lessons.delta)} windows but {len(lessons.instruction)} instructions")
+        if not len(delta):
+            raise TooLittleDataError(f"0 distinct windows for n_clusters={self.n_clusters}")
+        self.mapping_, self.labels_ = self._learn(lessons, heard)
+        if self.weigh_followed:
+            missed = np.abs(self.mapping_.express(lessons.delta) - lessons.instruction).max(axis=1)
+            followed = np.clip(1 - missed, 0.05, 1)  # nobody is left out: a class must not vanish
+            self.mapping_, self.labels_ = self._learn(lessons._replace(weight=followed), heard)
+        return self
+
+    def predict(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to expressions ``(W, d)``."""
+        check_is_fitted(self)
+        return self.mapping_.express(delta)
+
+    def _learn(self, lessons: _Lessons, heard: tuple[Array, Array] | None) -> tuple[ClusterMapping, Array]:
+        random = np.random.default_rng(self.random_state)
+        rows = random.permutation(len(lessons.delta))[: self.max_fit_windows]
+        seed = int(random.integers(2**31))
+        space = self._space(lessons, rows, heard, seed)
+        if self.last is not None:
+            read_only(self.last.centres, (self.n_clusters, space.size), "last")
+        places = space.place(lessons.delta)
+        centres = self._split(places[rows], lessons.weight[rows] * len(places) / len(rows), space, seed)
+        return self._name(lessons, places, centres, space)
+
+    def _space(self, lessons: _Lessons, rows: Array, heard: tuple[Array, Array] | None, seed: int) -> Space:
+        delta, told = lessons.delta[rows], lessons.instruction[rows]
+        kept = np.isin(np.arange(delta.shape[1]), range(delta.shape[1]) if self.dimensions is None else self.dimensions)
+        if self.space == "all":
+            mean, weight = self._standard(lessons.delta)
+            return scaled(mean, weight * kept)
+        if self.space == "information":
+            scaler = StandardScaler().fit(lessons.delta)
+            return scaled(scaler.mean_, information(delta, told, seed) * kept / scaler.scale_)
+        if self.space == "network":
+            return network(delta * kept, told, self.hidden, seed)
+        if self.space == "lasso":
+            axes = lasso_axes(delta, told, seed) * kept[:, None]
+        else:
+            assert heard is not None
+            some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
+            axes = rule_axes(heard[0][some], heard[1][some], seed) * kept[:, None]
+        return along(axes / self._unit(lessons, axes), self.power)
+
+    def _standard(self, delta: Array) -> tuple[Array, Array]:
+        """Mean, and 1 / standard deviation of the dimensions; those of ``last`` count as remembered."""
+        scaler = StandardScaler().fit(delta)
+        mean, variance = scaler.mean_, scaler.scale_**2
+        if self.last is not None:
+            new, before = self._new_share(len(delta)), np.diag(self.last.space.weights[0])
+            earlier = np.divide(1, before, out=np.ones_like(mean), where=before > 0) ** 2
+            mean, variance = (1 - new) * self.last.space.mean + new * mean, (1 - new) * earlier + new * variance
+        return mean, 1 / np.sqrt(variance)
+
+    def _unit(self, lessons: _Lessons, axes: Array) -> Array:
+        """How far along the axes ``(S, d)`` the instruction 1 moves; what ``last`` took it for counts as remembered."""
+        moved = typical_movement(lessons.delta @ axes, lessons.instruction, lessons.weight)
+        if self.last is None:
+            return moved
+        new, d = self._new_share(len(lessons.delta)), len(moved)
+        return new * moved + (1 - new) * np.diag(self.last.space.change_at(np.eye(d)) @ axes)
+
+    def _new_share(self, windows: int) -> float:
+        assert self.last is not None
+        return float(windows / (windows + self.memory * self.last.evidence.sum()))
+
+    def _split(self, places: Array, counts: Array, space: Space, seed: int) -> Array:
+        distinct = len(np.unique(places, axis=0))
+        if distinct < self.n_clusters:
+            raise TooLittleDataError(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
+        first = None
+        if self.last is not None:
+            first = space.place(self.last.centre_changes())
+            places, counts = np.concatenate([places, first]), np.append(counts, self.memory * self.last.evidence)
+        if self.symmetric:
+            places, counts = np.concatenate([places, -places]), np.append(counts, counts)
+        centres = split(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
+        return mirrored(centres) if self.symmetric else centres
+
+    def _name(self, lessons: _Lessons, places: Array, centres: Array, space: Space) -> tuple[ClusterMapping, Array]:
+        """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and its name; and labels."""
+        k = len(centres)
+        labels = pairwise_distances_argmin(places, centres)
+        sizes = np.bincount(labels, minlength=k)
+        evidence = np.bincount(labels, lessons.weight, k)
+        sums = np.stack([np.bincount(labels, lessons.weight * told, k) for told in lessons.instruction.T], axis=1)
+        if self.last is not None:
+            remembered = self.memory * self.last.evidence
+            earlier = pairwise_distances_argmin(space.place(self.last.centre_changes()), centres)
+            np.add.at(evidence, earlier, remembered)
+            np.add.at(sums, earlier, remembered[:, None] * self.last.mean_instructions)
+        overall = lessons.instruction.mean(axis=0)
+        means = np.where(evidence[:, None] > 0, sums / np.maximum(evidence, 1e-9)[:, None], overall)
+        moves = np.clip(space.spread_out(centres), -1, 1)
+        expressions = moves if self.normalisation == "movement" else normalise(means, self.normalisation)
+        order = np.lexsort((means[:, 0], expressions[:, 0]))
+        named = ClusterMapping(
+            space,
+            centres[order],
+            mean_instructions=means[order],
+            expressions=expressions[order],
+            sizes=sizes[order],
+            purities=_purities(labels, sizes, lessons.instruction)[order],
+            evidence=evidence[order],
+            ids=np.arange(k),
+            membership=self.membership,
+            width=_gap(centres),
+        )
+        return named, np.argsort(order)[labels]
+
+
+def check_settings(estimator: Any) -> None:
+    """Refuse settings of an ``IBEMapping`` that do not exist or that nothing would read.
+
+    Raises:
+        ValueError: naming the setting, its value and what is allowed.
+    """
+    e, ours = estimator, estimator.space in OF_INSTRUCTIONS
+    refused = [
+        (e.n_clusters < 2, f"n_clusters={e.n_clusters}: at least 2"),
+        (not 0 <= e.memory < 1, f"memory={e.memory}: at least 0 and below 1"),
+        (e.space not in SPACES, f"space={e.space!r}: choose one of {', '.join(SPACES)}"),
+        (not ours and e.power != 1, f"power={e.power:g}: allowed is 1 with space={e.space}"),
+        (e.space == "network" and e.power != 1, f"power={e.power:g}: allowed is 1 with space={e.space}"),
+        (not e.power > 0, f"power={e.power:g}: above 0"),
+        (
+            not ours and e.normalisation == "movement",
+            f"normalisation=movement: allowed are minmax, sign with space={e.space}",
+        ),
+        (not ours and e.membership == "direct", f"membership=direct: allowed are hard, soft with space={e.space}"),
+        (not ours and e.split == "quantile", f"split=quantile: allowed are kmeans, bisecting with space={e.space}"),
+        (e.space == "network" and e.last is not None, "last: allowed is None with space=network, which has no centres"),
+        (e.split != "kmeans" and e.last is not None, f"last: allowed is None with split={e.split}, which starts anew"),
+    ]
+    for wrong, reason in refused:
+        if wrong:
+            raise ValueError(reason)
+
+
+def _columns(instruction: Array) -> Array:
+    instruction = np.asarray(instruction, float)
+    return instruction[:, None] if instruction.ndim == 1 else instruction
+
+
+def _gap(centres: Array) -> float:
+    """Median distance from a centre to the nearest other one; 1 where all are one."""
+    apart = pairwise_distances(centres)
+    np.fill_diagonal(apart, np.inf)
+    return float(np.median(apart.min(axis=1))) or 1.0
+
+
+def _purities(labels: Array, sizes: Array, instruction: Array) -> Array:
+    """Share ``(k,)`` of each cluster's windows with its most frequent instruction; 0 for an empty cluster."""
+    kinds = np.zeros(len(labels), dtype=np.int64)
+    for column in instruction.T:
+        values, rank = np.unique(column, return_inverse=True)
+        kinds = kinds * len(values) + rank
+    kinds = np.unique(kinds, return_inverse=True)[1]
+    count = kinds.max() + 1
+    table = np.bincount(labels * count + kinds, minlength=len(sizes) * count).reshape(len(sizes), count)
+    most: Array = table.max(axis=1) / np.maximum(sizes, 1)
+    return most

@@ -1,0 +1,199 @@
+"""Where changes of the state are compared: all dimensions alike, or the axes that the instructions speak of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from sklearn.feature_selection import mutual_info_classif
+from sklearn.linear_model import LassoCV, LogisticRegression, Ridge
+from sklearn.neural_network import MLPRegressor
+from sklearn.preprocessing import StandardScaler
+
+from ibe_rl.data import Array, read_only
+
+MOST_CLASSES = 10
+"""With more distinct values an instruction counts as a number on a scale, not as one of a few things to say."""
+
+
+class TooLittleDataError(ValueError):
+    """The windows cannot carry a vocabulary yet; the message says what is missing."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """Changes of the state ``(W, S)`` to places ``(W, P)``: shift, layers with ReLU between them, then a root.
+
+    Attributes:
+        mean: ``(S,)`` taken off a change, in observation units.
+        weights: one matrix a layer, the first ``(S, ...)``, the last ``(..., P)``; a single one is a linear space.
+        biases: one vector a layer.
+        power: of the magnitude of each place, its sign kept; below 1 small changes take up more room.
+    """
+
+    mean: Array
+    weights: tuple[Array, ...]
+    biases: tuple[Array, ...]
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        inside: int | None = len(read_only(np.asarray(self.mean, float), (None,), "mean"))
+        if not len(self.weights) or len(self.weights) != len(self.biases) or not self.power > 0:
+            raise ValueError(f"{len(self.weights)} weights, {len(self.biases)} biases, power {self.power}: not a space")
+        for weights, bias in zip(self.weights, self.biases, strict=True):
+            outside = np.shape(read_only(np.asarray(weights, float), (inside, None), "weights"))[1]
+            read_only(np.asarray(bias, float), (outside,), "biases")
+            inside = outside
+
+    @property
+    def size(self) -> int:
+        """``P``."""
+        return len(self.biases[-1])
+
+    @property
+    def linear(self) -> bool:
+        """True if a place says which change it stands for."""
+        return len(self.weights) == 1
+
+    def place(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to places ``(W, P)``."""
+        values = np.asarray(delta, float) - self.mean
+        for layer, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            values = values @ weights + bias
+            if layer + 1 < len(self.weights):
+                values = np.maximum(values, 0)
+        return signed_power(values, self.power)
+
+    def spread_out(self, places: Array) -> Array:
+        """Undo the root only."""
+        return signed_power(places, 1 / self.power)
+
+    def change_at(self, places: Array) -> Array:
+        """The smallest changes ``(k, S)`` from the mean that lie at places ``(k, P)``, in a linear space."""
+        return self.mean + (self.spread_out(places) - self.biases[0]) @ np.linalg.pinv(self.weights[0])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, for JSON."""
+        layers = [{"weights": w.tolist(), "bias": b.tolist()} for w, b in zip(self.weights, self.biases, strict=True)]
+        return {"mean": self.mean.tolist(), "layers": layers, "power": self.power}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """The inverse of ``to_dict``.
+
+        Raises:
+            ValueError: if a value is missing or shapes do not fit.
+        """
+        try:
+            layers = values["layers"]
+            weights = tuple(np.asarray(layer["weights"], float) for layer in layers)
+            biases = tuple(np.asarray(layer["bias"], float) for layer in layers)
+            return cls(np.asarray(values["mean"], float), weights, biases, float(values["power"]))
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"the space is damaged: {error}") from None
+
+
+def signed_power(values: Array, power: float) -> Array:
+    """Raise the magnitudes to a power and keep the signs."""
+    raised: Array = values if power == 1 else np.sign(values) * np.abs(values) ** power
+    return raised
+
+
+def scaled(mean: Array, weight: Array) -> Space:
+    """Each dimension by itself: ``mean`` ``(S,)`` off, times ``weight`` ``(S,)``."""
+    return Space(mean, (np.diag(weight),), (np.zeros(len(weight)),))
+
+
+def along(axes: Array, power: float = 1.0) -> Space:
+    """The axes ``(S, d)`` only; no change stays no change."""
+    return Space(np.zeros(len(axes)), (axes,), (np.zeros(axes.shape[1]),), power)
+
+
+def rule_axes(states: Array, told: Array, seed: int) -> Array:
+    """Along which axes of the state the instructor changes what they say.
+
+    What is said depends on the state: a logistic regression of each number of the instruction on the state finds
+    the direction in which it turns from one value to the next. Moving along it is what the instruction is about,
+    whatever the axes of the state are called or measured in; which way is not known from this.
+
+    Args:
+        states: ``(N, S)`` states in which something was said, of good and of bad episodes.
+        told: ``(N, d)`` what was said.
+        seed: of the solver.
+
+    Returns:
+        ``(S, d)``, in 1 / observation units.
+
+    Raises:
+        TooLittleDataError: if one of the numbers never changed.
+    """
+    scaler = StandardScaler().fit(states)
+    standard = scaler.transform(states)
+    axes = [_turns(standard, column, seed) for column in told.T]
+    return np.stack(axes, axis=1) / scaler.scale_[:, None]
+
+
+def _turns(standard: Array, told: Array, seed: int) -> Array:
+    """The direction ``(S,)`` in which one number of the instruction rises."""
+    values, kinds = np.unique(told, return_inverse=True)
+    if len(values) < 2:
+        raise TooLittleDataError(f"the instructor has only ever said {', '.join(f'{value:g}' for value in values)}")
+    if len(values) > MOST_CLASSES:
+        direction: Array = Ridge().fit(standard, told).coef_
+        return direction
+    # hardly regularised: what the rule does not read shall not get a share of what it reads
+    found = LogisticRegression(C=1_000, max_iter=1_000, random_state=seed).fit(standard, kinds).coef_
+    return (values[1] - values[0]) * found[0] if len(values) == 2 else values @ found
+
+
+def lasso_axes(delta: Array, instruction: Array, seed: int) -> Array:
+    """Axes ``(S, d)`` from a sparse linear regression of the instruction ``(W, d)`` on the change ``(W, S)``."""
+    scale = StandardScaler().fit(delta).scale_
+    axes = [LassoCV(cv=5, random_state=seed).fit(delta / scale, column).coef_ for column in instruction.T]
+    return np.stack(axes, axis=1) / scale[:, None]
+
+
+def information(delta: Array, instruction: Array, seed: int) -> Array:
+    """Mutual information ``(S,)`` in nats of each dimension's change with the instruction, summed over its numbers."""
+    each = [mutual_info_classif(delta, _classes(column), random_state=seed) for column in instruction.T]
+    total: Array = np.sum(each, axis=0)
+    return total
+
+
+def _classes(told: Array) -> Array:
+    """Values to the numbers of at most ``MOST_CLASSES`` classes."""
+    values, kinds = np.unique(told, return_inverse=True)
+    if len(values) <= MOST_CLASSES:
+        return kinds
+    inner = np.quantile(told, np.arange(1, MOST_CLASSES) / MOST_CLASSES)
+    return np.searchsorted(inner, told)
+
+
+def network(delta: Array, instruction: Array, hidden: Sequence[int], seed: int) -> Space:
+    """A small network that regresses the instruction on the change (the authors' follow-up, ICONIP 2017)."""
+    scaler = StandardScaler().fit(delta)
+    told = instruction[:, 0] if instruction.shape[1] == 1 else instruction
+    model = MLPRegressor(hidden_layer_sizes=tuple(hidden), early_stopping=True, max_iter=50, random_state=seed)
+    model.fit(scaler.transform(delta), told)
+    first, *others = model.coefs_
+    return Space(scaler.mean_, (first / scaler.scale_[:, None], *others), tuple(model.intercepts_))
+
+
+def typical_movement(places: Array, instruction: Array, weight: Array) -> Array:
+    """How far one unit of instruction moved, along each axis: least squares through no movement without instruction.
+
+    Args:
+        places: ``(W, d)`` changes along the axes.
+        instruction: ``(W, d)``.
+        weight: ``(W,)`` of each window.
+
+    Raises:
+        TooLittleDataError: if an axis had no instruction but 0, or its instructions moved nothing.
+    """
+    squares = weight @ instruction**2
+    moved = np.divide(weight @ (places * instruction), squares, out=np.zeros_like(squares), where=squares > 0)
+    if not np.all(np.abs(moved) > 0):
+        raise TooLittleDataError("in the best episodes no instruction but 0 has moved anything yet")
+    return moved

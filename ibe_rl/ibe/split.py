@@ -1,0 +1,49 @@
+"""Ways to divide places into clusters: scikit-learn's."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from sklearn.cluster import BisectingKMeans, KMeans
+from sklearn.metrics import pairwise_distances
+
+from ibe_rl.data import Array
+
+SPLITS = ("kmeans", "bisecting", "quantile")
+
+
+def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Array | None, seed: int) -> Array:
+    """Divide places into ``k`` clusters.
+
+    Args:
+        places: ``(W, P)``.
+        counts: ``(W,)`` how often each counts.
+        k: the number of clusters.
+        how: "kmeans"; "bisecting" (the largest cluster is halved again and again, which balances them); "quantile"
+            (along the first axis, as many in each).
+        n_init: starts of k-means, the best is kept.
+        first: ``(k, P)`` where k-means starts instead; the others begin anew.
+        seed: of the starts.
+
+    Returns:
+        centres ``(k, P)``.
+
+    Raises:
+        ValueError: for another ``how``.
+    """
+    if how == "kmeans":
+        starts = {"n_init": n_init} if first is None else {"n_init": 1, "init": first}
+        return KMeans(k, random_state=seed, **starts).fit(places, sample_weight=counts).cluster_centers_
+    if how == "bisecting":
+        halved = BisectingKMeans(k, n_init=n_init, random_state=seed, bisecting_strategy="largest_cluster")
+        return halved.fit(places, sample_weight=counts).cluster_centers_
+    if how == "quantile":
+        middles = (np.arange(k) + 0.5) / k
+        return np.quantile(places, middles, axis=0, weights=counts, method="inverted_cdf")
+    raise ValueError(f"split={how!r}: choose one of {', '.join(SPLITS)}")
+
+
+def mirrored(centres: Array) -> Array:
+    """Make a set of centres ``(k, P)`` its own mirror image about no change: each is averaged with its opposite."""
+    opposite = linear_sum_assignment(pairwise_distances(centres, -centres))[1]
+    return (centres - centres[opposite]) / 2

@@ -1,0 +1,196 @@
+"""What a vocabulary is learnt from: the best episodes of the log, and what the instructor said in good and bad ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from ibe_rl.config import MappingConfig
+from ibe_rl.data import Array, ConfigError, Episode, Task
+from ibe_rl.ibe import (
+    ClusterMapping,
+    IBEMapping,
+    TooLittleDataError,
+    Windows,
+    check_settings,
+    cut_windows,
+    top_episodes,
+)
+from ibe_rl.log import TrajectoryLog
+
+OTHER_EPISODES = 300
+"""How many of the episodes that are not among the best are read, for comparison and to hear the instructor."""
+HEARD_STATES = 5_000
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """Episodes of a log.
+
+    Attributes:
+        logged: how many the log holds.
+        counted: those of them that the best were chosen from.
+        best: the best of these, oldest first.
+        heard: good and bad ones, a fair sample of those counted: here only what the instructor said matters.
+        others: those of them that are not among the best.
+    """
+
+    logged: int
+    counted: int
+    best: Sequence[Episode]
+    heard: Sequence[Episode]
+    others: Sequence[Episode]
+
+
+def read_lessons(log: TrajectoryLog, config: MappingConfig, seed: int) -> Lessons:
+    """Choose episodes of the log and read them.
+
+    Raises:
+        TooLittleDataError: if none has ended in time.
+    """
+    index, contexts = log.index, log.context_names
+    if not len(index):
+        raise TooLittleDataError("no episode has ended yet")
+    counted = _counted(index["frame"], log.frames, config.newest_frames)
+    groups = contexts[counted] if config.top_within == "context" else None
+    is_best = top_episodes(index["total_reward"][counted], config.top_fraction, groups)
+    random = np.random.default_rng(seed)
+    others = log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES])
+    best = log.read(counted[is_best])
+    share = len(best) / max(1, np.sum(~is_best))
+    some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
+    return Lessons(len(index), len(counted), best, [*others, *(best[row] for row in some)], others)
+
+
+def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
+    counted = np.flatnonzero(ended_at > (-1 if newest_frames is None else frames - newest_frames))
+    if not len(counted):
+        raise TooLittleDataError(f"no episode has ended in the newest {newest_frames:,} frames")
+    return counted
+
+
+def told_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows | None:
+    """Windows of these episodes that began with an instruction and are not failed ends left out; None without any."""
+    if not episodes:
+        return None
+    windows = cut_windows(episodes, horizon_steps, config.window_end)
+    kept = np.asarray(windows.given)
+    if config.failed_ends == "drop":
+        failed = np.array([episode.terminated and not episode.success for episode in episodes])
+        steps = np.array([len(episode) for episode in episodes])
+        kept = kept & ~(failed[windows.episode] & (windows.step + horizon_steps >= steps[windows.episode]))
+    return windows[kept]
+
+
+def best_windows(best: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows:
+    """The windows that a vocabulary is learnt from.
+
+    Raises:
+        TooLittleDataError: if there is none.
+    """
+    windows = told_windows(best, config, horizon_steps)
+    if not windows:
+        longest = max((len(episode) for episode in best), default=0)
+        raise TooLittleDataError(
+            f"the best {len(best)} episodes have no window of {horizon_steps} steps with an instruction "
+            f"(the longest has {longest} steps)"
+        )
+    return windows
+
+
+def fit_mapping(
+    best: Sequence[Episode],
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: ClusterMapping | None = None,
+    horizon_steps: int | None = None,
+) -> ClusterMapping:
+    """Learn a vocabulary from episodes.
+
+    Args:
+        best: the windows of these are named.
+        heard: what the instructor said in which state.
+        config: see ``MappingConfig``.
+        task: the environment's own names.
+        seed: of the clustering; the same episodes give the same vocabulary.
+        last: the vocabulary so far, where the new one starts unless ``config.memory`` is None.
+        horizon_steps: n; None takes the config's.
+
+    Raises:
+        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
+    """
+    windows = best_windows(best, config, horizon_steps or config.horizon_steps)
+    return fit_windows(windows, heard, config, task, seed, last)
+
+
+def fit_windows(
+    windows: Windows,
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: ClusterMapping | None = None,
+) -> ClusterMapping:
+    """Learn a vocabulary from windows; the rest is as in ``fit_mapping``."""
+    estimator = _estimator(config, task, seed, last)
+    states, told = _said(heard, seed)
+    return estimator.fit(windows.delta, windows.instruction, states, told).mapping_
+
+
+def _said(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
+    """States ``(N, S)`` in which the instructor spoke, and what was said ``(N, d)``, a sample."""
+    given = np.concatenate([episode.given for episode in heard]).astype(bool)
+    states = np.concatenate([episode.states[:-1] for episode in heard])[given]
+    told = np.concatenate([episode.instructions for episode in heard])[given]
+    rows = np.random.default_rng(seed).permutation(len(states))[:HEARD_STATES]
+    return states[rows], told[rows]
+
+
+def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> IBEMapping:
+    settings = {name: getattr(config, name) for name in PASSED_ON}
+    return IBEMapping(
+        **settings,
+        dimensions=[task.state_names.index(name) for name in config.dimensions] or None,
+        last=None if config.memory is None else last,
+        memory=config.memory or 0.0,
+        random_state=seed,
+    )
+
+
+PASSED_ON = (
+    *("n_clusters", "space", "split", "power", "symmetric", "normalisation", "membership", "weigh_followed"),
+    *("hidden", "n_init", "max_fit_windows"),
+)
+"""Settings that the estimator has under the same name."""
+
+
+def check_mapping(config: MappingConfig, task: Task) -> None:
+    """Refuse a mapping that cannot work in this environment.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    spans = {"horizon_steps": [config.horizon_steps], "spans_steps": config.spans_steps}
+    for name, steps in spans.items():
+        if not all(1 <= n <= task.max_episode_steps for n in steps):
+            value = steps if name == "spans_steps" else steps[0]
+            raise ConfigError(
+                f"mapping.{name}={value}: allowed is at least 1 and at most {task.max_episode_steps}, "
+                "the length of the longest episode"
+            )
+    unknown = [name for name in config.dimensions if name not in task.state_names]
+    if unknown:
+        allowed = ", ".join(task.state_names)
+        raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
+    refreshed = config.memory is not None  # then each refresh starts from the one before
+    settings = {name: getattr(config, name) for name in PASSED_ON}
+    try:
+        check_settings(SimpleNamespace(**settings, memory=0.0, last=refreshed or None))
+    except ValueError as error:
+        reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
+        raise ConfigError(f"mapping.{reason}") from None
