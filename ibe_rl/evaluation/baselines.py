@@ -62,7 +62,10 @@ def fit_state_regressor(episodes: Sequence[Episode], horizon_steps: int, task: T
         "boosting": HistGradientBoostingRegressor(random_state=seed),
     }
     learnt, left = next(GroupShuffleSplit(1, random_state=seed).split(states, groups=numbers))
-    r2 = {kind: model.fit(states[learnt], change[learnt]).score(states[left], change[left]) for kind, model in kinds.items()}
+    r2 = {
+        kind: model.fit(states[learnt], change[learnt]).score(states[left], change[left])
+        for kind, model in kinds.items()
+    }
     best = max(r2, key=lambda kind: r2[kind])
     return StateRegressor(best, kinds[best].fit(states, change), {kind: float(value) for kind, value in r2.items()})
 

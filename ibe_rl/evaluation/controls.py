@@ -109,7 +109,8 @@ def shuffle_instructions(
 
 def _shuffle(episodes: Sequence[Episode], random: np.random.Generator) -> list[Episode]:
     return [
-        _told_as(episode, episodes[other]) for episode, other in zip(episodes, random.permutation(len(episodes)), strict=True)
+        _told_as(episode, episodes[other])
+        for episode, other in zip(episodes, random.permutation(len(episodes)), strict=True)
     ]
 
 

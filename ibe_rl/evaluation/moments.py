@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
-from rich.progress import track
 
 from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Predictor, Task
+from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.play import play_moments
 
 AT_ONCE = 100
@@ -62,6 +62,10 @@ class Moments:
     def judged(self) -> Moments:
         """The moments on the stride at which there was an instruction."""
         return self[self.regular & self.given]
+
+    def first_future(self) -> Moments:
+        """The same with one future only."""
+        return replace(self, predicted=self.predicted[:, :1])
 
     def at(self, horizon_steps: int) -> int:
         """Where a horizon stands in ``realised`` and ``predicted``."""
@@ -125,7 +129,9 @@ def gather(
     for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
         taken += _take(episode, moments, number, seeds[number], plan, task)
     predicted = _predict([one.moment for one in taken], policy, predictor, plan, title)
-    columns = {name: np.array([getattr(one, name) for one in taken]) for name in ("episode", "seed", "step", "realised")}
+    columns = {
+        name: np.array([getattr(one, name) for one in taken]) for name in ("episode", "seed", "step", "realised")
+    }
     flags = {name: np.array([getattr(one, name) for one in taken]) for name in ("regular", "observed")}
     return Moments(
         state=np.array([one.moment.state for one in taken]),
@@ -138,9 +144,7 @@ def gather(
     )
 
 
-def _take(
-    episode: Episode, moments: Sequence[Moment], number: int, seed: int, plan: Plan, task: Task
-) -> list[Taken]:
+def _take(episode: Episode, moments: Sequence[Moment], number: int, seed: int, plan: Plan, task: Task) -> list[Taken]:
     """The moments of one episode that the plan asks for."""
     observed = _observed_step(episode, plan, task)
     regular = range(0, len(episode), plan.stride_steps)
@@ -174,8 +178,10 @@ def _predict(moments: Sequence[Moment], policy: Policy, predictor: Predictor, pl
     futures = [moment for moment in moments for _ in range(plan.futures)]
     cuts = range(0, len(futures), PER_ROLLOUT)
     parts = []
-    for cut in track(cuts, description=title, transient=True):
-        paths = predictor.rollout(futures[cut : cut + PER_ROLLOUT], policy, plan.horizons_steps[-1])
-        parts.append(paths[:, list(plan.horizons_steps)] - paths[:, :1])
+    with waiting(title, len(cuts)) as step:
+        for cut in cuts:
+            paths = predictor.rollout(futures[cut : cut + PER_ROLLOUT], policy, plan.horizons_steps[-1])
+            parts.append(paths[:, list(plan.horizons_steps)] - paths[:, :1])
+            step()
     together = np.concatenate(parts)
     return together.reshape(len(moments), plan.futures, *together.shape[1:])

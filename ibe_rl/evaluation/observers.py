@@ -56,6 +56,13 @@ def observe_all(
     return samples, _report(samples, observer, len(seen), horizon_steps)
 
 
+def add_errors(rows: Sequence[dict[str, Any]], samples: Dict[str, Samples], horizon_steps: int) -> None:
+    """Put ``observer_error`` into the rows of one horizon."""
+    for row in rows:
+        if row["horizon_steps"] == horizon_steps and row["explainer"] in samples:
+            row["observer_error"] = as_json(estimate(samples[row["explainer"]]["observer_error"]))
+
+
 def _position_and_change(seen: Moments, horizon_steps: int, task: Task) -> tuple[Array, Array]:
     position = seen.state[:, task.explained].astype(float)
     return position, seen.realised[:, seen.at(horizon_steps), task.explained].astype(float)

@@ -26,7 +26,7 @@ from ibe_rl.evaluation.rows import (
     spread_over,
 )
 from ibe_rl.evaluation.spoken import Spoken, calibrate, speak
-from ibe_rl.metrics.bootstrap import estimate, went
+from ibe_rl.metrics.bootstrap import estimate
 from ibe_rl.metrics.confidence import Calibration
 
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
@@ -40,7 +40,8 @@ class Learnt:
 
     Attributes:
         vocabularies: explainer to its vocabulary.
-        ensembles: explainer to many vocabularies, of which the distribution is reported.
+        ensembles: explainer to many vocabularies that cannot be right, of which the distribution is reported; without
+            any the other controls are left out too.
         regressor: what the state alone tells.
     """
 
@@ -101,7 +102,8 @@ def judge(
         judged.samples[f"baseline:{name}"] = score_motion(said, judged.truth, on_scale)
         step()
     _judge_vocabularies(judged, moments, held_out, horizon_steps, task, step)
-    _judge_controls(judged, learnt, moments, horizon_steps, task, seed, step)
+    if learnt.ensembles:
+        _judge_controls(judged, learnt, moments, horizon_steps, task, seed, step)
     ceiling = judged.samples[PREDICTED]["motion_auc"]
     for samples in judged.samples.values():
         if "came_true" in samples:
@@ -154,11 +156,12 @@ def _judge_controls(
         speak(ours, elsewhere, horizon_steps, task.phrases), judged.truth
     )
     step()
-    alone = judged.truth.unweighed()
+    alone, first = judged.truth.unweighed(), moments.first_future()
     for name, several in learnt.ensembles.items():
         judged.refits[name] = []
         for mapping in several:
-            judged.refits[name].append(_score(speak(mapping, moments, horizon_steps, task.phrases), alone))
+            scores = _score(speak(mapping, first, horizon_steps, task.phrases), alone)
+            judged.refits[name].append({metric: scores[metric] for metric in scores if metric != "came_true_voted"})
             step()
 
 

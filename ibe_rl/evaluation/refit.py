@@ -2,68 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
-from ibe_rl.config import MappingConfig
-from ibe_rl.data import ConfigError, Episode, Task
+from ibe_rl.config import EvaluateConfig, MappingConfig
+from ibe_rl.data import ConfigError, Mapping
+from ibe_rl.evaluation.baselines import fit_state_regressor
+from ibe_rl.evaluation.controls import RandomClusters, shuffle_instructions
+from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.ibe import ClusterMapping, PaperMapping, TooLittleDataError, cut_windows, top_episodes
+from ibe_rl.ibe import ClusterMapping, TooLittleDataError
+from ibe_rl.lessons import Lessons, best_windows, check_mapping, fit_mapping, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
-
-
-@dataclass(frozen=True)
-class Lessons:
-    best: list[Episode]
-    heard: list[Episode]
-
-
-def read_lessons(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> Lessons:
-    index = log.index
-    counted = np.arange(len(index))
-    if config.newest_frames is not None:
-        counted = np.flatnonzero(index["frame"] > log.frames - config.newest_frames)
-    if not len(counted):
-        raise TooLittleDataError("no episode")
-    best = top_episodes(index["total_reward"][counted], config.top_fraction, None)
-    return Lessons(log.read(counted[best]), log.read(counted))
-
-
-def fit_mapping(best, heard, config: MappingConfig, task: Task, seed: int, last=None) -> ClusterMapping:  # type: ignore
-    top = cut_windows(best, config.horizon_steps, config.window_end)
-    top = top[np.asarray(top.given)]
-    dims = [task.state_names.index(name) for name in config.dimensions] or None
-    return (
-        PaperMapping(config.n_clusters, config.normalisation, dims, config.n_init, random_state=seed)
-        .fit(top.delta, top.instruction)
-        .mapping_
-    )
 
 
 def open_log(run: TrainedRun) -> TrajectoryLog:
     """Open the log of a run.
 
     Raises:
-        ConfigError: if there is none, or it is damaged or empty.
+        ConfigError: if there is none, or it is damaged.
     """
-    try:
-        log = TrajectoryLog.open(run.folder / TRAJECTORIES)
-    except ValueError as error:
+    if not (run.folder / TRAJECTORIES / "log.json").is_file():
         raise ConfigError(
-            f"run={run.folder}: it has no log to learn other vocabularies from; allowed is a run as train.py leaves it "
-            f"({error})"
-        ) from None
-    if not len(log.index):
-        raise ConfigError(f"run={run.folder}: its log in {TRAJECTORIES} holds no whole episode")
-    return log
+            f"run={run.folder}: it has no log ({TRAJECTORIES}/) to learn other vocabularies from; "
+            "allowed is a run with all that train.py left"
+        )
+    try:
+        return TrajectoryLog.open(run.folder / TRAJECTORIES)
+    except ValueError as error:
+        raise ConfigError(f"run={run.folder}: {error}") from None
 
 
 class Refits:
-    """Learns vocabularies from the log of one run.
+    """Learns vocabularies from the log of one run, all from its newest episodes, as many as the run itself used.
 
-    All use the newest episodes that the run's own mapping would use; ``seed`` is that of the clustering.
+    Args:
+        run: with its log.
+        seed: of the clustering and of all draws.
 
     Raises:
         ConfigError: if the run has no log.
@@ -72,34 +51,72 @@ class Refits:
     def __init__(self, run: TrainedRun, seed: int):
         self._run, self._seed, self._log = run, seed, open_log(run)
 
-    def lessons(self, config: MappingConfig, horizon_steps: int) -> tuple[Lessons, MappingConfig]:
-        """The episodes that ``config`` would learn from, and ``config`` as it is used on this log.
+    def lessons(self, config: MappingConfig) -> Lessons:
+        """The episodes that ``config`` learns from.
 
         Raises:
-            ConfigError: if there are too few of them.
+            ConfigError: if there are none.
         """
-        used = replace(config, horizon_steps=horizon_steps, newest_frames=self._run.config.mapping.newest_frames)
-        try:
-            return read_lessons(self._log, used, self._run.task, self._seed), used
-        except TooLittleDataError as error:
-            raise ConfigError(f"run={self._run.folder}: its log is too small for a vocabulary ({error})") from None
+        used = replace(config, newest_frames=self._run.config.mapping.newest_frames)
+        with self._enough():
+            return read_lessons(self._log, used, self._seed)
 
-    def fit(self, config: MappingConfig, horizon_steps: int) -> ClusterMapping:
-        """Learn a vocabulary from nothing.
+    def fit(self, config: MappingConfig, horizon_steps: int, lessons: Lessons | None = None) -> ClusterMapping:
+        """Learn a vocabulary from nothing, from the log or from given lessons.
+
+        Raises:
+            ConfigError: if they are too few, or the mapping cannot work in this environment.
+        """
+        check_mapping(config, self._run.task)
+        given = lessons or self.lessons(config)
+        with self._enough():
+            return fit_mapping(given.best, given.heard, config, self._run.task, self._seed, horizon_steps=horizon_steps)
+
+    def shuffled(
+        self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
+    ) -> list[Mapping]:
+        """``count`` vocabularies, each from episodes that were given the instructions of others."""
+        random, lessons = np.random.default_rng(self._seed), self.lessons(config)
+        found: list[Mapping] = []
+        for _ in range(count):
+            best, heard = shuffle_instructions(lessons.best, lessons.heard, random)
+            found.append(self.fit(config, horizon_steps, replace(lessons, best=best, heard=heard)))
+            step()
+        return found
+
+    def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[Mapping]:
+        """``count`` vocabularies with clusters around windows drawn at random."""
+        random, lessons = np.random.default_rng(self._seed), self.lessons(config)
+        with self._enough():
+            windows = best_windows(lessons.best, config, horizon_steps)
+        return [RandomClusters.draw(windows, config.n_clusters, random) for _ in range(count)]
+
+    def learn(
+        self,
+        vocabularies: dict[str, Mapping],
+        paper: MappingConfig,
+        horizon_steps: int,
+        config: EvaluateConfig,
+        step: Callable[[], None] = lambda: None,
+    ) -> Learnt:
+        """All that is held against the ``vocabularies`` in question at one horizon; ``step`` is called now and then.
 
         Raises:
             ConfigError: if the log is too small for it.
         """
-        lessons, used = self.lessons(config, horizon_steps)
-        return self.fit_on(lessons, used)
+        own = self._run.config.mapping
+        return Learnt(
+            vocabularies={**vocabularies, "baseline:paper": self.fit(paper, horizon_steps)},
+            ensembles={
+                "baseline:shuffled": self.shuffled(own, horizon_steps, config.shuffles, step),
+                "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
+            },
+            regressor=fit_state_regressor(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
+        )
 
-    def fit_on(self, lessons: Lessons, config: MappingConfig) -> ClusterMapping:
-        """Learn a vocabulary from these lessons.
-
-        Raises:
-            ConfigError: if they are too few.
-        """
+    @contextmanager
+    def _enough(self) -> Iterator[None]:
         try:
-            return fit_mapping(lessons.best, lessons.heard, config, self._run.task, self._seed)
+            yield
         except TooLittleDataError as error:
             raise ConfigError(f"run={self._run.folder}: its log is too small for a vocabulary ({error})") from None
