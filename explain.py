@@ -14,6 +14,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -67,8 +68,9 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
     """Fly the episode, then explain its every step."""
     instructor = make_instructor(run.config.instructor.kind, run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
+    voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
     with closing(make_simulator(cfg.predictor, run.make_env, run.task.rule, cfg.seed)) as predictor:
-        said = explain(watched.moments, run.policy, predictor, run.mapping, run.horizon_steps, run.task.phrases)
+        said = explain(watched.moments, run.policy, predictor, voice)
     return watched, said
 
 
@@ -84,13 +86,13 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None
     )
     for column in ("steps", "is told", "says that it will be", "expression", "confidence", "came true"):
         table.add_column(column, no_wrap=True, justify="right" if column == "steps" else "left")
-    for (instruction, _), group in groupby(range(len(said)), key=lambda step: (told[step], said[step].phrase)):
+    for (instruction, _), group in groupby(range(len(said)), key=lambda step: (told[step], said[step].in_time)):
         steps = list(group)
         first, expressions = said[steps[0]], np.array([said[step].expression for step in steps])
         numbers = " ".join(f"{value:+.2f}" for value in expressions.mean(axis=0))
         confidence = np.mean([said[step].confidence for step in steps])
         span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
-        table.add_row(span, instruction, first.phrase, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
+        table.add_row(span, instruction, first.in_time, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
     console = Console(highlight=False)
     console.width = max(console.width, 110)
     console.print(table)

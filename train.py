@@ -32,7 +32,7 @@ from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, step
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
-from ibe_rl.development import FIGURES, Development, check_development, figures, truth
+from ibe_rl.development import FIGURES, Development, check_development, figures
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
@@ -191,7 +191,7 @@ def training_row(log: TrajectoryLog, losses: dict[str, float]) -> dict[str, floa
 
 def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     """Learn the vocabulary anew, fly one greedy episode and explain it step by step."""
-    frames, task, policy = parts.log.frames, parts.task, parts.agent.greedy
+    frames, policy = parts.log.frames, parts.agent.greedy
     try:
         with timeit("refresh"):
             refresh = parts.development.refresh(parts.log, policy)
@@ -205,16 +205,14 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     parts.kept += not refresh.taken
     with timeit("explain"):
         watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + parts.refreshes + parts.kept)
-        horizon, every = cfg.mapping.horizon_steps, cfg.explain_every_steps
-        new = explain(watched.moments[::every], policy, parts.predictor, refresh.standing, horizon, task.phrases)
-        said = hold(new, every, len(watched.moments))
-        row = figures(refresh) | truth(refresh, watched.episode, said, every, task.phrases)
+        voice, every = parts.development.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
+        said = hold(explain(watched.moments[::every], policy, parts.predictor, voice), every, len(watched.moments))
+        row = figures(refresh) | parts.development.judge(refresh, watched.episode, said, every)
     with timeit("stream"):
         parts.recorder.refresh(refresh)
-        parts.recorder.watched(
-            frames, watched, said, happened(watched.episode, horizon, refresh.standing, task.phrases)
-        )
-        parts.progress.refreshed(parts.refreshes, refresh, said[-1].phrase, row["ibe/came_true"])
+        real = happened(watched.episode, voice.horizon_steps, voice.mapping, voice.words)
+        parts.recorder.watched(frames, watched, said, real)
+        parts.progress.refreshed(parts.refreshes, refresh, said[-1].said, row["ibe/came_true"])
     return row
 
 

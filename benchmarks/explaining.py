@@ -6,6 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,7 @@ def explain_all(run: TrainedRun, warm: Sequence[Moment]) -> Any:
     """``explain`` with everything but the moments filled in; its games are made already."""
     simulator = make_simulator(run.config.predictor, run.make_env, run.task.rule, seed=0)
     simulator.rollout(warm, run.policy, 1)
-    rest = (run.policy, simulator, run.mapping, run.horizon_steps, run.task.phrases)
+    rest = (run.policy, simulator, replace(run.voice, futures=1))
     return lambda moments: explain(moments, *rest)
 
 

@@ -139,6 +139,7 @@ class PredictorConfig:
 
     future_instruction: str = setting("hold", choices=("hold", "rule"))
     processes: int = setting(1, low=1, high=64)  # that share many moments; more than 1 takes seconds to start
+    futures: int = setting(3, low=1, high=100)  # sampled from each moment; what most of them are called is said
     moments_at_once: int = setting(32, low=1)  # copies of the environment; more of them crowd the processor's cache
 
 
@@ -166,6 +167,7 @@ class TrainConfig:
     run_dir: str = MISSING
     refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below
+    min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
     explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds
     eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
@@ -210,6 +212,7 @@ class ExplainConfig:
     task: str = setting("episode", choices=("episode", "evaluate", "compare"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one
+    min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)

@@ -18,6 +18,10 @@ Policy = Callable[[Array], Array]
 """Observations ``(N, O)`` float32 to actions ``(N,)``, without any exploration."""
 
 
+DOES_NOT_KNOW = "I do not know"
+"""What is said where the confidence is too small."""
+
+
 class ConfigError(ValueError):
     """A setting that cannot work; the message names the key, the value and what is allowed."""
 
@@ -123,9 +127,14 @@ class Explanation:
         cluster: lasting id of the cluster that the predicted change falls into.
         delta_state: ``(S,)`` predicted change of the state.
         horizon_steps: how far ahead, in steps of the environment.
-        confidence: share of the cluster's windows that carried its most frequent instruction, in [0, 1];
-            not calibrated.
+        confidence: in [0, 1]; once calibrated the probability that the phrase comes true, until then ``agreement``
+            times ``purity``.
         path: ``(H + 1, S)`` predicted states, the present one first; repeats the last one after an end.
+        futures: ``(F, S)`` predicted changes in all the futures that were sampled, ``delta_state`` one of them.
+        agreement: share of these that are called like this.
+        purity: share of the cluster's windows that carried its most frequent instruction.
+        known: False if the agent is not confident enough to say it.
+        spans: what it says of other spans of time from here, by rising horizon.
     """
 
     expression: Array
@@ -135,6 +144,29 @@ class Explanation:
     horizon_steps: int
     confidence: float
     path: Array
+    futures: Array
+    agreement: float = 1.0
+    purity: float = 1.0
+    known: bool = True
+    spans: tuple[Explanation, ...] = ()
+
+    @property
+    def said(self) -> str:
+        """The phrase, or that the agent does not know."""
+        return self.phrase if self.known else DOES_NOT_KNOW
+
+    @property
+    def in_time(self) -> str:
+        """What is said of all spans of time: the phrases in the order of their horizons, repeated ones once."""
+        parts: list[tuple[int, str]] = []
+        for one in sorted((*self.spans, self), key=lambda one: one.horizon_steps):
+            if not parts or parts[-1][1] != one.said:
+                parts.append((one.horizon_steps, one.said))
+        if len(parts) == 1:
+            return parts[0][1]
+        if len(parts) == 2:
+            return f"now {parts[0][1]}, later {parts[1][1]}"
+        return ", ".join(f"within {steps} steps {said}" for steps, said in parts)
 
 
 @dataclass(frozen=True)

@@ -9,25 +9,33 @@ from pathlib import Path
 import numpy as np
 
 from ibe_rl.config import MappingConfig, TrainConfig
-from ibe_rl.data import Array, ConfigError, Episode, Explanation, Phrases, Policy, Task, observe
-from ibe_rl.explainer import put_in_words
+from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, Task, observe
+from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, voted
 from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
 from ibe_rl.lessons import check_mapping
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import SCORES, came_true, policy_drift, vocabulary_drift, vocabulary_scores
+from ibe_rl.metrics import (
+    SCORES,
+    Calibration,
+    happened,
+    phrases_true,
+    policy_drift,
+    vocabulary_drift,
+    vocabulary_scores,
+)
 from ibe_rl.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
 from ibe_rl.run_folder import write_atomically
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
 FIGURES = (
-    *("ibe/came_true", "ibe/came_true_stale"),
+    *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
     *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
     *(f"ibe/{name}" for name in SCORES),
     *(f"ibe/{name}_stale" for name in SCORES),
 )
-"""What ``figures`` and ``truth`` can tell of a refresh; columns of metrics.csv."""
+"""What ``figures`` and ``Development.judge`` can tell of a refresh; columns of metrics.csv."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +69,7 @@ class Development:
         mapping: the vocabulary that stands, None before the first refresh.
         spans: those of the other spans of time, by their horizon in steps.
         probe: drawn from the episodes of the first refresh.
+        calibration: how probable it is that what is said comes true, from the episodes judged so far.
     """
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
@@ -70,6 +79,8 @@ class Development:
         self.probe: Probe | None = None
         self._learnt_at = self._next_id = 0
         self._actions: Array | None = None
+        self.calibration: Calibration | None = None
+        self._judged: list[tuple[Array, Array]] = []
 
     def refresh(self, log: TrajectoryLog, policy: Policy) -> Refresh:
         """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
@@ -106,7 +117,41 @@ class Development:
         if refresh.change is None and self.probe is not None:
             self.probe.save(folder / "probe.npz")
         if refresh.taken:
-            save_refresh(folder, refresh, self._config, self._task)
+            save_refresh(folder, refresh, self._config, self._task, self.calibration)
+
+    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
+        """What the agent speaks with as it is now, after the first refresh."""
+        assert self.mapping is not None
+        steps, words = self._config.horizon_steps, self._task.phrases
+        return Voice(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
+
+    def judge(
+        self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int
+    ) -> dict[str, float]:
+        """Hold what was said of an episode against what happened, and learn from it how much to trust the next.
+
+        Args:
+            refresh: the newest one.
+            episode: ``T`` steps.
+            said: ``T`` explanations in the vocabulary that stands.
+            every_steps: something new was said once in so many steps.
+
+        Returns:
+            Columns of metrics.csv: how much came true, how often the agent did not know, and how much of what the
+            vocabulary before would have said came true.
+        """
+        new, words = said[::every_steps], self._task.phrases
+        true = phrases_true(episode, said, refresh.standing, words)[::every_steps]
+        self._judged.append((confidence_features(new), true))
+        features, outcomes = (np.concatenate(column) for column in zip(*self._judged, strict=True))
+        self.calibration = Calibration.fit(features, outcomes, CONFIDENCE_FEATURES)
+        row = {"ibe/came_true": float(np.mean(true)), "ibe/unknown": float(np.mean([not one.known for one in new]))}
+        if refresh.change is not None:
+            last = refresh.change.last
+            stale, _, _ = voted(np.stack([one.futures for one in new]), last, words)
+            real = happened(episode, said[0].horizon_steps, last, words)[::every_steps]
+            row["ibe/came_true_stale"] = float(np.mean(np.array(stale) == np.array(real)))
+        return row
 
     def _held_against(
         self, last: ClusterMapping, learnt: Refresh, probe: Probe, newest: Windows, actions: Array
@@ -187,23 +232,3 @@ def _moved(change: Change) -> dict[str, float]:
         "ibe/expression_moved": change.drift.expression_moved,
         "ibe/cluster_agreement": change.drift.cluster_agreement,
     }
-
-
-def truth(
-    refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int, words: Sequence[Phrases]
-) -> dict[str, float]:
-    """How much of what was said of an episode came true, and of what the vocabulary before would have said.
-
-    Args:
-        refresh: the newest one.
-        episode: ``T`` steps.
-        said: ``T`` explanations in the vocabulary that stands.
-        every_steps: something new was said once in so many steps.
-        words: of the environment.
-    """
-    row = {"ibe/came_true": came_true(episode, said, refresh.standing, words, every_steps)}
-    if refresh.change is not None:
-        last, horizon_steps = refresh.change.last, said[0].horizon_steps
-        stale = put_in_words(np.stack([one.path for one in said]), last, horizon_steps, words)
-        row["ibe/came_true_stale"] = came_true(episode, stale, last, words, every_steps)
-    return row

@@ -2,58 +2,129 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping as Dict
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from ibe_rl.data import Array, Explanation, Mapping, Moment, Phrases, Policy, Predictor
-from ibe_rl.ibe import phrase
+from ibe_rl.ibe import phrases_of
+from ibe_rl.metrics import Calibration
+
+CONFIDENCE_FEATURES = ("agreement", "purity")
+"""What the confidence is calibrated from: the share of the futures with the spoken phrase, ``Mapping.confidence``."""
 
 
-def explain(
-    moments: Sequence[Moment],
-    policy: Policy,
-    predictor: Predictor,
-    mapping: Mapping,
-    horizon_steps: int,
-    vocabulary: Sequence[Phrases],
-) -> list[Explanation]:
-    """Explain the agent's next ``horizon_steps`` steps at each moment (the paper's Algorithm 1 and equation 2).
+@dataclass(frozen=True)
+class Voice:
+    """What an agent speaks with.
+
+    Attributes:
+        mapping: the vocabulary as last learnt.
+        horizon_steps: n, the one it was learnt with.
+        words: of the environment, one entry for each number of an expression.
+        spans: the vocabularies of other spans of time, by their horizon in steps.
+        futures: how many are sampled at each moment; what most of them would be called is said.
+        calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true; None: not known yet,
+            the confidence is the product of the features.
+        min_confidence: under it, if it is calibrated, the agent says that it does not know.
+    """
+
+    mapping: Mapping
+    horizon_steps: int
+    words: Sequence[Phrases]
+    spans: Dict[int, Mapping] = field(default_factory=dict)
+    futures: int = 1
+    calibration: Calibration | None = None
+    min_confidence: float = 0.0
+
+
+def explain(moments: Sequence[Moment], policy: Policy, predictor: Predictor, voice: Voice) -> list[Explanation]:
+    """Explain the agent's future at each moment (the paper's Algorithm 1 and equation 2).
 
     Args:
         moments: ``N`` moments, all of them predicted together.
         policy: the greedy policy.
         predictor: where it leads.
-        mapping: the vocabulary as last learnt.
-        horizon_steps: n, the one the mapping was learnt with.
-        vocabulary: the environment's words, one entry for each number of an expression.
+        voice: what is spoken with.
 
     Returns:
-        ``N`` explanations.
+        ``N`` explanations of the next ``voice.horizon_steps`` steps, each with those of the other spans of time.
     """
     if not moments:
         return []
-    return put_in_words(predictor.rollout(moments, policy, horizon_steps), mapping, horizon_steps, vocabulary)
+    longest = max(voice.horizon_steps, *voice.spans, 1)
+    futures = [moment for moment in moments for _ in range(voice.futures)]
+    paths = predictor.rollout(futures, policy, longest)
+    return put_in_words(paths.reshape(len(moments), voice.futures, *paths.shape[1:]), voice)
+
+
+def put_in_words(paths: Array, voice: Voice) -> list[Explanation]:
+    """Say what predictions ``(N, F, H + 1, S)``, ``F`` futures of each moment, are called."""
+    said = _of_span(paths[:, :, : voice.horizon_steps + 1], voice)
+    others = [
+        _of_span(paths[:, :, : steps + 1], Voice(mapping, steps, voice.words))
+        for steps, mapping in sorted(voice.spans.items())
+    ]
+    return [replace(one, spans=tuple(other[row] for other in others)) for row, one in enumerate(said)]
+
+
+def _of_span(paths: Array, voice: Voice) -> list[Explanation]:
+    deltas = paths[:, :, -1] - paths[:, :, 0]
+    phrases, which, agreement = voted(deltas, voice.mapping, voice.words)
+    rows = np.arange(len(deltas))
+    spoken = deltas[rows, which]
+    purity = voice.mapping.confidence(spoken)
+    columns = (voice.mapping.express(spoken), voice.mapping.ids[voice.mapping.cluster(spoken)], agreement, purity)
+    said = [
+        Explanation(
+            expression=expression,
+            phrase=phrases[row],
+            cluster=int(cluster),
+            delta_state=spoken[row],
+            horizon_steps=voice.horizon_steps,
+            confidence=float(agreed * pure),
+            path=paths[row, which[row]],
+            futures=deltas[row],
+            agreement=float(agreed),
+            purity=float(pure),
+        )
+        for row, (expression, cluster, agreed, pure) in enumerate(zip(*columns, strict=True))
+    ]
+    return said if voice.calibration is None else _calibrated(said, voice.calibration, voice.min_confidence)
+
+
+def voted(deltas: Array, mapping: Mapping, words: Sequence[Phrases]) -> tuple[list[str], Array, Array]:
+    """What most of the futures of each moment are called.
+
+    Args:
+        deltas: ``(N, F, S)`` changes of the state in ``F`` futures.
+        mapping: the vocabulary.
+        words: of the environment.
+
+    Returns:
+        ``N`` phrases, the first ``(N,)`` of the futures that is called so, and the share ``(N,)`` that are.
+    """
+    count, futures, size = deltas.shape
+    called = phrases_of(mapping.express(deltas.reshape(-1, size)), words).reshape(count, futures)
+    most = [Counter(row.tolist()).most_common(1)[0] for row in called]
+    phrases, votes = [name for name, _ in most], np.array([votes for _, votes in most])
+    return phrases, np.argmax(called == np.array(phrases)[:, None], axis=1), votes / futures
+
+
+def _calibrated(said: Sequence[Explanation], calibration: Calibration, minimum: float) -> list[Explanation]:
+    confidence = calibration.probability(confidence_features(said))
+    pairs = zip(said, confidence.tolist(), strict=True)
+    return [replace(one, confidence=each, known=each >= minimum) for one, each in pairs]
+
+
+def confidence_features(said: Sequence[Explanation]) -> Array:
+    """``(N, 2)``, see ``CONFIDENCE_FEATURES``."""
+    return np.array([(one.agreement, one.purity) for one in said])
 
 
 def hold(said: Sequence[Explanation], every_steps: int, steps: int) -> list[Explanation]:
     """What is said at each of ``steps`` steps, if something new is said every ``every_steps`` and holds in between."""
     return [said[step // every_steps] for step in range(steps)]
-
-
-def put_in_words(
-    paths: Array, mapping: Mapping, horizon_steps: int, vocabulary: Sequence[Phrases]
-) -> list[Explanation]:
-    """Say what predictions ``(N, H + 1, S)`` are called in a vocabulary; the rest is as in ``explain``."""
-    delta = paths[:, -1] - paths[:, 0]
-    columns = (mapping.express(delta), mapping.ids[mapping.cluster(delta)], mapping.confidence(delta))
-    return [
-        Explanation(
-            expression=expression,
-            phrase=phrase(expression, vocabulary),
-            cluster=int(cluster),
-            delta_state=delta[row],
-            horizon_steps=horizon_steps,
-            confidence=float(confidence),
-            path=paths[row],
-        )
-        for row, (expression, cluster, confidence) in enumerate(zip(*columns, strict=True))
-    ]

@@ -17,7 +17,7 @@ from ibe_rl.data import Array, Task
 from ibe_rl.ibe import ClusterMapping, Transition, Windows, phrase
 from ibe_rl.lessons import best_windows, fit_mapping, fit_windows, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import VocabularyDrift
+from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.run_folder import write_json
 
 Spans = Dict[int, ClusterMapping]
@@ -140,7 +140,9 @@ def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
     return dict(zip(names, counts, strict=True))
 
 
-def save_refresh(folder: Path, refresh: Refresh, config: MappingConfig, task: Task) -> Path:
+def save_refresh(
+    folder: Path, refresh: Refresh, config: MappingConfig, task: Task, calibration: Calibration | None = None
+) -> Path:
     """Write a refresh as JSON, for people and for ``load_refresh``; returns the file."""
     mapping = refresh.mapping
     clusters = [
@@ -170,6 +172,7 @@ def save_refresh(folder: Path, refresh: Refresh, config: MappingConfig, task: Ta
             "change": None if refresh.change is None else _change(refresh.change),
             "state_names": list(task.state_names),
             "mapping": mapping.to_dict(),
+            "calibration": None if calibration is None else calibration.to_dict(),
             "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
         },
     )
@@ -201,12 +204,14 @@ class Saved:
         horizon_steps: n, the one it was learnt with.
         frame: training frames when it was learnt.
         spans: the vocabularies of other spans of time, by their horizon in steps.
+        calibration: of the confidence, from the episodes watched before; None at the first refresh.
     """
 
     mapping: ClusterMapping
     horizon_steps: int
     frame: int
     spans: Spans
+    calibration: Calibration | None
 
 
 def load_refresh(path: Path) -> Saved:
@@ -219,6 +224,7 @@ def load_refresh(path: Path) -> Saved:
         saved: dict[str, Any] = json.loads(path.read_text())
         spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
         mapping = ClusterMapping.from_dict(saved["mapping"])
-        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans)
+        calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
+        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans, calibration)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path} is not a readable refresh: {error}") from None

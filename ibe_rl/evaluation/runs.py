@@ -14,7 +14,9 @@ from ibe_rl.command_line import load_config
 from ibe_rl.config import TrainConfig, check
 from ibe_rl.data import ConfigError, Task
 from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.explainer import Voice
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
 from ibe_rl.run_folder import CHECKPOINTS, CONFIG, REFRESHES
 
@@ -33,6 +35,7 @@ class TrainedRun:
         mapping_frame: training frames when it was learnt.
         horizon_steps: n, the one the vocabulary was learnt with.
         spans: the vocabularies of other spans of time, by their horizon in steps.
+        calibration: of the confidence, from the episodes watched before the last refresh; None if it was the first.
     """
 
     folder: Path
@@ -44,6 +47,12 @@ class TrainedRun:
     mapping_frame: int
     horizon_steps: int
     spans: Spans
+    calibration: Calibration | None
+
+    @property
+    def voice(self) -> Voice:
+        """What the agent speaks with."""
+        return Voice(self.mapping, self.horizon_steps, self.task.phrases, self.spans, calibration=self.calibration)
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """One more environment as the run had them."""
@@ -76,6 +85,7 @@ def load_run(folder: Path) -> TrainedRun:
         saved.frame,
         saved.horizon_steps,
         saved.spans,
+        saved.calibration,
     )
 
 

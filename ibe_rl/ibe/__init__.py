@@ -5,7 +5,7 @@ from ibe_rl.ibe.estimator import IBEMapping, check_settings
 from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.space import TooLittleDataError
-from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase
+from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase, phrases_of
 
 __all__ = [
     "NORMALISATIONS",
@@ -20,5 +20,6 @@ __all__ = [
     "keep_identity",
     "normalise",
     "phrase",
+    "phrases_of",
     "top_episodes",
 ]

@@ -29,7 +29,7 @@ from ibe_rl.ibe.vocabulary import normalise
 
 SPACES = ("all", "information", "lasso", "network", "rule")
 OF_INSTRUCTIONS = ("lasso", "network", "rule")
-"""Spaces with an axis for each number of the instruction, on which 1 is what the instruction 1 typically brought about."""
+"""Spaces with an axis for each number of the instruction; 1 on it is what the instruction 1 typically brought about."""
 
 
 class _Lessons(NamedTuple):

@@ -45,6 +45,12 @@ def phrase(expression: Array, vocabulary: Sequence[Phrases]) -> str:
     return " and ".join(_words(float(value), words) for value, words in zip(expression, vocabulary, strict=True))
 
 
+def phrases_of(expressions: Array, vocabulary: Sequence[Phrases]) -> Array:
+    """Say many expressions ``(N, d)``: phrases ``(N,)``."""
+    distinct, rows = np.unique(expressions, axis=0, return_inverse=True)
+    return np.array([phrase(expression, vocabulary) for expression in distinct])[rows]
+
+
 def _words(value: float, words: Phrases) -> str:
     degree = None
     for limit, word in words.degrees:

@@ -107,14 +107,13 @@ def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
     both = [Ties.of(values) for values in (a, b)]
 
     def spearman(part: Array) -> Array:
-        products, scale, constant = part.copy(), np.ones(len(part)), np.zeros(len(part), bool)
+        products, scale = part.copy(), np.ones(len(part))
         for ties in both:
             sums = ties.sums(part)
             ranks = _middle(sums) - sums.sum(axis=1, keepdims=True) / 2  # half of all weights: the mean rank
             products *= ranks[:, ties.group]
             scale *= np.sqrt(np.sum(sums * ranks**2, axis=1))
-            constant |= np.sum(sums > 0, axis=1) < 2
-        return ratio(products.sum(axis=1), np.where(constant, 0, scale))
+        return ratio(products.sum(axis=1), scale)  # of a constant the ranks and so the scale are exactly 0
 
     return by_chunks(spearman, weights)
 

@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.metrics import adjusted_rand_score
 
 from ibe_rl.data import Array, Mapping, Phrases
-from ibe_rl.ibe import phrase
+from ibe_rl.ibe import phrases_of
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,3 @@ def vocabulary_drift(before: Mapping, after: Mapping, probe: Array, words: Seque
 def policy_drift(before: Array, after: Array) -> float:
     """Share of the same states ``(P, ...)`` in which another action is taken than before."""
     return float(np.mean(np.any((before != after).reshape(len(before), -1), axis=1)))
-
-
-def phrases_of(expressions: Array, words: Sequence[Phrases]) -> Array:
-    """Expressions ``(P, d)``, few of them distinct, to phrases ``(P,)``."""
-    distinct, rows = np.unique(expressions, axis=0, return_inverse=True)
-    return np.array([phrase(expression, words) for expression in distinct])[rows]

@@ -9,7 +9,7 @@ from scipy.stats import spearmanr
 from sklearn.metrics import f1_score, roc_auc_score
 
 from ibe_rl.data import Array, Episode, Explanation, Mapping, Phrases, Task
-from ibe_rl.ibe import Windows, delta_states, phrase
+from ibe_rl.ibe import Windows, delta_states, phrases_of
 
 SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1")
 """What ``vocabulary_scores`` tells."""
@@ -21,7 +21,7 @@ def happened(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary:
     Windows that reach past the end of the episode end there.
     """
     realised = delta_states(episode.states, horizon_steps, end="clamp")
-    return [phrase(expression, vocabulary) for expression in mapping.express(realised)]
+    return list(phrases_of(mapping.express(realised), vocabulary))
 
 
 def phrases_true(

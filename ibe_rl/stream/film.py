@@ -105,7 +105,7 @@ class Film:
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
         shades = picture.colours(np.array([one.expression[0] for one in said]))
-        words = [f"says: {one.phrase}" for one in said]
+        words = [f"says: {one.in_time}" for one in said]
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
 
     def _send_judged(self, place: Place, said: Sequence[Explanation], real: Sequence[str]) -> None:
@@ -115,11 +115,10 @@ class Film:
         place.set(self._recording)
         for entity in entities:
             self._recording.log(entity, rr.Clear(recursive=False))
-        begun = np.unique(picture.made_at(said))
-        begun = begun[begun + steps_ago <= len(said)]
-        if not len(begun):
+        begun = [i for i in np.unique(picture.made_at(said)) if i + steps_ago <= len(said) and said[i].known]
+        if not begun:
             return
-        times = place.columns(begun + steps_ago)
+        times = place.columns(np.add(begun, steps_ago))
         height, true = self._task.scene_size[1], [said[i].phrase == real[i] for i in begun]
         paths = picture.flipped(self._task.scene_path(np.stack([said[i].path for i in begun])), height)
         shades = np.where(np.array(true)[:, None], view.GREEN, view.PINK).astype(np.uint8)
@@ -157,14 +156,16 @@ class Film:
 
     def _send_lanes(self, place: Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         for one in said:
-            self._shades.setdefault(one.phrase, picture.colours(one.expression[:1])[0])
+            self._shades.setdefault(
+                one.said, picture.colours(one.expression[:1])[0] if one.known else np.array(view.SILENT)
+            )
         words = list(self._shades)
         states = rr.StateConfiguration(
             values=[SILENCE, *words],
             labels=[SILENCE, *sentences.short(words, self._task.phrases)],
             colors=np.array([view.SILENT, *self._shades.values()], np.uint8),
         )
-        for lane, spoken in (("instructor", instructed), ("agent", [one.phrase for one in said])):
+        for lane, spoken in (("instructor", instructed), ("agent", [one.said for one in said])):
             self._recording.log(f"says/{lane}", states, static=True)
             rows = picture.changes(spoken)
             times = place.columns([*rows, len(spoken)])
@@ -181,9 +182,9 @@ class Film:
     ) -> None:
         steps_ago, made = said[0].horizon_steps, picture.made_at(said)
         verdicts = [""] * min(steps_ago, len(said)) + [
-            sentences.judged(steps_ago, said[i].phrase, real[i]) for i in made[: max(0, len(said) - steps_ago)]
+            sentences.judged(steps_ago, said[i].said, real[i]) for i in made[: max(0, len(said) - steps_ago)]
         ]
-        spoken = [(one.phrase, one.cluster) for one in said]
+        spoken = [(one.in_time, one.cluster) for one in said]
         rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
         texts = [
             f"{head}  \n{sentences.said_lines(instructed[i], said[i])}  \n{verdicts[i]}\n\n{standing(said[i].cluster)}"
@@ -193,9 +194,9 @@ class Film:
         self._send("now", place.columns(rows), columns)
 
     def _send_spoken(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
-        rows = picture.changes([one.phrase for one in said])
+        rows = picture.changes([one.in_time for one in said])
         end = "success" if watched.episode.success else "no success"
-        texts = [f"+{i}  {said[i].phrase}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
+        texts = [f"+{i}  {said[i].in_time}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
         shades = picture.colours(np.array([said[i].expression[0] for i in rows]))
         shades = np.concatenate([shades, [view.GREEN if watched.episode.success else view.PINK]]).astype(np.uint8)
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)

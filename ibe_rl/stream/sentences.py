@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibe_rl.data import Explanation, Phrases
+from ibe_rl.data import DOES_NOT_KNOW, Explanation, Phrases
 from ibe_rl.ibe import ClusterMapping, phrase
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def shared_words(words: Sequence[Phrases]) -> int:
 def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
     """Phrases without the words that all of the language begin with."""
     shared = shared_words(words)
-    return [" ".join(one.split()[shared:]) for one in phrases]
+    return [one if one == DOES_NOT_KNOW else " ".join(one.split()[shared:]) for one in phrases]
 
 
 def counts(of: Dict[str, int]) -> str:
@@ -112,7 +112,7 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
     number = " ".join(f"{x:+.2f}" for x in explanation.expression)
     return (
         f"Instructor: **{instructed}**  \n"
-        f"Agent: **{explanation.phrase}** ({number}), confidence {explanation.confidence:.0%}"
+        f"Agent: **{explanation.in_time}** ({number}), confidence {explanation.confidence:.0%}"
     )
 
 

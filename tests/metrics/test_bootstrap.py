@@ -131,9 +131,11 @@ def test_spearman_of_what_is_constant_on_a_resample_is_not_a_number():
 
 
 def test_spearman_knows_what_is_constant_under_any_weights():
-    """Weights like .1 leave a remainder when they are summed in two orders; it is no spread."""
-    rows = np.random.default_rng(0).random((50, 9))
+    """No remainder of a sum may pass for a spread."""
+    rows = np.random.default_rng(0).random((200, 9))
     assert np.isnan(weighted_spearman(np.full(9, 0.3), np.arange(9), rows)).all()
+    rows[:, 3:] = 0
+    assert np.isnan(weighted_spearman(np.array([1, 1, 1, 0, 2, 3, 4, 5, 6]), np.arange(9), rows)).all()
 
 
 def test_an_estimate_is_row_0_with_the_percentiles_of_the_others():
