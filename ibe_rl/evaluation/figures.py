@@ -112,7 +112,7 @@ def confidence(calibration: dict[str, Any]) -> Figure:
         xlim=(0, 1.03), ylim=(0, 1.03), xlabel="confidence that the phrase comes true", ylabel="share that came true"
     )
     left.set_title("Is it right as often as it is sure?", fontsize=10)
-    left.legend(fontsize=8, frameon=False, loc="upper left")
+    left.legend(fontsize=8, frameon=False, loc="lower right", markerscale=0.6)
     risk = 100 * np.array(curve["risk"])
     right.plot(100 * np.array(curve["coverage"]), risk, color=COLOURS[0], drawstyle="steps-pre")
     right.axhline(risk[-1], color="#000000", linewidth=0.8, linestyle=":", label="always speaking")
@@ -130,7 +130,7 @@ def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own
     """Truth of some explainers over how far ahead they speak."""
     figure, axes = _figure(9.5, 4.4, 2, sharey=True)
     metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
-    shift = 0.6
+    shift = 1.4
     for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
         for number, name in enumerate(explainers):
             told = [(row["horizon_steps"], row[metric]) for row in rows if row["explainer"] == name]
@@ -142,7 +142,9 @@ def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own
         axis.set(xlabel="horizon (steps)", xticks=sorted({row["horizon_steps"] for row in rows}))
     axes[0].set_ylabel("motion AUC (0.5: chance, 1: always right)")
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(f"How far ahead is it true? (95 % intervals; dotted: {own} steps, the run's own)")
+    figure.suptitle(
+        f"How far ahead is it true? (95 % intervals; dotted: {own} steps, the run's own; points moved apart)"
+    )
     return figure
 
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from ibe_rl.data import Array, Mapping, Phrases
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.metrics.confidence import Calibration
-from ibe_rl.metrics.drift import phrases_of
-
-FEATURES = ("agreement", "purity")
-"""What the confidence is calibrated from: ``Spoken.agreement`` and the mapping's own, uncalibrated confidence."""
+from ibe_rl.explainer import CONFIDENCE_FEATURES, voted
+from ibe_rl.ibe import phrases_of
+from ibe_rl.metrics import Calibration
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class Spoken:
 
     @property
     def features(self) -> Array:
-        """``(N, 2)``, see ``FEATURES``."""
+        """``(N, 2)``, see ``CONFIDENCE_FEATURES``."""
         return np.column_stack([self.agreement, self.purity])
 
 
@@ -51,22 +49,17 @@ def speak(mapping: Mapping, moments: Moments, horizon_steps: int, words: Sequenc
     phrases = phrases_of(expressions, words).reshape(count, futures)
     real = phrases_of(mapping.express(moments.realised[:, at]), words)
     first = phrases[:, 0]
+    most = first if futures == 1 else np.array(voted(predicted, mapping, words)[0])
     return Spoken(
         expression=expressions.reshape(count, futures, -1)[:, 0],
         phrase=first,
         true=first == real,
-        voted_true=most_frequent(phrases) == real,
+        voted_true=most == real,
         agreement=np.mean(phrases == first[:, None], axis=1),
         purity=mapping.confidence(predicted[:, 0]),
     )
 
 
-def most_frequent(phrases: Array) -> Array:
-    """The most frequent phrase ``(N,)`` of each row of ``(N, F)``; of equally frequent ones, the one said first."""
-    counts = np.sum(phrases[:, :, None] == phrases[:, None, :], axis=2)
-    return phrases[np.arange(len(phrases)), counts.argmax(axis=1)]
-
-
 def calibrate(spoken: Spoken) -> Calibration:
     """Learn how sure one can be, from moments of episodes that nothing else is judged on."""
-    return Calibration.fit(spoken.features, spoken.true, FEATURES)
+    return Calibration.fit(spoken.features, spoken.true, CONFIDENCE_FEATURES)
