@@ -50,6 +50,8 @@ def compare(cfg: ExplainConfig) -> None:
     write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
     console = tables.console()
     console.print(tables.quality_table(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps"))
+    if observers["rows"]:
+        console.print(tables.observers_table(observers))
     console.print(f"numbers: {path}", soft_wrap=True)
 
 

@@ -59,7 +59,7 @@ def evaluate(cfg: ExplainConfig) -> None:
     write_json(folder / "observers.json", observers)
     write_json(folder / "calibration.json", calibration)
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
-    tell(quality, own, ours)
+    tell(quality, observers, own, ours)
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, SHOWN)
     print_files(folder, drawn)
 
@@ -174,7 +174,7 @@ def protocol(
     }
 
 
-def tell(quality: dict[str, Any], own: int, ours: str) -> None:
+def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, ours: str) -> None:
     """Print the tables."""
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     title = (
@@ -184,6 +184,8 @@ def tell(quality: dict[str, Any], own: int, ours: str) -> None:
     console.print(tables.quality_table([row for row in rows if row["horizon_steps"] == own], title))
     console.print(tables.paired_table(quality["paired"], own))
     console.print(tables.horizons_table(rows, (ours, *SHOWN)))
+    if observers["rows"]:
+        console.print(tables.observers_table(observers))
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
 

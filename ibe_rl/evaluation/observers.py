@@ -14,7 +14,7 @@ from ibe_rl.evaluation.rows import Samples, as_json
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 
-NOTHING = "no_explanation"
+NOTHING, PAPER = "no_explanation", "baseline:paper"
 
 
 def observe_all(
@@ -103,6 +103,7 @@ def _report(samples: Dict[str, Samples], observer: Observer, episodes: int, hori
                 "explainer": name,
                 "observer_error": as_json(estimate(error)),
                 "minus_no_explanation": as_json(estimate(error - errors[NOTHING])),
+                "minus_paper": as_json(estimate(error - errors[PAPER])) if PAPER in errors else None,
             }
             for name, error in errors.items()
         ],

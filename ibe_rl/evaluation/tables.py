@@ -29,6 +29,9 @@ WITH_INTERVAL = ("motion_auc",)
 OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
 
 
+OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
+
+
 def console() -> Console:
     """Where tables are printed, wide enough for them also where the width is not known."""
     shown = Console(highlight=False)
@@ -38,7 +41,7 @@ def console() -> Console:
 
 def quality_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
     """All explainers at one horizon, a row each."""
-    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, pad_edge=False, padding=0)
     table.add_column("explainer", no_wrap=True)
     for metric, short in SHORT.items():
         table.add_column(short, no_wrap=True, justify="right")
@@ -84,9 +87,21 @@ def paired_table(paired: Sequence[dict[str, Any]], horizon_steps: int) -> Table:
     return table
 
 
+def observers_table(observers: dict[str, Any]) -> Table:
+    """How well a simulated observer foretells the end with each explainer, the best first."""
+    title = f"A simulated observer foretells the end of {observers['episodes']} approaches: error in % of the width"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
+    for column in ("told", "error", "minus no explanation", "minus paper"):
+        table.add_column(column, justify="left" if column == "told" else "right", no_wrap=True)
+    for row in sorted(observers["rows"], key=lambda row: row["observer_error"]["value"]):
+        cells = (_cell(row["observer_error"], True), *(_cell(row[key], True, "+") for key in OBSERVER_DIFFERENCES))
+        table.add_row(_name(row), *cells)
+    return table
+
+
 def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
     """What a policy's own vocabulary has more than the first one that was ever learnt."""
-    title = "A changing policy: motion AUC in the vocabulary of its own age, and in the first one"
+    title = "A changing policy: motion AUC in its own vocabulary and the first one"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
     for column in ("policy of frame", "its own", "of frame", "the first", "own minus first"):
         table.add_column(column, justify="right", no_wrap=True)
