@@ -32,18 +32,18 @@ def compare(cfg: ExplainConfig) -> None:
     """
     run = load_run(find_run(cfg.run, Path("runs")))
     configs = asked_for(cfg.compare.mappings, choices("mapping"))
-    refits, own, settings = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
+    refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
     report.make_folders(run.folder)
     learnt = learn(run, refits, configs, cfg)
     with flying(run, cfg) as flight:
         both, held_out = gather_both(flight, (own,))
     moments = both.judged()
-    weights = episode_weights(moments.episode, settings.resamples, settings.seed)
-    judged = judge(learnt, moments, held_out, own, run.task, weights, settings.seed)
+    weights = episode_weights(moments.episode, config.resamples, config.seed)
+    judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed)
     rows = rows_of(judged)
     true_change = held_out.realised[:, held_out.at(own), run.task.explained]
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
-    samples, observers = observe_all(both, true_change, own, run.task, vocabularies, settings.resamples, settings.seed)
+    samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     add_errors(rows, samples, own)
     about = protocol(run, cfg, judged)
     path = run.folder / EVALUATION / "compare.json"
@@ -87,18 +87,18 @@ def all_pairs(judged: Judged) -> list[dict[str, Any]]:
 
 def protocol(run: TrainedRun, cfg: ExplainConfig, judged: Judged) -> dict[str, Any]:
     """What the numbers stand on."""
-    settings = cfg.evaluate
+    config = cfg.evaluate
     return {
         "run": run.folder.name,
         "mapping": run.config.mapping.kind,
         "policy_frame": run.policy_frame,
         "mapping_frame": run.mapping_frame,
         "horizon_steps": run.horizon_steps,
-        "stride": settings.stride_steps,
-        "episodes": settings.episodes,
-        "calibration_episodes": settings.calibration_episodes,
+        "stride": config.stride_steps,
+        "episodes": config.episodes,
+        "calibration_episodes": config.calibration_episodes,
         "moments": len(judged.truth.change),
-        "futures": settings.futures,
-        "resamples": settings.resamples,
-        "seed": settings.seed,
+        "futures": config.futures,
+        "resamples": config.resamples,
+        "seed": config.seed,
     }

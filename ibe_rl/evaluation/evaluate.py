@@ -68,10 +68,10 @@ def learn_all(
     run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
 ) -> dict[int, Learnt]:
     """Learn from the log all that is needed, for each horizon: before anything is flown, since it may be too small."""
-    settings, paper = cfg.evaluate, choices("mapping")["paper"]
-    with waiting("vocabularies", len(horizons) * settings.shuffles) as step:
+    config, paper = cfg.evaluate, choices("mapping")["paper"]
+    with waiting("vocabularies", len(horizons) * config.shuffles) as step:
         return {
-            horizon: refits.learn({ours: vocabulary_at(run, refits, horizon)}, paper, horizon, settings, step)
+            horizon: refits.learn({ours: vocabulary_at(run, refits, horizon)}, paper, horizon, config, step)
             for horizon in horizons
         }
 
@@ -86,11 +86,11 @@ def judge_all(
     learnt: dict[int, Learnt], moments: Moments, held_out: Moments, run: TrainedRun, cfg: ExplainConfig
 ) -> dict[int, Judged]:
     """Judge all explainers at all horizons, on the same resamples of the episodes."""
-    settings = cfg.evaluate
-    weights = episode_weights(moments.episode, settings.resamples, settings.seed)
-    with waiting("explainers", len(learnt) * (EXPLAINERS + 2 * settings.shuffles)) as step:
+    config = cfg.evaluate
+    weights = episode_weights(moments.episode, config.resamples, config.seed)
+    with waiting("explainers", len(learnt) * (EXPLAINERS + 2 * config.shuffles)) as step:
         return {
-            horizon: judge(one, moments, held_out, horizon, run.task, weights, settings.seed, step)
+            horizon: judge(one, moments, held_out, horizon, run.task, weights, config.seed, step)
             for horizon, one in learnt.items()
         }
 
@@ -114,8 +114,8 @@ def watch_all(
         "baseline:shuffled": here.ensembles["baseline:shuffled"],
     }
     true_change = held_out.realised[:, held_out.at(own), run.task.explained]
-    settings = cfg.evaluate
-    samples, told = observe_all(moments, true_change, own, run.task, vocabularies, settings.resamples, settings.seed)
+    config = cfg.evaluate
+    samples, told = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     rows = [row for one in judged.values() for row in rows_of(one)]
     add_errors(rows, samples, own)
     return told, rows
@@ -123,20 +123,20 @@ def watch_all(
 
 def fly_all_ages(flight: Flying) -> list[dict[str, Any]]:
     """Each kept policy in the vocabularies of its own age and of all before; empty if that is left out."""
-    run, settings = flight.run, flight.cfg.evaluate
-    if not settings.changing_episodes:
+    run, config = flight.run, flight.cfg.evaluate
+    if not config.changing_episodes:
         return []
     refreshes = {
         frame: saved for frame, saved in kept_refreshes(run).items() if saved.horizon_steps == run.horizon_steps
     }
-    plan, rows = Plan(settings.stride_steps, 1, (run.horizon_steps,)), []
+    plan, rows = Plan(config.stride_steps, 1, (run.horizon_steps,)), []
     for frame, policy in kept_policies(run).items():
         if not any(learnt <= frame for learnt in refreshes):
             continue
         title = f"futures of the policy of frame {frame:,}"
-        moments = flight.gather("changing", settings.changing_episodes, plan, title, policy).judged()
+        moments = flight.gather("changing", config.changing_episodes, plan, title, policy).judged()
         vocabularies = {learnt: saved.mapping for learnt, saved in refreshes.items()}
-        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, settings.resamples, settings.seed)
+        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, config.resamples, config.seed)
     return rows
 
 
@@ -144,33 +144,33 @@ def protocol(
     run: TrainedRun, cfg: ExplainConfig, horizons: tuple[int, ...], learnt: dict[int, Learnt], moments: Moments
 ) -> dict[str, Any]:
     """What the numbers stand on."""
-    settings = cfg.evaluate
-    counts = {"judged": settings.episodes, "held_out": settings.calibration_episodes}
-    counts["changing"] = settings.changing_episodes
-    seeds = {name: seeds_for(name, settings.seed, count) for name, count in counts.items() if count}
+    config = cfg.evaluate
+    counts = {"judged": config.episodes, "held_out": config.calibration_episodes}
+    counts["changing"] = config.changing_episodes
+    seeds = {name: seeds_for(name, config.seed, count) for name, count in counts.items() if count}
     refreshed = (*run.spans, run.horizon_steps)
     return {
         "run": run.folder.name,
         "mapping": run.config.mapping.kind,
         "policy_frame": run.policy_frame,
         "mapping_frame": run.mapping_frame,
-        "episodes": settings.episodes,
-        "calibration_episodes": settings.calibration_episodes,
-        "changing_episodes": settings.changing_episodes,
+        "episodes": config.episodes,
+        "calibration_episodes": config.calibration_episodes,
+        "changing_episodes": config.changing_episodes,
         "seeds": {name: [each[0], each[-1]] for name, each in seeds.items()},
         "horizon_steps": run.horizon_steps,
         "horizons_steps": list(horizons),
         "vocabulary": {str(n): "refresh" if n in refreshed else "learnt anew from the log" for n in horizons},
-        "stride": settings.stride_steps,
+        "stride": config.stride_steps,
         "moments": len(moments.judged()),
         "observed_episodes": int(moments.observed.sum()),
-        "futures": settings.futures,
+        "futures": config.futures,
         "future_instruction": cfg.predictor.future_instruction,
         "band": run.task.explained_band,
-        "resamples": settings.resamples,
-        "refits": settings.shuffles,
+        "resamples": config.resamples,
+        "refits": config.shuffles,
         "state_regressor": {str(n): {"kind": one.regressor.kind, "r2": one.regressor.r2} for n, one in learnt.items()},
-        "seed": settings.seed,
+        "seed": config.seed,
     }
 
 

@@ -136,7 +136,7 @@ def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own
             told = [(row["horizon_steps"], row[metric]) for row in rows if row["explainer"] == name]
             known = [(steps, each) for steps, each in told if each["value"] is not None]
             label = _plain(name) if axis is axes[0] else None
-            _line(axis, known, number, shift * (number - len(explainers) / 2), label)
+            _line(axis, known, number, shift * (number - (len(explainers) - 1) / 2), label)
         axis.axvline(own, color=GREY, linewidth=0.8, linestyle=":")
         axis.set_title(title, fontsize=10)
         axis.set(xlabel="horizon (steps)", xticks=sorted({row["horizon_steps"] for row in rows}))

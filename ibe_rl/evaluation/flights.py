@@ -64,16 +64,16 @@ def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
     """Start the predictor's processes, and stop them at the end."""
     torch.set_num_threads(1)
     make_one = partial(make_gym, run.config.env.id, run.config.env.kwargs)
-    settings = replace(cfg.predictor, processes=cfg.evaluate.processes)
-    with closing(make_simulator(settings, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
+    config = replace(cfg.predictor, processes=cfg.evaluate.processes)
+    with closing(make_simulator(config, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
         yield Flying(run, cfg, predictor)
 
 
 def gather_both(flight: Flying, horizons: tuple[int, ...]) -> tuple[Moments, Moments]:
     """The moments that are judged, the observer's among them, and those that the confidence is calibrated on."""
-    settings, own = flight.cfg.evaluate, flight.run.horizon_steps
-    plan = Plan(settings.stride_steps, settings.futures, horizons, own)
-    judged = flight.gather("judged", settings.episodes, plan, "futures of the judged episodes")
+    config, own = flight.cfg.evaluate, flight.run.horizon_steps
+    plan = Plan(config.stride_steps, config.futures, horizons, own)
+    judged = flight.gather("judged", config.episodes, plan, "futures of the judged episodes")
     plan = replace(plan, observer_steps=None)
-    held_out = flight.gather("held_out", settings.calibration_episodes, plan, "futures of the held-out episodes")
+    held_out = flight.gather("held_out", config.calibration_episodes, plan, "futures of the held-out episodes")
     return judged, held_out.judged()

@@ -1,5 +1,6 @@
 """Which episodes are flown for what, and how far ahead is looked."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,7 +23,7 @@ def test_no_two_purposes_share_an_episode_nor_with_training():
     most, seeds = limit(EvaluateConfig, "episodes"), (0, 1, 998, limit(EvaluateConfig, "seed"))
     ranges = [seeds_for(purpose, seed, most) for purpose in PURPOSES for seed in seeds]
     ordered = sorted(ranges, key=lambda each: each.start)
-    assert all(one[-1] < other[0] for one, other in zip(ordered, ordered[1:], strict=False))
+    assert all(one[-1] < other[0] for one, other in pairwise(ordered))
     assert ordered[0][0] > EVALUATION_SEED + limit(TrainConfig, "eval_episodes")
     assert ordered[0][0] > (MAX_SEED + 1) * SEEDS_PER_RUN
     assert ordered[-1][-1] < 2**31
