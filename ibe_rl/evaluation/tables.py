@@ -89,7 +89,7 @@ def paired_table(paired: Sequence[dict[str, Any]], horizon_steps: int) -> Table:
 
 def observers_table(observers: dict[str, Any]) -> Table:
     """How well a simulated observer foretells the end with each explainer, the best first."""
-    title = f"A simulated observer foretells the end of {observers['episodes']} approaches: error in % of the width"
+    title = f"Where will it end? A simulated observer at {observers['episodes']} approaches, error in %"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
     for column in ("told", "error", "minus no explanation", "minus paper"):
         table.add_column(column, justify="left" if column == "told" else "right", no_wrap=True)
