@@ -59,8 +59,9 @@ def evaluate(cfg: ExplainConfig) -> None:
     write_json(folder / "observers.json", observers)
     write_json(folder / "calibration.json", calibration)
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
-    tell(quality, observers, own, ours)
-    drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, SHOWN)
+    beside = [name for name in SHOWN if name in judged[own].samples]  # what the environment declares nothing for is not
+    tell(quality, observers, own, (ours, *beside))
+    drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
 
 
@@ -174,8 +175,8 @@ def protocol(
     }
 
 
-def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, ours: str) -> None:
-    """Print the tables."""
+def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
+    """Print the tables; ``shown`` are the explainers over the horizons."""
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     title = (
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
@@ -183,7 +184,7 @@ def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, ours: str
     )
     console.print(tables.quality_table([row for row in rows if row["horizon_steps"] == own], title))
     console.print(tables.paired_table(quality["paired"], own))
-    console.print(tables.horizons_table(rows, (ours, *SHOWN)))
+    console.print(tables.horizons_table(rows, shown))
     if observers["rows"]:
         console.print(tables.observers_table(observers))
     if quality["changing_policy"]:

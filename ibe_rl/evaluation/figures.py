@@ -173,8 +173,9 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
             place = ages.index(row["vocabulary_frame"]), policies.index(row["policy_frame"])
             values[place] = np.nan if value is None else value
         axis.grid(visible=False)
-        axis.imshow(values, cmap="cividis", aspect="auto", vmin=np.nanmin(values), vmax=np.nanmax(values))
-        middle = (np.nanmin(values) + np.nanmax(values)) / 2
+        known = values[~np.isnan(values)] if not np.isnan(values).all() else np.zeros(1)
+        axis.imshow(values, cmap="cividis", aspect="auto", vmin=known.min(), vmax=known.max())
+        middle = (known.min() + known.max()) / 2
         for (y, x), value in np.ndenumerate(values):
             if not np.isnan(value):
                 axis.text(

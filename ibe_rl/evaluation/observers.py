@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from typing import Any
@@ -97,7 +98,7 @@ def _report(samples: Dict[str, Samples], observer: Observer, episodes: int, hori
         "episodes": episodes,
         "seen_steps": SEEN_STEPS,
         "horizon_steps": horizon_steps,
-        "typical": observer.typical,
+        "typical": None if math.isnan(observer.typical) else observer.typical,
         "rows": [
             {
                 "explainer": name,

@@ -93,7 +93,7 @@ def observers_table(observers: dict[str, Any]) -> Table:
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
     for column in ("told", "error", "minus no explanation", "minus paper"):
         table.add_column(column, justify="left" if column == "told" else "right", no_wrap=True)
-    for row in sorted(observers["rows"], key=lambda row: row["observer_error"]["value"]):
+    for row in sorted(observers["rows"], key=lambda row: _known_first(row["observer_error"]["value"])):
         cells = (_cell(row["observer_error"], True), *(_cell(row[key], True, "+") for key in OBSERVER_DIFFERENCES))
         table.add_row(_name(row), *cells)
     return table
@@ -112,6 +112,10 @@ def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
         cells = _cell(own["motion_auc"], True), f"{first['vocabulary_frame']:,}", _cell(first["motion_auc"], True)
         table.add_row(f"{frame:,}", *cells, gain)
     return table
+
+
+def _known_first(value: float | None) -> tuple[bool, float]:
+    return value is None, value or 0.0
 
 
 def _name(row: dict[str, Any]) -> str:

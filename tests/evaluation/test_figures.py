@@ -80,6 +80,11 @@ def test_ages_that_no_policy_had_stay_empty():
     assert np.ma.getmaskarray(shown).tolist() == [[False, False], [True, True]]
 
 
+def test_a_metric_that_nobody_could_tell_is_an_empty_picture():
+    nothing = [each | {"motion_spearman": told(None)} for each in AGES]
+    assert np.ma.getmaskarray(changing(nothing, 60).axes[1].images[0].get_array()).all()
+
+
 def test_all_are_written_as_pictures(tmp_path: Path):
     quality = {"protocol": {"horizon_steps": 60}, "rows": ROWS, "changing_policy": AGES}
     drawn = draw_all(tmp_path, quality, CALIBRATION, OURS, ("baseline:paper",))

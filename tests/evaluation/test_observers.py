@@ -45,6 +45,14 @@ def test_errors_are_held_against_the_papers_if_it_was_heard():
     assert observe_all(HERE, TRUE_CHANGE, 5, TASK, {OURS: [words()]}, 20, 0)[1]["rows"][0]["minus_paper"] is None
 
 
+def test_an_observer_that_never_saw_a_movement_reads_nothing():
+    report = observe_all(HERE, 0 * TRUE_CHANGE, 5, TASK, {OURS: [words()]}, 20, 0)[1]
+    assert report["typical"] is None
+    told = {row["explainer"]: row["observer_error"]["value"] for row in report["rows"]}
+    assert told[OURS] is None
+    assert told["baseline:true_future"] == 0
+
+
 def test_errors_go_into_the_rows_of_their_horizon():
     samples, _ = observe_all(HERE, TRUE_CHANGE, 5, TASK, {OURS: [words()]}, 20, 0)
     rows = [{"explainer": name, "horizon_steps": steps} for name in (OURS, "other") for steps in (5, 9)]

@@ -83,15 +83,15 @@ def test_own_vocabulary_against_the_first():
 
 
 def test_who_helps_the_observer_most_comes_first():
-    def observed(name: str, error: float) -> dict[str, Any]:
+    def observed(name: str, error: float | None) -> dict[str, Any]:
         told = dict(SOME, value=error)
         return {"explainer": name, "observer_error": told, "minus_no_explanation": SOME, "minus_paper": None}
 
-    rows = [observed("no_explanation", 7.0), observed("ibe:x", 2.0)]
+    rows = [observed("nobody", None), observed("no_explanation", 7.0), observed("ibe:x", 2.0)]
     lines = printed(observers_table({"episodes": 9, "rows": rows})).splitlines()
     assert "9 approaches" in lines[0]
     told = [line.split()[0] for line in lines if line.strip()]
-    assert told[-2:] == ["ibe:x", "no_explanation"]
+    assert told[-3:] == ["ibe:x", "no_explanation", "nobody"]
 
 
 def test_the_console_is_wide_enough_without_a_terminal():
