@@ -131,9 +131,9 @@ def _cell(told: dict[str, Any] | None, interval: bool = False, sign: str = "") -
     text = _number(told["value"], sign)
     if not interval or told["low"] is None:
         return text
-    return f"{text} ({_number(told['low'], sign, 2)} {_number(told['high'], sign, 2)})"
+    return f"{text} ({_number(told['low'], sign)} {_number(told['high'], sign)})"
 
 
-def _number(value: float, sign: str, digits: int = 3) -> str:
-    text = f"{value:{sign}.{digits if abs(value) < 0.9995 else digits - 1}f}"
+def _number(value: float, sign: str) -> str:
+    text = f"{value:{sign}.{3 if abs(value) < 0.9995 else 2}f}"
     return text.replace("0.", ".", 1) if abs(value) < 1 else text

@@ -36,7 +36,7 @@ def test_the_widest_row_fits():
     widest = row("baseline:random_clusters", over="refits", left_right=sides, observer_error=dict(SOME, value=12.345))
     text = printed(quality_table([widest, row("ibe:axis_bisecting", left_right=sides)], "what"))
     assert "…" not in text
-    assert "random_clusters (all) -.988 (-1.0 -.91)" in text
+    assert "random_clusters (all) -.988 (-1.00 -.912)" in text
     assert "12/12" in text
     assert "12.35" in text
     assert max(len(line) for line in text.splitlines()) <= WIDTH
