@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,13 @@ import numpy as np
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array, Phrases, Task
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe.space import Space, scaled
 from ibe_rl.log import TrajectoryLog
+
+
+def plain(dimensions: int) -> Space:
+    """Changes as they are."""
+    return scaled(np.zeros(dimensions), np.ones(dimensions))
 
 
 def on_a_line(
@@ -25,7 +32,7 @@ def on_a_line(
     windows = np.ones(k) if evidence is None else np.asarray(evidence)
     names = np.arange(k) if ids is None else np.asarray(ids)
     where = np.reshape(centres, (k, 1))
-    return ClusterMapping(np.zeros(1), np.ones(1), where, said, said, windows, np.ones(k), windows, names)
+    return ClusterMapping(plain(1), where, said, said, windows, np.ones(k), windows, names)
 
 
 def column(*values: float) -> Array:
@@ -82,6 +89,15 @@ def add(
     log.add({name: values[None] for name, values in columns.items()}, TASK.context)
 
 
+def two_floors(folder: Path) -> TrajectoryLog:
+    """Four good episodes below, worse ones above: told up, down, still, still."""
+    made = TrajectoryLog(folder, 1_000, TASK.contexts)
+    for floor, base in ((0, 100.0), (1, 50.0)):
+        for rank, told in enumerate((1.0, -1.0, 0.0, 0.0)):
+            add(made, base - rank, told, floor)
+    return made
+
+
 WAYS = (1.0, -1.0, 0.0)
 
 
@@ -92,8 +108,13 @@ def stay(observations: Array) -> Array:
 
 def config(**changes: Any) -> MappingConfig:
     """Three clusters of five steps, of all whole windows of all episodes."""
-    settings = {"horizon_steps": 5, "n_clusters": 3, "top_fraction": 1.0, "window_end": "drop", "newest_frames": None}
-    return MappingConfig(**(settings | changes))
+    settings = {"horizon_steps": 5, "spans_steps": [], "n_clusters": 3, "window_end": "drop"}
+    return MappingConfig(**(settings | {"top_fraction": 1.0, "newest_frames": None} | changes))
+
+
+def better_half(**changes: Any) -> MappingConfig:
+    """The same of the better half of the episodes."""
+    return config(**({"top_fraction": 0.5} | changes))
 
 
 def obey(log: TrajectoryLog, reward: float = 1.0) -> None:

@@ -3,7 +3,8 @@
 import ast
 import math
 from collections.abc import Iterator
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,9 @@ from ibe_rl.config import (
     check,
 )
 from ibe_rl.data import ConfigError
+from ibe_rl.env.lander_task import LANDER_TASK
+from ibe_rl.ibe import IBEMapping
+from ibe_rl.lessons import PASSED_ON, check_mapping
 
 ROOT = Path(__file__).parent.parent
 CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
@@ -59,12 +63,25 @@ def test_every_choice_composes(group: str, name: str):
 
 
 def test_every_kind_has_a_file():
-    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig,), "mapping": (MappingConfig,)}
+    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig,)}
     for group, owners in kinds.items():
         allowed = {kind for owner in owners for kind in fields(owner)[0].metadata["choices"]}
         assert {name for place, name in CHOICES if place == group} == allowed
     modes = next(item for item in fields(ViewerConfig) if item.name == "mode").metadata["choices"]
     assert {name for place, name in CHOICES if place == "viewer"} == set(modes)
+
+
+@pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "mapping"])
+def test_every_mapping_is_called_like_its_file_and_can_work(name: str):
+    chosen = composed("train", f"mapping={name}").mapping
+    assert chosen.kind == name
+    check_mapping(chosen, LANDER_TASK)
+
+
+def test_no_two_mappings_are_the_same():
+    chosen = [composed("train", f"mapping={name}").mapping for group, name in CHOICES if group == "mapping"]
+    settings = [asdict(replace(each, kind="")) for each in chosen]
+    assert all(one != other for one, other in combinations(settings, 2))
 
 
 def test_the_composed_defaults_are_those_of_the_dataclasses():
@@ -74,7 +91,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     assert cfg.collect == CollectConfig()
     assert cfg.log == LogConfig()
     assert cfg.instructor == InstructorConfig()
-    assert cfg.mapping == MappingConfig()
+    assert composed("train", "mapping=paper").mapping == MappingConfig()
     assert cfg.predictor == PredictorConfig()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):
@@ -167,7 +184,7 @@ def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]
     owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
-    found = set()
+    found = set(PASSED_ON)  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":
             continue
@@ -183,3 +200,16 @@ def reads() -> set[str]:
 @pytest.mark.parametrize("schema", SCHEMAS, ids=lambda schema: schema.__name__)
 def test_every_setting_is_read_somewhere(schema: type):
     assert {item.name for item in fields(schema)} - reads() == set()
+
+
+def attributes_read(path: Path, owner: str) -> set[str]:
+    """Names read from what is called ``owner``."""
+    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)]
+    mine = [node for node in nodes if isinstance(node.value, ast.Name) and node.value.id == owner]
+    return {node.attr for node in mine if isinstance(node.ctx, ast.Load)}
+
+
+def test_what_is_passed_on_to_the_estimator_is_read_there():
+    settings = set(IBEMapping().get_params())
+    assert set(PASSED_ON) <= settings
+    assert settings <= attributes_read(ROOT / "ibe_rl" / "ibe" / "estimator.py", "self")

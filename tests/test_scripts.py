@@ -23,12 +23,13 @@ from view_data import column, frames, read
 
 import explain
 import train
-from ibe_rl.command_line import run_script
-from ibe_rl.config import MappingConfig
+from ibe_rl.command_line import load_config, run_script
+from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.development import FIGURES, PROBE_WINDOWS
-from ibe_rl.ibe import normalise
+from ibe_rl.ibe import ClusterMapping, normalise
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES
+from ibe_rl.run_folder import CONFIG
 
 SUMMARY_KEYS = {
     *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),
@@ -54,7 +55,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "small"
-    call("train", *SMALL, f"run_dir={folder}", "viewer=file")
+    call("train", *SMALL, "mapping.spans_steps=[10]", f"run_dir={folder}", "viewer=file")
     return folder
 
 
@@ -93,10 +94,15 @@ def test_a_refresh_says_what_it_stands_on(run: Path) -> None:
     assert refresh["windows"]["used"] == sum(refresh["windows"]["by_instruction"].values())
     assert sum(cluster["size"] for cluster in refresh["clusters"]) == refresh["windows"]["used"]
     spoken = np.array([cluster["expression"] for cluster in refresh["clusters"]])[:, 0]
-    means = np.array([cluster["mean_instruction"] for cluster in refresh["clusters"]])[:, 0]
-    exact = normalise(means[:, None])[:, 0]
-    assert [exact[0], exact[-1]] == pytest.approx([-1, 1])
-    assert np.abs(spoken - exact).max() <= MappingConfig().hold_within  # what has moved by less was held
+    mapping, config = ClusterMapping.from_dict(refresh["mapping"]), load_config(run / CONFIG, TrainConfig).mapping
+    if config.normalisation == "movement":
+        exact = np.clip(mapping.space.spread_out(mapping.centres), -1, 1)
+    else:
+        exact = normalise(mapping.mean_instructions, config.normalisation)
+    assert np.abs(spoken - exact[:, 0]).max() <= config.hold_within  # what has moved by less was held
+    assert [span["horizon_steps"] for span in refresh["spans"]] == config.spans_steps == [10]
+    for span in refresh["spans"]:
+        assert ClusterMapping.from_dict(span["mapping"]).sizes.sum() >= refresh["windows"]["used"]
 
 
 def refreshes(folder: Path) -> list[Any]:
@@ -321,6 +327,13 @@ BAD = {
     "too long a horizon": (["mapping.horizon_steps=1001"], ["mapping.horizon_steps=1001", "at most 1000"]),
     "unknown dimension": (["mapping.dimensions=[height]"], ["mapping.dimensions=['height']", "angle"]),
     "no newest frames": (["mapping.newest_frames=0"], ["mapping.newest_frames=0", "at least 1"]),
+    "no span": (["mapping.spans_steps=[20,0]"], ["mapping.spans_steps=[20, 0]", "at least 1 and at most 1000"]),
+    "movement without an axis": (
+        ["mapping=paper", "mapping.normalisation=movement"],
+        ["mapping.normalisation=movement", "minmax, sign"],
+    ),
+    "halving with memory": (["mapping.split=bisecting"], ["mapping.memory=0.85", "allowed is null"]),
+    "a space that is none": (["mapping.space=outer"], ["mapping.space=outer", "network, rule"]),
     "memory without end": (["mapping.memory=1"], ["mapping.memory=1.0", "at most 0.99"]),
     "less than no memory": (["mapping.memory=-0.1"], ["mapping.memory=-0.1", "at least 0"]),
     "anything survives": (["mapping.survival_overlap=0"], ["mapping.survival_overlap=0", "above 0 and at most 1"]),

@@ -85,6 +85,7 @@ def refreshed(frame: int = 50_000, count: int = 12, n_clusters: int = 8) -> Refr
     return Refresh(
         frame=frame,
         mapping=fitted.mapping_,
+        spans={},
         top=windows,
         others=cut_windows(others, HORIZON_STEPS),
         episodes_logged=len(episodes),

@@ -24,7 +24,7 @@ from ibe_rl.ibe.space import (
     scaled,
     typical_movement,
 )
-from ibe_rl.ibe.split import mirrored, split
+from ibe_rl.ibe.split import split, split_mirrored
 from ibe_rl.ibe.vocabulary import normalise
 
 SPACES = ("all", "information", "lasso", "network", "rule")
@@ -132,6 +132,10 @@ class IBEMapping(BaseEstimator):
             raise ValueError(f"{len(lessons.delta)} windows but {len(lessons.instruction)} instructions")
         if not len(delta):
             raise TooLittleDataError(f"0 distinct windows for n_clusters={self.n_clusters}")
+        if self.last is not None:
+            places = lessons.instruction if self.space in OF_INSTRUCTIONS else lessons.delta
+            read_only(self.last.centres, (self.n_clusters, places.shape[1]), "last")
+            read_only(self.last.space.mean, lessons.delta.shape[1:], "last.space.mean")
         self.mapping_, self.labels_ = self._learn(lessons, heard)
         if self.weigh_followed:
             missed = np.abs(self.mapping_.express(lessons.delta) - lessons.instruction).max(axis=1)
@@ -149,8 +153,6 @@ class IBEMapping(BaseEstimator):
         rows = random.permutation(len(lessons.delta))[: self.max_fit_windows]
         seed = int(random.integers(2**31))
         space = self._space(lessons, rows, heard, seed)
-        if self.last is not None:
-            read_only(self.last.centres, (self.n_clusters, space.size), "last")
         places = space.place(lessons.delta)
         centres = self._split(places[rows], lessons.weight[rows] * len(places) / len(rows), space, seed)
         return self._name(lessons, places, centres, space)
@@ -165,7 +167,7 @@ class IBEMapping(BaseEstimator):
             scaler = StandardScaler().fit(lessons.delta)
             return scaled(scaler.mean_, information(delta, told, seed) * kept / scaler.scale_)
         if self.space == "network":
-            return network(delta * kept, told, self.hidden, seed)
+            return network(delta, told, kept, self.hidden, seed)
         if self.space == "lasso":
             axes = lasso_axes(delta, told, seed) * kept[:, None]
         else:
@@ -204,10 +206,8 @@ class IBEMapping(BaseEstimator):
         if self.last is not None:
             first = space.place(self.last.centre_changes())
             places, counts = np.concatenate([places, first]), np.append(counts, self.memory * self.last.evidence)
-        if self.symmetric:
-            places, counts = np.concatenate([places, -places]), np.append(counts, counts)
-        centres = split(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
-        return mirrored(centres) if self.symmetric else centres
+        divide = split_mirrored if self.symmetric else split
+        return divide(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
 
     def _name(self, lessons: _Lessons, places: Array, centres: Array, space: Space) -> tuple[ClusterMapping, Array]:
         """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and its name; and labels."""
@@ -254,6 +254,7 @@ def check_settings(estimator: Any) -> None:
         (e.space not in SPACES, f"space={e.space!r}: choose one of {', '.join(SPACES)}"),
         (not ours and e.power != 1, f"power={e.power:g}: allowed is 1 with space={e.space}"),
         (e.space == "network" and e.power != 1, f"power={e.power:g}: allowed is 1 with space={e.space}"),
+        (min([1, *e.hidden]) < 1, f"hidden={[*e.hidden]}: each at least 1"),
         (not e.power > 0, f"power={e.power:g}: above 0"),
         (
             not ours and e.normalisation == "movement",

@@ -99,6 +99,8 @@ class ClusterMapping:
             return cls(space, **arrays, membership=str(membership), width=float(width))
         except KeyError as error:
             raise ValueError(f"the mapping lacks {error}") from None
+        except TypeError as error:
+            raise ValueError(f"the mapping is damaged: {error}") from None
 
 
 _ARRAYS = ("centres", "mean_instructions", "expressions", "sizes", "purities", "evidence", "ids")

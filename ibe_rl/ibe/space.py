@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.feature_selection import mutual_info_classif
 from sklearn.linear_model import LassoCV, LogisticRegression, Ridge
 from sklearn.neural_network import MLPRegressor
@@ -19,6 +21,9 @@ MOST_CLASSES = 10
 
 SPARSEST_FIRST, AS_ACCURATE = (0.4, 0.2, 0.1), 0.01
 """Dimensions with less than such a share of the largest coefficient are left out if the rule is told as exactly."""
+
+FEWEST_WINDOWS = 20
+"""Some are held out to see when a regression is good enough."""
 
 
 class TooLittleDataError(ValueError):
@@ -42,13 +47,17 @@ class Space:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        inside: int | None = len(read_only(np.asarray(self.mean, float), (None,), "mean"))
+        object.__setattr__(self, "mean", read_only(np.asarray(self.mean, float), (None,), "mean"))
+        inside: int | None = len(self.mean)
         if not len(self.weights) or len(self.weights) != len(self.biases) or not self.power > 0:
             raise ValueError(f"{len(self.weights)} weights, {len(self.biases)} biases, power {self.power}: not a space")
+        layers = []
         for weights, bias in zip(self.weights, self.biases, strict=True):
-            outside = np.shape(read_only(np.asarray(weights, float), (inside, None), "weights"))[1]
-            read_only(np.asarray(bias, float), (outside,), "biases")
-            inside = outside
+            matrix = read_only(np.asarray(weights, float), (inside, None), "weights")
+            inside = matrix.shape[1]
+            layers.append((matrix, read_only(np.asarray(bias, float), (inside,), "biases")))
+        for name, arrays in zip(("weights", "biases"), zip(*layers, strict=True), strict=True):
+            object.__setattr__(self, name, arrays)
 
     @property
     def size(self) -> int:
@@ -165,7 +174,12 @@ def _direction(model: LogisticRegression, standard: Array, kinds: Array, values:
 
 
 def lasso_axes(delta: Array, instruction: Array, seed: int) -> Array:
-    """Axes ``(S, d)`` from a sparse linear regression of the instruction ``(W, d)`` on the change ``(W, S)``."""
+    """Axes ``(S, d)`` from a sparse linear regression of the instruction ``(W, d)`` on the change ``(W, S)``.
+
+    Raises:
+        TooLittleDataError: with fewer windows than a regression needs.
+    """
+    _check_enough(delta)
     scale = StandardScaler().fit(delta).scale_
     axes = [LassoCV(cv=5, random_state=seed).fit(delta / scale, column).coef_ for column in instruction.T]
     return np.stack(axes, axis=1) / scale[:, None]
@@ -187,14 +201,33 @@ def _classes(told: Array) -> Array:
     return np.searchsorted(inner, told)
 
 
-def network(delta: Array, instruction: Array, hidden: Sequence[int], seed: int) -> Space:
-    """A small network that regresses the instruction on the change (the authors' follow-up, ICONIP 2017)."""
+def network(delta: Array, instruction: Array, kept: Array, hidden: Sequence[int], seed: int) -> Space:
+    """A small network that regresses the instruction on the change (the authors' follow-up, ICONIP 2017).
+
+    Args:
+        delta: ``(W, S)``.
+        instruction: ``(W, d)``.
+        kept: ``(S,)`` bool, False for dimensions that it shall not see.
+        hidden: widths of its layers.
+        seed: of its first weights and of the windows held out.
+
+    Raises:
+        TooLittleDataError: with fewer windows than a regression needs.
+    """
+    _check_enough(delta)
     scaler = StandardScaler().fit(delta)
     told = instruction[:, 0] if instruction.shape[1] == 1 else instruction
     model = MLPRegressor(hidden_layer_sizes=tuple(hidden), early_stopping=True, max_iter=50, random_state=seed)
-    model.fit(scaler.transform(delta), told)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # as many rounds as there is time for
+        model.fit(scaler.transform(delta) * kept, told)
     first, *others = model.coefs_
-    return Space(scaler.mean_, (first / scaler.scale_[:, None], *others), tuple(model.intercepts_))
+    return Space(scaler.mean_, (first * (kept / scaler.scale_)[:, None], *others), tuple(model.intercepts_))
+
+
+def _check_enough(delta: Array) -> None:
+    if len(delta) < FEWEST_WINDOWS:
+        raise TooLittleDataError(f"{len(delta)} windows are too few for a regression, which needs {FEWEST_WINDOWS}")
 
 
 def typical_movement(places: Array, instruction: Array, weight: Array) -> Array:

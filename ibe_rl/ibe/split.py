@@ -43,7 +43,19 @@ def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Ar
     raise ValueError(f"split={how!r}: choose one of {', '.join(SPLITS)}")
 
 
+def split_mirrored(
+    places: Array, counts: Array, k: int, how: str, n_init: int, first: Array | None, seed: int
+) -> Array:
+    """Divide places and their opposites alike; as ``split``, but the centres are their own mirror image."""
+    places, counts = np.concatenate([places, -places]), np.append(counts, counts)
+    centres = mirrored(split(places, counts, k, how, n_init, first, seed))
+    if how == "kmeans":  # best is often a lopsided division; from a mirrored one k-means goes on to a mirrored one
+        centres = mirrored(split(places, counts, k, how, n_init, centres, seed))
+    return centres
+
+
 def mirrored(centres: Array) -> Array:
     """Make a set of centres ``(k, P)`` its own mirror image about no change: each is averaged with its opposite."""
-    opposite = linear_sum_assignment(pairwise_distances(centres, -centres))[1]
+    # squared: several pairings can have the smallest sum of distances, and not all of them are mutual
+    opposite = linear_sum_assignment(pairwise_distances(centres, -centres, metric="sqeuclidean"))[1]
     return (centres - centres[opposite]) / 2

@@ -17,7 +17,7 @@ from ibe_rl.development import Development, figures
 from ibe_rl.ibe import TooLittleDataError, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import VocabularyDrift
-from ibe_rl.refresh import Refresh, learn_vocabulary, load_mapping
+from ibe_rl.refresh import Refresh, learn_vocabulary, load_refresh
 
 
 def names(refresh: Refresh) -> list[int]:
@@ -297,9 +297,9 @@ def test_the_probe_is_kept_with_the_first_refresh_and_a_file_with_each(log: Traj
     development.save(folder, second)
     assert sorted(path.name for path in folder.iterdir()) == ["000000000036.json", "000000000072.json", "probe.npz"]
     assert (folder / "probe.npz").read_bytes() == kept
-    mapping, horizon_steps, frame = load_mapping(folder / "000000000072.json")
-    assert mapping.to_dict() == second.mapping.to_dict()
-    assert (horizon_steps, frame) == (5, 72)
+    loaded = load_refresh(folder / "000000000072.json")
+    assert loaded.mapping.to_dict() == second.mapping.to_dict()
+    assert (loaded.horizon_steps, loaded.frame) == (5, 72)
     saved = json.loads((folder / "000000000072.json").read_text())
     assert saved["change"]["since_frame"] == 36
     assert saved["scores"]["motion_auc"] == second.scores["motion_auc"]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from by_hand import TASK, WORDS, config, defy, obey, on_a_line, race, stay
+from by_hand import TASK, WORDS, config, defy, obey, on_a_line, plain, race, stay
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Episode, Explanation
@@ -66,7 +66,7 @@ def test_figures_tell_of_a_vocabulary_that_stays_its_own_scores(
 def says(*expressions: float) -> ClusterMapping:
     """What a lift is called that goes down, stays, goes up."""
     where = np.column_stack([[-5, 0, 5], np.zeros((3, 2))])
-    return replace(on_a_line([0, 0, 0], expressions), mean=np.zeros(3), weight=np.ones(3), centres=where)
+    return replace(on_a_line([0, 0, 0], expressions), space=plain(3), centres=where)
 
 
 def refreshed(log: TrajectoryLog, mapping: ClusterMapping, last: ClusterMapping | None, taken: bool = True) -> Refresh:

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from by_hand import plain
 from omegaconf import OmegaConf
 
 from ibe_rl.agent import make_agent
@@ -36,9 +37,9 @@ ACTIONS: Any = gymnasium.spaces.Discrete(4)
 
 
 def mapping_of(first: float, dimensions: int = 9) -> ClusterMapping:
-    zeros, k, ones = np.zeros(dimensions), np.zeros((2, 1)), np.ones(2)
+    k, ones = np.zeros((2, 1)), np.ones(2)
     expressions = np.array([[first], [1]])
-    return ClusterMapping(zeros, zeros + 1, np.zeros((2, dimensions)), k, expressions, ones, ones, ones, np.arange(2))
+    return ClusterMapping(plain(dimensions), np.zeros((2, dimensions)), k, expressions, ones, ones, ones, np.arange(2))
 
 
 def config_of(agent: AgentConfig) -> TrainConfig:
@@ -58,8 +59,9 @@ def write_policy(folder: Path, frame: int, agent: AgentConfig) -> Any:
     return greedy
 
 
-def write_mapping(folder: Path, frame: int, mapping: ClusterMapping) -> None:
-    values = {"frame": frame, "horizon_steps": 40, "mapping": mapping.to_dict()}
+def write_mapping(folder: Path, frame: int, mapping: ClusterMapping, **spans: ClusterMapping) -> None:
+    other = [{"horizon_steps": int(name.removeprefix("n")), "mapping": each.to_dict()} for name, each in spans.items()]
+    values = {"frame": frame, "horizon_steps": 40, "mapping": mapping.to_dict(), "spans": other}
     write_json(folder / REFRESHES / f"{frame:012d}.json", values)
 
 
@@ -101,6 +103,14 @@ def test_the_vocabulary_is_the_last_one_before_the_policy(folder: Path):
     run = load_run(folder)
     assert (run.mapping_frame, run.horizon_steps) == (950, 40)
     assert run.mapping.expressions[0, 0] == -0.2
+    assert run.spans == {}
+
+
+def test_the_vocabularies_of_other_spans_come_with_it(folder: Path):
+    write_mapping(folder, 960, mapping_of(-0.4), n20=mapping_of(-0.5), n120=mapping_of(-0.6))
+    run = load_run(folder)
+    assert run.mapping.expressions[0, 0] == -0.4
+    assert {n: each.expressions[0, 0] for n, each in run.spans.items()} == {20: -0.5, 120: -0.6}
 
 
 def test_a_run_without_a_policy_says_so(folder: Path):

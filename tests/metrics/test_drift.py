@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from by_hand import WORDS, column, on_a_line
+from by_hand import WORDS, column, on_a_line, plain
 
 from ibe_rl.data import Phrases
 from ibe_rl.ibe import ClusterMapping
@@ -42,9 +42,7 @@ def test_an_expression_may_move_within_its_phrase():
 def test_clusters_may_move_under_the_same_words():
     """Pairs (-, -), (-, +), (+, -), (+, +) once each: the adjusted Rand index of two groupings at odds is -1/2."""
     probe = np.array([[-1.0, -1], [-1, 1], [1, -1], [1, 1]])
-    across = replace(
-        on_a_line([0, 0], [1, 1]), mean=np.zeros(2), weight=np.ones(2), centres=np.array([[-1, 0], [1, 0]])
-    )
+    across = replace(on_a_line([0, 0], [1, 1]), space=plain(2), centres=np.array([[-1, 0], [1, 0]]))
     along = replace(across, centres=np.array([[0, -1], [0, 1]]))
     assert vocabulary_drift(across, along, probe, [WORDS]) == VocabularyDrift(0.0, 0.0, pytest.approx(-0.5))
 

@@ -8,6 +8,7 @@ import pytest
 from view_data import Rows, column, developed, frames, read, refreshed
 
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe.space import scaled
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import Recorder, picture
 
@@ -17,10 +18,16 @@ def hand_made() -> Refresh:
     centres = np.zeros((3, 9))
     centres[:, 0], centres[:, 4] = (-1, 0, 1), (2, -2, 0)
     expressions = np.array([[-1.0], [0.25], [1.0]])
-    weight = np.full(9, 2.0)
     sizes, purities = np.array([5, 6, 7]), np.array([0.9, 0.5, 0.8])
     mapping = ClusterMapping(
-        np.zeros(9), weight, centres, expressions / 2, expressions, sizes, purities, sizes, np.array([4, 2, 9])
+        scaled(np.zeros(9), np.full(9, 2.0)),
+        centres,
+        expressions / 2,
+        expressions,
+        sizes,
+        purities,
+        sizes,
+        np.array([4, 2, 9]),
     )
     return replace(refreshed(), mapping=mapping)
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe.space import along
 from ibe_rl.stream import picture
 
 
@@ -35,3 +37,40 @@ def test_ids_keep_their_colours_and_neighbours_differ() -> None:
     shades = picture.lasting(np.arange(12))
     assert len(np.unique(shades, axis=0)) == 12
     assert np.array_equal(picture.lasting(np.array([12, 3])), shades[[0, 3]])
+
+
+def beside(delta: np.ndarray, centres: np.ndarray, explained: int = 0) -> int:
+    """The second dimension for clusters that the first number tells apart."""
+    k, ones = len(centres), np.ones(len(centres))
+    said = np.linspace(-1, 1, k)[:, None]
+    mapping = ClusterMapping(
+        along(np.array([[1.0], [0], [0]])), centres[:, :1], said, said, ones, ones, ones, np.arange(k)
+    )
+    return picture.second_dimension(mapping, explained, delta)
+
+
+def around(centres: np.ndarray, scale: list[float]) -> np.ndarray:
+    random = np.random.default_rng(0)
+    return np.concatenate([centre + random.normal(size=(50, len(centre))) * scale for centre in centres])
+
+
+def test_the_second_dimension_is_the_one_that_tells_clusters_apart() -> None:
+    """They are as far apart in the second number, but there that is little beside how much it changes."""
+    centres = np.array([[-9.0, -4, -4], [0, 4, 0], [9, -4, 4]])
+    assert beside(around(centres, [1, 40, 1]), centres) == 2
+    assert beside(around(centres, [1, 1, 40]), centres) == 1
+    assert beside(around(centres, [1, 40, 1]), centres, explained=2) == 0
+
+
+def test_a_dimension_of_few_values_comes_last_and_one_that_stands_still_is_none() -> None:
+    centres = np.array([[-9.0, -4, -1], [0, 0, 0], [9, 4, 1]])
+    delta = around(centres, [1, 1, 1])
+    delta[:, 1] = np.sign(delta[:, 0])  # a flag, and quite telling
+    assert beside(delta, centres) == 2
+    delta[:, 2] = 0
+    assert beside(delta, centres) in (1, 2)
+
+
+def test_a_cluster_that_no_window_falls_into_has_no_say() -> None:
+    centres = np.array([[-9.0, -1, 0], [9, 1, 0], [0, 0, 1e6]])
+    assert beside(around(centres[:2], [1, 1, 1]), centres) == 1

@@ -1,0 +1,140 @@
+"""Are explanations true, over several trainings? Judge each run, then interquartile means with intervals.
+
+python -m benchmarks.truth runs/ppo0 runs/ppo1 ... runs/dqn0 ...   judge what is not judged yet, then the report
+python -m benchmarks.truth --report runs/ppo0 ...                  the report only
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rliable import library, metrics
+
+from benchmarks.truth_report import draw, insert_tables
+from ibe_rl.run_folder import EVALUATION, SUMMARY, write_json
+
+console = Console(highlight=False)
+RESULTS = Path(__file__).parent / "truth.json"
+HORIZON = 60
+REPS = 5_000
+METRICS = (
+    *("motion_auc", "motion_auc_disobeyed", "motion_spearman", "vocabulary_loss", "came_true", "came_true_voted"),
+    *("observer_error", "ece", "risk_at_80", "risk_all", "size_cv", "size_max"),
+)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Judge the runs, put them together and write the report."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.truth", description=__doc__.splitlines()[0])
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="finished runs with their logs")
+    parser.add_argument("--report", action="store_true", help="do not judge, only put together what was judged")
+    asked = parser.parse_args(arguments)
+    for run in asked.runs:
+        if not (run / SUMMARY).is_file():
+            parser.error(f"RUN={run}: allowed is the folder of a finished run (it has no {SUMMARY})")
+    if not asked.report:
+        for run in asked.runs:
+            judge(run)
+    together = put_together([read(run) for run in asked.runs])
+    write_json(RESULTS, together)
+    draw(together)
+    insert_tables(together)
+
+
+def judge(run: Path) -> None:
+    """Let explain.py judge a run, unless that has been done."""
+    for task, made in (("evaluate", "quality.json"), ("compare", "compare.json")):
+        if not (run / EVALUATION / made).exists():
+            console.print(f"{run.name}: task={task}")
+            command = [sys.executable, "explain.py", f"run={run}", f"task={task}", "viewer=off"]
+            subprocess.run(command, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL)  # noqa: S603
+
+
+def read(run: Path) -> dict[str, Any]:
+    """What was judged of one run: explainer to metric to value, at the horizon of the report."""
+    summary = json.loads((run / SUMMARY).read_text())
+    quality, compared = (json.loads((run / EVALUATION / name).read_text()) for name in ("quality.json", "compare.json"))
+    ours = f"ibe:{quality['protocol']['mapping']}"
+    told = {f"refit:{row['explainer'].removeprefix('ibe:')}": row for row in compared["rows"]}
+    told |= {row["explainer"]: row for row in quality["rows"] if row["horizon_steps"] == HORIZON}
+    observers = json.loads((run / EVALUATION / "observers.json").read_text())["rows"]
+    told["no_explanation"] = {"observer_error": observers[0]["observer_error"]}
+    return {
+        "name": run.name,
+        "agent": summary["agent"],
+        "seed": summary["seed"],
+        "success_rate": summary["success_rate"],
+        "ours": ours,
+        "values": {name: {metric: _value(row.get(metric)) for metric in METRICS} for name, row in told.items()},
+        "left_right": told[ours]["left_right"]["value"],
+        "horizons": {row["horizon_steps"]: row["motion_auc"] for row in quality["rows"] if row["explainer"] == ours},
+        "velocity_at": {
+            row["horizon_steps"]: row["motion_auc"]
+            for row in quality["rows"]
+            if row["explainer"] == "baseline:present_velocity"
+        },
+        "over_velocity": _paired(quality["paired"], "baseline:present_velocity"),
+        "over_regressor": _paired(quality["paired"], "baseline:state_regressor"),
+        "risk": quality["confidence"]["risk_at_80_minus_risk_all"],
+        "observers": {row["explainer"]: row for row in observers},
+        "shuffled": next(
+            row["refits"]["motion_auc"]
+            for row in quality["rows"]
+            if row["explainer"] == "baseline:shuffled" and row["horizon_steps"] == HORIZON
+        ),
+        "changing_policy": quality["changing_policy"],
+    }
+
+
+def _value(estimate: Any) -> float | None:
+    return None if estimate is None or isinstance(estimate["value"], list) else estimate["value"]
+
+
+def _paired(rows: list[dict[str, Any]], minus: str) -> Any:
+    return next(
+        row["difference"]
+        for row in rows
+        if row["minus"] == minus and row["metric"] == "motion_auc" and row["horizon_steps"] == HORIZON
+    )
+
+
+def put_together(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Interquartile means over the runs of each kind of agent, with 95 % bootstrap intervals."""
+    by_agent = defaultdict(list)
+    for run in runs:
+        by_agent[run["agent"]].append(run)
+    return {
+        "runs": runs,
+        "iqm": {
+            agent: {
+                name: {metric: iqm([run["values"].get(name, {}).get(metric) for run in several]) for metric in METRICS}
+                for name in several[0]["values"]
+            }
+            for agent, several in by_agent.items()
+        },
+    }
+
+
+def iqm(values: list[float | None]) -> dict[str, float] | None:
+    """Interquartile mean of one value a run, by rliable; None unless every run has it."""
+    if any(value is None for value in values):
+        return None
+    scores = {"it": np.array(values, float)[:, None]}
+    points, intervals = library.get_interval_estimates(
+        scores, lambda x: np.array([metrics.aggregate_iqm(x)]), reps=REPS
+    )
+    low, high = intervals["it"][:, 0]
+    return {"value": float(points["it"][0]), "low": float(low), "high": float(high)}
+
+
+if __name__ == "__main__":
+    main()
