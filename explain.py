@@ -1,8 +1,12 @@
 """Let a trained agent explain itself: fly one episode and say, step by step, what it is about to do.
 
+Or ask whether what it says is true.
+
 python explain.py                                the newest run below runs/
 python explain.py run=runs/NAME seed=3 context=left
 python explain.py run=runs/NAME viewer=live      and look at it in the browser
+python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
+python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
 """
 
 from __future__ import annotations
@@ -24,6 +28,8 @@ from ibe_rl.command_line import installed, run_script
 from ibe_rl.config import ExplainConfig
 from ibe_rl.data import ConfigError, Explanation, Watched
 from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.evaluation.compare import compare
+from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
@@ -37,7 +43,7 @@ from ibe_rl.stream import SILENCE, Recorder
 
 def main(cfg: ExplainConfig) -> None:
     """Do what ``task`` names."""
-    {"episode": explain_episode}[cfg.task](cfg)
+    {"episode": explain_episode, "evaluate": evaluate, "compare": compare}[cfg.task](cfg)
 
 
 def explain_episode(cfg: ExplainConfig) -> None:

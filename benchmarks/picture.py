@@ -1,4 +1,4 @@
-"""The learning curves as a picture; the only place that knows matplotlib."""
+"""The learning curves as a picture."""
 
 from __future__ import annotations
 

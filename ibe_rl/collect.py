@@ -22,6 +22,9 @@ from ibe_rl.signals import interrupts_stay_here, script_stays_here
 SEEDS_PER_RUN = 100_000
 """Training seeds of a run: ``seed * SEEDS_PER_RUN`` and up; all stay below ``EVALUATION_SEED``."""
 EVALUATION_SEED = 2_000_000_000
+"""Seeds that no training uses, for the evaluations of ``train.py``."""
+JUDGING_SEED = 2_050_000_000
+"""Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
 def env_of_worker(worker: int, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int) -> EnvBase:

@@ -11,6 +11,7 @@ from typing import Any
 
 import hydra
 import yaml
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
@@ -61,6 +62,13 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit(130)
     if refused:
         sys.exit("\n".join(refused))
+
+
+def choices(group: str) -> dict[str, Any]:
+    """All choices of a group of ``configs/``, as ``train.py`` would compose each; only inside ``run_script``."""
+    names = GlobalHydra.instance().config_loader().get_group_options(group)
+    files = [name for name in names if "schema" not in name]
+    return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in files}
 
 
 def installed(program: str) -> str:

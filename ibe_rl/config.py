@@ -182,16 +182,41 @@ class TrainConfig:
 
 
 @dataclass
+class EvaluateConfig:
+    """How it is judged whether what the agent says is true (``task=evaluate`` and ``task=compare``)."""
+
+    seed: int = setting(0, low=0, high=999)  # another one flies other episodes and draws other futures
+    episodes: int = setting(100, low=2, high=10_000)
+    calibration_episodes: int = setting(60, low=2, high=10_000)  # others, that the confidence is calibrated on
+    changing_episodes: int = setting(40, low=0, high=10_000)  # with each policy that was kept; 0 leaves that out
+    stride_steps: int = setting(4, low=1)  # from one moment that is judged to the next
+    futures: int = setting(5, low=1, high=100)  # sampled at each moment; the first one is put into words
+    horizons_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # and the run's own
+    resamples: int = setting(1_000, low=20, high=100_000)  # of the episodes, for the intervals
+    shuffles: int = setting(50, low=1, high=10_000)  # vocabularies from shuffled instructions, and from random clusters
+    processes: int = setting(2, low=1, high=64)  # that roll out the futures
+
+
+@dataclass
+class CompareConfig:
+    """Which mappings ``task=compare`` holds against each other."""
+
+    mappings: list[str] = field(default_factory=list)  # names of files in configs/mapping; empty: all
+
+
+@dataclass
 class ExplainConfig:
     """``explain.py``."""
 
     run: str | None = None  # None: the newest below runs/
-    task: str = setting("episode", choices=("episode",))
+    task: str = setting("episode", choices=("episode", "evaluate", "compare"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
+    evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
+    compare: CompareConfig = field(default_factory=CompareConfig)
     output: str | None = None  # where the recording goes; None: into the run's folder
 
 

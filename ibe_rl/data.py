@@ -232,6 +232,13 @@ class Task:
             never by the explainer.
         explained_band: change of it, over an explanation's horizon, beyond which it went one way or the other.
         max_episode_steps: where the environment cuts an episode off.
+        explained_range: how far that dimension reaches; errors in it are told in percent of this.
+        motion: states ``(..., S)`` to the change ``(...)`` of the explained dimension in one step, if the present
+            motion simply goes on; or None. Only used to judge explanations, as the next two.
+        goal_offset: states ``(..., S)`` to how far ``(...)`` the goal lies above the explained dimension, signed; or
+            None.
+        first_contact: states ``(T + 1, S)`` of an episode to the step at which the outcome is known to the eye, such
+            as touching the ground; the last one if that never happens; or None.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
     """
@@ -249,6 +256,10 @@ class Task:
     explained: int
     explained_band: float
     max_episode_steps: int
+    explained_range: float = 1.0
+    motion: Callable[[Array], Array] | None = None
+    goal_offset: Callable[[Array], Array] | None = None
+    first_contact: Callable[[Array], int] | None = None
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
 

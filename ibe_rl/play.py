@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import gymnasium
@@ -13,19 +13,23 @@ from ibe_rl.env.make import task_of
 
 
 class _Flight:
-    """One environment in the middle of an episode, and what happened so far."""
+    """One environment in the middle of an episode, and what happened so far; ``keep`` the moments too."""
 
-    def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None):
-        self.env, self.task = env, task_of(env)
+    def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None = None, keep: bool = False):
+        self.env, self.task, self.keep = env, task_of(env), keep
         state, _ = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
         self.states: list[Array] = [state]
         self.actions: list[Any] = []
         self.rewards: list[float] = []
         self.instructions: list[Array] = []
         self.given: list[bool] = []
+        self.moments: list[Moment] = []
         self.done = self.terminated = self.success = False
 
     def step(self, action: Any, instruction: Array, given: bool) -> None:
+        if self.keep:
+            game: Any = self.env.unwrapped  # with a snapshot, which gymnasium's own type does not know
+            self.moments.append(Moment(self.states[-1], instruction, given, game.snapshot()))
         state, reward, self.terminated, truncated, info = self.env.step(action)
         self.done = self.terminated or truncated
         self.success = bool(info[self.task.success_key])
@@ -62,15 +66,34 @@ def play(
     Returns:
         The episodes in the order of ``seeds``; short ones are not favoured.
     """
-    episodes: list[Episode] = []
+    return [flight.episode() for flight in _fly(envs, policy, instructor, seeds)]
+
+
+def play_moments(
+    envs: Sequence[gymnasium.Env[Any, Any]], policy: Policy, instructor: Instructor, seeds: Sequence[int]
+) -> Iterator[tuple[Episode, Sequence[Moment]]]:
+    """As ``play``, one episode after the other with the ``T`` moments before its actions.
+
+    The environments need ``snapshot``. Moments are many: keep those that are needed, and the others are forgotten.
+    """
+    for flight in _fly(envs, policy, instructor, seeds, keep=True):
+        yield flight.episode(), flight.moments
+
+
+def _fly(
+    envs: Sequence[gymnasium.Env[Any, Any]],
+    policy: Policy,
+    instructor: Instructor,
+    seeds: Sequence[int],
+    keep: bool = False,
+) -> Iterator[_Flight]:
     for first in range(0, len(seeds), len(envs)):
         together = seeds[first : first + len(envs)]
-        flights = [_Flight(env, seed, None) for env, seed in zip(envs, together, strict=False)]
+        flights = [_Flight(env, seed, keep=keep) for env, seed in zip(envs, together, strict=False)]
         instructor.reset(np.ones(len(flights), bool))
         while any(not flight.done for flight in flights):
             _step_all(flights, policy, instructor)
-        episodes += [flight.episode() for flight in flights]
-    return episodes
+        yield from flights
 
 
 def _step_all(flights: Sequence[_Flight], policy: Policy, instructor: Instructor) -> None:
@@ -95,20 +118,14 @@ def watch(
         seed: of the episode.
         context: one of the task's contexts; None draws one.
     """
-    flight = _Flight(env, seed, context)
-    game: Any = env.unwrapped  # with a snapshot, which gymnasium's own type does not know
+    flight, game = _Flight(env, seed, context, keep=True), env.unwrapped
     instructor.reset(np.ones(1, bool))
-    moments: list[Moment] = []
     figures = [_drawn(game, "figure")]
     background = _drawn(game, "background")
     while not flight.done:
-        state = flight.states[-1]
-        instruction, given = instructor.instruct(state[None])
-        moments.append(Moment(state, instruction[0], bool(given[0, 0]), game.snapshot()))
-        action = policy(observe(state[None], instruction, given))[0]
-        flight.step(action, instruction[0], moments[-1].given)
+        _step_all([flight], policy, instructor)
         figures.append(_drawn(game, "figure"))
-    return Watched(flight.episode(), moments, background, figures)
+    return Watched(flight.episode(), flight.moments, background, figures)
 
 
 def _drawn(game: Any, part: str) -> list[Shape]:

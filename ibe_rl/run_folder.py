@@ -20,6 +20,8 @@ RECORDING = "recording.rrd"
 CHECKPOINTS = "checkpoints"
 TRAJECTORIES = "trajectories"
 REFRESHES = "refreshes"
+EVALUATION = "evaluation"
+FIGURES = "figures"
 NOT_IN_NAMES = ("run_dir", "viewer")
 """Settings that say nothing about a run when it is named after its settings."""
 

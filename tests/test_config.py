@@ -182,7 +182,8 @@ def test_a_setting_that_is_none_is_refused():
 
 def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
-    owners = {"cfg", "config", "_config", "ahead", *(item.name for item in fields(TrainConfig))}
+    parts = [*fields(TrainConfig), *fields(ExplainConfig)]
+    owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
     found = set(PASSED_ON)  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":

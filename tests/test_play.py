@@ -9,7 +9,7 @@ from ibe_rl.data import Array, Episode, Task
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.instruct import make_instructor
-from ibe_rl.play import play, watch
+from ibe_rl.play import play, play_moments, watch
 
 
 def make(count: int) -> list[Any]:
@@ -169,3 +169,16 @@ def test_what_cannot_be_drawn_can_be_watched():
     assert [moment.snapshot for moment in watched.moments] == [0, 1, 2]
     assert watched.episode.success
     assert watched.episode.total_reward == 3
+
+
+@pytest.mark.parametrize("at_once", [1, 2])
+def test_moments_are_kept_with_each_episode(at_once: int):
+    instructor = make_instructor("oracle", LANDER_TASK)
+    flown = list(play_moments(make(at_once), swing, instructor, [7, 3, 11]))
+    for (episode, moments), alone in zip(flown, fly([7, 3, 11], 1), strict=True):
+        assert_same(episode, alone)
+        assert len(moments) == len(episode)
+        for t, moment in enumerate(moments):
+            np.testing.assert_array_equal(moment.state, episode.states[t])
+            np.testing.assert_array_equal(moment.instruction, episode.instructions[t])
+            assert abs(moment.snapshot.bodies[0, 0] - 10 * (episode.states[t, 0] + 1)) < 1e-4

@@ -395,7 +395,14 @@ def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: 
     [
         (["run=nowhere"], "run=nowhere: not a run folder"),
         (["context=middle"], "context=middle: allowed is one of left, center, right"),
-        (["task=dance"], "task=dance: allowed is one of episode"),
+        (["task=dance"], "task=dance: allowed is one of episode, evaluate, compare"),
+        (["task=evaluate", "evaluate.episodes=1"], "evaluate.episodes=1: allowed is at least 2 and at most 10000"),
+        (
+            ["task=evaluate", "evaluate.horizons_steps=[20,0]"],
+            r"evaluate.horizons_steps=\[20, 0\]: allowed is at least 1",
+        ),
+        (["task=evaluate", "evaluate.futur=2"], "evaluate.futur: no such setting; allowed are .*futures"),
+        (["task=compare", "compare.mappings=[magic]"], r"compare.mappings=\['magic'\]: allowed are .*paper"),
         (["pad=left"], "pad: no such setting; allowed are .*context"),
         (["output=/dev/null/x.rrd"], "output=/dev/null/x.rrd: allowed is a file that can be written"),
     ],
@@ -404,6 +411,85 @@ def test_explain_refuses_in_one_line(run: Path, overrides: list[str], expected: 
     given = overrides if overrides[0].startswith("run=") else [f"run={run}", *overrides]
     with pytest.raises(SystemExit, match=f"^error: {expected}"):
         call("explain", *given)
+
+
+@pytest.mark.parametrize("task", ["evaluate", "compare"])
+def test_a_run_without_a_log_is_not_judged(task: str, run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "run", ignore=shutil.ignore_patterns("trajectories"))
+    with pytest.raises(SystemExit, match=r"^error: run=.*: it has no log \(trajectories/\) to learn other vocab"):
+        call("explain", f"run={tmp_path / 'run'}", f"task={task}")
+    assert not (tmp_path / "run" / "evaluation").exists()
+
+
+@pytest.mark.parametrize("task", ["evaluate", "compare"])
+def test_a_run_without_a_vocabulary_is_not_judged(task: str, run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "run", ignore=shutil.ignore_patterns("*.json"))
+    with pytest.raises(SystemExit, match=r"^error: run=.*: it has no vocabulary from before its policy"):
+        call("explain", f"run={tmp_path / 'run'}", f"task={task}")
+
+
+FEW = [
+    *("evaluate.episodes=6", "evaluate.calibration_episodes=4", "evaluate.changing_episodes=3", "evaluate.shuffles=3"),
+    *("evaluate.futures=2", "evaluate.resamples=40", "evaluate.processes=1", "evaluate.horizons_steps=[20,40]"),
+]
+
+
+@pytest.fixture(scope="module")
+def judged(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("judged") / "run"
+    shutil.copytree(run, folder)
+    call("explain", f"run={folder}", "task=evaluate", *FEW)
+    return folder
+
+
+def test_what_the_agent_says_is_judged(judged: Path) -> None:
+    quality = json.loads((judged / "evaluation" / "quality.json").read_text())
+    protocol, table = quality["protocol"], quality["rows"]
+    assert (protocol["episodes"], protocol["horizon_steps"], protocol["stride"]) == (6, 20, 4)
+    assert protocol["seeds"]["judged"] == [2_050_000_000, 2_050_000_005]
+    ours = f"ibe:{json.loads((judged / 'summary.json').read_text())['mapping']}"
+    for steps in (20, 40):
+        names = {row["explainer"]: row for row in table if row["horizon_steps"] == steps}
+        assert names.keys() >= {ours, *(f"baseline:{name}" for name in BASELINES)}
+        assert names["baseline:true_future"]["motion_auc"]["value"] in (1, None)
+        assert names["baseline:constant"]["motion_auc"]["value"] in (0.5, None)
+    assert {row["policy_frame"] for row in quality["changing_policy"]} == {3072, 6144}
+    assert any(each["best_cheap"] for each in quality["paired"])
+    with (judged / "evaluation" / "moments.csv").open() as stream:
+        assert len(list(csv.DictReader(stream))) == protocol["moments"]
+    assert {path.name for path in (judged / "evaluation").iterdir()} == {
+        *("quality.json", "observers.json", "calibration.json", "moments.csv")
+    }
+    assert {path.name for path in (judged / "figures").iterdir()} == {
+        *("quality.png", "confidence.png", "horizons.png", "changing_policy.png")
+    }
+
+
+BASELINES = ("present_velocity", "direction_to_goal", "last_instruction", "state_regressor", "predicted_change")
+BASELINES += ("constant", "paper", "flipped", "shuffled", "true_future", "random_clusters", "another_moment")
+
+
+def test_the_same_judgement_twice(judged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(judged, tmp_path / "run")
+    call("explain", f"run={tmp_path / 'run'}", "task=evaluate", *FEW, "evaluate.changing_episodes=0")
+    first, again = (
+        json.loads((folder / "evaluation" / "quality.json").read_text()) for folder in (judged, tmp_path / "run")
+    )
+    assert again["rows"] == first["rows"]
+    assert again["changing_policy"] == []
+    said = capsys.readouterr().out
+    assert "6 unseen episodes" in said
+    assert max(len(line) for line in said.splitlines() if not line.startswith(("numbers:", "figures:"))) <= 110
+
+
+def test_mappings_are_compared_on_the_same_log(judged: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call("explain", f"run={judged}", "task=compare", *FEW, "compare.mappings=[paper_sign,lasso]")
+    compared = json.loads((judged / "evaluation" / "compare.json").read_text())
+    names = {row["explainer"] for row in compared["rows"]}
+    assert names >= {"ibe:as_refreshed", "ibe:paper_sign", "ibe:lasso", "baseline:paper", "baseline:predicted_change"}
+    assert "ibe:axis" not in names
+    assert {row["horizon_steps"] for row in compared["rows"]} == {20}
+    assert "mappings learnt from its log" in capsys.readouterr().out
 
 
 def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:

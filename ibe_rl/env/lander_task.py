@@ -21,7 +21,7 @@ FLAG_DISTANCE = 0.2
 WIDTH = game.VIEWPORT_W / game.SCALE
 HEIGHT = game.VIEWPORT_H / game.SCALE
 PAD_Y = HEIGHT / 4
-X, Y, GOAL_X = 0, 1, 8
+X, Y, VX, LEFT_LEG, RIGHT_LEG, GOAL_X = 0, 1, 2, 6, 7, 8
 
 
 def instruct(states: Array) -> Array:
@@ -41,6 +41,26 @@ def instruct(states: Array) -> Array:
 def pad_of(state: Array) -> str:
     """Name the pad that the goal in ``state`` ``(9,)`` belongs to."""
     return min(PAD_X, key=lambda name: abs(PAD_X[name] - float(state[GOAL_X])))
+
+
+def motion(states: Array) -> Array:
+    """States ``(..., 9)`` to the change of x in one step at the present velocity: 0.01 vx, in half widths.
+
+    vx is m/s times half the width over the frames of a second, gymnasium's way; dividing by half the width once gives
+    the metres of a step, twice gives half widths.
+    """
+    return states[..., VX] / (WIDTH / 2) ** 2
+
+
+def goal_offset(states: Array) -> Array:
+    """States ``(..., 9)`` to how far right of the lander the pad's middle lies, in half widths."""
+    return states[..., GOAL_X] - states[..., X]
+
+
+def first_contact(states: Array) -> int:
+    """The first step of states ``(T + 1, 9)`` at which a leg touches the ground; the last step if none does."""
+    touching = np.flatnonzero(states[:, [LEFT_LEG, RIGHT_LEG]].any(axis=1))
+    return int(touching[0]) if len(touching) else len(states) - 1
 
 
 def scene_path(states: Array) -> Array:
@@ -71,6 +91,10 @@ LANDER_TASK = Task(
     explained=X,
     explained_band=0.05,
     max_episode_steps=MAX_EPISODE_STEPS,
+    explained_range=2.0,
+    motion=motion,
+    goal_offset=goal_offset,
+    first_contact=first_contact,
     scene_path=scene_path,
     scene_size=(WIDTH, HEIGHT),
 )

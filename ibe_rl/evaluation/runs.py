@@ -70,11 +70,7 @@ def load_run(folder: Path) -> TrainedRun:
     env = make_gym(config.env.id, config.env.kwargs)
     task = task_of(env)
     frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
-    agent = make_agent(config.agent, task.observation_size, env.action_space, config.total_frames)
-    try:
-        agent.greedy.load_state_dict(load(path))
-    except (RuntimeError, AttributeError, TypeError) as error:
-        raise ConfigError(f"{path}: not a policy of this run ({' '.join(str(error).split())[:200]})") from None
+    policy = _load_policy(path, config, env)
     saved = _last_refresh(folder, frame)
     dimensions = len(saved.mapping.space.mean)
     if dimensions != len(task.state_names):
@@ -83,7 +79,7 @@ def load_run(folder: Path) -> TrainedRun:
         folder,
         config,
         task,
-        agent.greedy,
+        policy,
         frame,
         saved.mapping,
         saved.frame,
@@ -93,15 +89,51 @@ def load_run(folder: Path) -> TrainedRun:
     )
 
 
-def _last_refresh(folder: Path, frame: int) -> Saved:
-    """The newest refresh that is no newer than the policy."""
+def kept_policies(run: TrainedRun) -> dict[int, GreedyPolicy]:
+    """Training frames to the greedy policy that was kept then, oldest first.
+
+    Raises:
+        ConfigError: if one of them is damaged.
+    """
+    env = run.make_env()
+    return {frame: _load_policy(path, run.config, env) for frame, path in policies(run.folder / CHECKPOINTS).items()}
+
+
+def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:
+    """Training frames to the vocabularies that were learnt then, oldest first.
+
+    Raises:
+        ConfigError: if one of them is damaged.
+    """
+    return {frame: _read_refresh(path) for frame, path in _refreshes(run.folder).items()}
+
+
+def _load_policy(path: Path, config: TrainConfig, env: gymnasium.Env[Any, Any]) -> GreedyPolicy:
+    agent = make_agent(config.agent, task_of(env).observation_size, env.action_space, config.total_frames)
+    try:
+        agent.greedy.load_state_dict(load(path))
+    except (RuntimeError, AttributeError, TypeError) as error:
+        raise ConfigError(f"{path}: not a policy of this run ({' '.join(str(error).split())[:200]})") from None
+    return agent.greedy
+
+
+def _refreshes(folder: Path) -> dict[int, Path]:
     found = {int(path.stem): path for path in (folder / REFRESHES).glob("*.json") if path.stem.isdecimal()}
-    usable = {learnt: path for learnt, path in sorted(found.items()) if learnt <= frame}
-    _, path = _last(usable, folder, f"vocabulary from before its policy of frame {frame:,}")
+    return dict(sorted(found.items()))
+
+
+def _read_refresh(path: Path) -> Saved:
     try:
         return load_refresh(path)
     except ValueError as error:
         raise ConfigError(str(error)) from None
+
+
+def _last_refresh(folder: Path, frame: int) -> Saved:
+    """The newest refresh that is no newer than the policy."""
+    usable = {learnt: path for learnt, path in _refreshes(folder).items() if learnt <= frame}
+    _, path = _last(usable, folder, f"vocabulary from before its policy of frame {frame:,}")
+    return _read_refresh(path)
 
 
 def _last(found: dict[int, Path], folder: Path, what: str) -> tuple[int, Path]:

@@ -1,0 +1,104 @@
+"""``task=compare``: would another kind of vocabulary, learnt from the same log, be truer?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ibe_rl.command_line import choices
+from ibe_rl.config import ExplainConfig, MappingConfig
+from ibe_rl.data import ConfigError, Mapping
+from ibe_rl.evaluation import report, tables
+from ibe_rl.evaluation.baselines import fit_state_regressor
+from ibe_rl.evaluation.flights import flying, gather_both
+from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.quality import Judged, Learnt, judge, paired_of, rows_of
+from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.runs import TrainedRun, load_run
+from ibe_rl.evaluation.waiting import waiting
+from ibe_rl.metrics.bootstrap import episode_weights
+from ibe_rl.run_folder import EVALUATION, find_run, write_json
+
+AS_REFRESHED = "ibe:as_refreshed"
+"""The vocabulary that the run itself spoke at the end, which remembers earlier ones; the others start from nothing."""
+
+
+def compare(cfg: ExplainConfig) -> None:
+    """Learn every mapping from the log of a run and judge all on the same moments, at the run's own horizon.
+
+    Raises:
+        ConfigError: if the run lacks what is needed or a mapping is unknown, before anything is flown.
+    """
+    run = load_run(find_run(cfg.run, Path("runs")))
+    configs = asked_for(cfg.compare.mappings, choices("mapping"))
+    refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
+    report.make_folders(run.folder)
+    learnt = learn(run, refits, configs, cfg)
+    with flying(run, cfg) as flight:
+        both, held_out = gather_both(flight, (own,))
+    moments = both.judged()
+    weights = episode_weights(moments.episode, config.resamples, config.seed)
+    judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed)
+    rows = rows_of(judged)
+    true_change = held_out.realised[:, held_out.at(own), run.task.explained]
+    vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
+    samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
+    add_errors(rows, samples, own)
+    about = protocol(run, cfg, judged)
+    path = run.folder / EVALUATION / "compare.json"
+    write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
+    console = tables.console()
+    console.print(tables.quality_table(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps"))
+    if observers["rows"]:
+        console.print(tables.observers_table(observers))
+    console.print(f"numbers: {path}", soft_wrap=True)
+
+
+def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str, MappingConfig]:
+    """The mappings to compare; the paper's is always among them.
+
+    Raises:
+        ConfigError: for a name that is not known.
+    """
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ConfigError(f"compare.mappings={list(names)}: allowed are {', '.join(sorted(known))}")
+    return {name: known[name] for name in sorted({*(names or known), "paper"})}
+
+
+def learn(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
+    """Learn all of them from nothing; the paper's is the baseline."""
+    own = run.horizon_steps
+    vocabularies: dict[str, Mapping] = {AS_REFRESHED: run.mapping}
+    with waiting("vocabularies", len(configs)) as step:
+        for name, config in configs.items():
+            prefix = "baseline:" if name == "paper" else "ibe:"
+            vocabularies[f"{prefix}{name}"] = refits.fit(config, own)
+            step()
+    heard = refits.lessons(run.config.mapping).heard
+    return Learnt(vocabularies, {}, fit_state_regressor(heard, own, run.task, cfg.evaluate.seed))
+
+
+def all_pairs(judged: Judged) -> list[dict[str, Any]]:
+    """Each mapping against the cheap baselines and the paper's."""
+    return [each for name in judged.mappings if name.startswith("ibe:") for each in paired_of(judged, name)]
+
+
+def protocol(run: TrainedRun, cfg: ExplainConfig, judged: Judged) -> dict[str, Any]:
+    """What the numbers stand on."""
+    config = cfg.evaluate
+    return {
+        "run": run.folder.name,
+        "mapping": run.config.mapping.kind,
+        "policy_frame": run.policy_frame,
+        "mapping_frame": run.mapping_frame,
+        "horizon_steps": run.horizon_steps,
+        "stride": config.stride_steps,
+        "episodes": config.episodes,
+        "calibration_episodes": config.calibration_episodes,
+        "moments": len(judged.truth.change),
+        "futures": config.futures,
+        "resamples": config.resamples,
+        "seed": config.seed,
+    }

@@ -1,0 +1,139 @@
+"""Controls: vocabularies and predictions that cannot be right, to see what is left of every metric."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from sklearn.metrics import pairwise_distances_argmin
+
+from ibe_rl.data import Array, Episode, Mapping
+from ibe_rl.evaluation.moments import Moments
+from ibe_rl.ibe import Windows, normalise
+
+
+@dataclass(frozen=True)
+class Flipped:
+    """A vocabulary with every expression turned into its opposite."""
+
+    mapping: Mapping
+
+    @property
+    def ids(self) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return self.mapping.ids
+
+    def cluster(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return self.mapping.cluster(delta)
+
+    def express(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return -self.mapping.express(delta)
+
+    def confidence(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return self.mapping.confidence(delta)
+
+
+@dataclass(frozen=True)
+class RandomClusters:
+    """A vocabulary whose clusters are the nearest of ``k`` windows drawn at random, in standardised units.
+
+    Everything else is as in the paper: the mean instruction of each cluster, min-max between the clusters.
+
+    Attributes:
+        mean: ``(S,)`` of the windows.
+        spread: ``(S,)`` their standard deviations, 1 where they are all alike.
+        centres: ``(k, S)`` the windows drawn, standardised.
+        expressions: ``(k, d)``.
+        purities: ``(k,)`` 1 - half the mean distance of a cluster's instructions from their mean.
+        sizes: ``(k,)``.
+    """
+
+    mean: Array
+    spread: Array
+    centres: Array
+    expressions: Array
+    purities: Array
+    sizes: Array
+
+    @classmethod
+    def draw(cls, windows: Windows, n_clusters: int, random: np.random.Generator) -> Self:
+        """Draw the centres from ``windows`` and name them."""
+        mean, spread = windows.delta.mean(axis=0), windows.delta.std(axis=0)
+        spread = np.where(spread > 0, spread, 1)
+        standard = (windows.delta - mean) / spread
+        distinct = np.unique(standard, axis=0)
+        centres = distinct[random.permutation(len(distinct))[:n_clusters]]
+        labels = pairwise_distances_argmin(standard, centres)
+        sizes = np.bincount(labels, minlength=len(centres))
+        counts = np.maximum(sizes, 1)[:, None]
+        means = _sums(labels, windows.instruction, len(centres)) / counts
+        spreads = _sums(labels, np.abs(windows.instruction - means[labels]), len(centres)) / counts
+        return cls(mean, spread, centres, normalise(means), 1 - spreads.mean(axis=1) / 2, sizes)
+
+    @property
+    def ids(self) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return np.arange(len(self.centres))
+
+    def cluster(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return pairwise_distances_argmin((np.asarray(delta, float) - self.mean) / self.spread, self.centres)
+
+    def express(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return self.expressions[self.cluster(delta)]
+
+    def confidence(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return self.purities[self.cluster(delta)]
+
+
+def _sums(labels: Array, values: Array, count: int) -> Array:
+    return np.stack([np.bincount(labels, column, count) for column in values.T], axis=1)
+
+
+def shuffle_instructions(
+    best: Sequence[Episode], heard: Sequence[Episode], random: np.random.Generator
+) -> tuple[list[Episode], list[Episode]]:
+    """Give each episode the instructions of another one, drawn without replacement within each of the two lists.
+
+    They come in the order in which they were given; where the other episode was shorter its last one holds.
+    """
+    return _shuffle(best, random), _shuffle(heard, random)
+
+
+def _shuffle(episodes: Sequence[Episode], random: np.random.Generator) -> list[Episode]:
+    return [
+        _told_as(episode, episodes[other])
+        for episode, other in zip(episodes, random.permutation(len(episodes)), strict=True)
+    ]
+
+
+def _told_as(episode: Episode, other: Episode) -> Episode:
+    steps = np.minimum(np.arange(len(episode)), len(other) - 1)
+    return replace(episode, instructions=other.instructions[steps], given=other.given[steps])
+
+
+def of_another_moment(moments: Moments, random: np.random.Generator) -> Moments:
+    """Give each moment the predictions of a moment of another episode, drawn at random.
+
+    Raises:
+        ValueError: if all moments are of one episode.
+    """
+    names, episode = np.unique(moments.episode, return_inverse=True)
+    if len(names) < 2:
+        raise ValueError("moments of at least two episodes are needed")
+    order = random.permutation(len(names))
+    other = np.empty(len(names), int)
+    other[order] = np.roll(order, 1)  # a circle through all episodes: none is given its own
+    counts = np.bincount(episode)
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    sorted_rows = np.argsort(episode, kind="stable")
+    given_by = other[episode]
+    drawn = starts[given_by] + (random.random(len(moments)) * counts[given_by]).astype(int)
+    return replace(moments, predicted=moments.predicted[sorted_rows[drawn]])

@@ -1,0 +1,198 @@
+"""``task=evaluate``: is what the agent says true? Fly, judge, write it down, print and draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ibe_rl.command_line import choices
+from ibe_rl.config import ExplainConfig
+from ibe_rl.data import Mapping
+from ibe_rl.evaluation import figures, report, tables
+from ibe_rl.evaluation.changing import judge_ages
+from ibe_rl.evaluation.controls import Flipped
+from ibe_rl.evaluation.flights import Flying, flying, gather_both, horizons_of, seeds_for
+from ibe_rl.evaluation.moments import Moments, Plan
+from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.quality import Judged, Learnt, confidence_of, judge, paired_of, rows_of
+from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
+from ibe_rl.evaluation.waiting import waiting
+from ibe_rl.metrics.bootstrap import episode_weights
+from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
+
+SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
+"""Explainers beside the one in question in tables and figures over the horizons."""
+
+EXPLAINERS = 11
+"""That are judged at each horizon beside the refits: how far the bar goes."""
+
+
+def evaluate(cfg: ExplainConfig) -> None:
+    """Judge the explanations of a run; see ``docs/QUALITY.md`` for what the numbers mean.
+
+    Raises:
+        ConfigError: if the run lacks what is needed, before anything is flown.
+    """
+    run = load_run(find_run(cfg.run, Path("runs")))
+    horizons = horizons_of(cfg.evaluate, run)
+    refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
+    report.make_folders(run.folder)
+    learnt = learn_all(run, refits, horizons, cfg, ours)
+    with flying(run, cfg) as flight:
+        moments, held_out = gather_both(flight, horizons)
+        ages = fly_all_ages(flight)
+    judged = judge_all(learnt, moments.judged(), held_out, run, cfg)
+    own = run.horizon_steps
+    observers, rows = watch_all(judged, learnt, moments, held_out, run, cfg, ours)
+    quality = {
+        "protocol": protocol(run, cfg, horizons, learnt, moments),
+        "rows": rows,
+        "paired": [each for one in judged.values() for each in paired_of(one, ours)],
+        "confidence": confidence_of(judged[own], ours),
+        "changing_policy": ages,
+    }
+    calibration = report.calibration_report(judged[own], ours)
+    folder = run.folder / EVALUATION
+    write_json(folder / "quality.json", quality)
+    write_json(folder / "observers.json", observers)
+    write_json(folder / "calibration.json", calibration)
+    report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
+    beside = [name for name in SHOWN if name in judged[own].samples]  # what the environment declares nothing for is not
+    tell(quality, observers, own, (ours, *beside))
+    drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
+    print_files(folder, drawn)
+
+
+def learn_all(
+    run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
+) -> dict[int, Learnt]:
+    """Learn from the log all that is needed, for each horizon: before anything is flown, since it may be too small."""
+    config, paper = cfg.evaluate, choices("mapping")["paper"]
+    with waiting("vocabularies", len(horizons) * config.shuffles) as step:
+        return {
+            horizon: refits.learn({ours: vocabulary_at(run, refits, horizon)}, paper, horizon, config, step)
+            for horizon in horizons
+        }
+
+
+def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> Mapping:
+    """The vocabulary that the run spoke over a horizon; where it had none, one learnt anew as it would have been."""
+    refreshed = {**run.spans, run.horizon_steps: run.mapping}
+    return refreshed.get(horizon_steps) or refits.fit(run.config.mapping, horizon_steps)
+
+
+def judge_all(
+    learnt: dict[int, Learnt], moments: Moments, held_out: Moments, run: TrainedRun, cfg: ExplainConfig
+) -> dict[int, Judged]:
+    """Judge all explainers at all horizons, on the same resamples of the episodes."""
+    config = cfg.evaluate
+    weights = episode_weights(moments.episode, config.resamples, config.seed)
+    with waiting("explainers", len(learnt) * (EXPLAINERS + 2 * config.shuffles)) as step:
+        return {
+            horizon: judge(one, moments, held_out, horizon, run.task, weights, config.seed, step)
+            for horizon, one in learnt.items()
+        }
+
+
+def watch_all(
+    judged: dict[int, Judged],
+    learnt: dict[int, Learnt],
+    moments: Moments,
+    held_out: Moments,
+    run: TrainedRun,
+    cfg: ExplainConfig,
+    ours: str,
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The report of the observer, and all rows with what the observer adds to those of the run's own horizon."""
+    own = run.horizon_steps
+    here = learnt[own]
+    vocabularies: dict[str, Sequence[Mapping]] = {
+        ours: [here.vocabularies[ours]],
+        "baseline:paper": [here.vocabularies["baseline:paper"]],
+        "baseline:flipped": [Flipped(here.vocabularies[ours])],
+        "baseline:shuffled": here.ensembles["baseline:shuffled"],
+    }
+    true_change = held_out.realised[:, held_out.at(own), run.task.explained]
+    config = cfg.evaluate
+    samples, told = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
+    rows = [row for one in judged.values() for row in rows_of(one)]
+    add_errors(rows, samples, own)
+    return told, rows
+
+
+def fly_all_ages(flight: Flying) -> list[dict[str, Any]]:
+    """Each kept policy in the vocabularies of its own age and of all before; empty if that is left out."""
+    run, config = flight.run, flight.cfg.evaluate
+    if not config.changing_episodes:
+        return []
+    refreshes = {
+        frame: saved for frame, saved in kept_refreshes(run).items() if saved.horizon_steps == run.horizon_steps
+    }
+    plan, rows = Plan(config.stride_steps, 1, (run.horizon_steps,)), []
+    for frame, policy in kept_policies(run).items():
+        if not any(learnt <= frame for learnt in refreshes):
+            continue
+        title = f"futures of the policy of frame {frame:,}"
+        moments = flight.gather("changing", config.changing_episodes, plan, title, policy).judged()
+        vocabularies = {learnt: saved.mapping for learnt, saved in refreshes.items()}
+        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, config.resamples, config.seed)
+    return rows
+
+
+def protocol(
+    run: TrainedRun, cfg: ExplainConfig, horizons: tuple[int, ...], learnt: dict[int, Learnt], moments: Moments
+) -> dict[str, Any]:
+    """What the numbers stand on."""
+    config = cfg.evaluate
+    counts = {"judged": config.episodes, "held_out": config.calibration_episodes}
+    counts["changing"] = config.changing_episodes
+    seeds = {name: seeds_for(name, config.seed, count) for name, count in counts.items() if count}
+    refreshed = (*run.spans, run.horizon_steps)
+    return {
+        "run": run.folder.name,
+        "mapping": run.config.mapping.kind,
+        "policy_frame": run.policy_frame,
+        "mapping_frame": run.mapping_frame,
+        "episodes": config.episodes,
+        "calibration_episodes": config.calibration_episodes,
+        "changing_episodes": config.changing_episodes,
+        "seeds": {name: [each[0], each[-1]] for name, each in seeds.items()},
+        "horizon_steps": run.horizon_steps,
+        "horizons_steps": list(horizons),
+        "vocabulary": {str(n): "refresh" if n in refreshed else "learnt anew from the log" for n in horizons},
+        "stride": config.stride_steps,
+        "moments": len(moments.judged()),
+        "observed_episodes": int(moments.observed.sum()),
+        "futures": config.futures,
+        "future_instruction": cfg.predictor.future_instruction,
+        "band": run.task.explained_band,
+        "resamples": config.resamples,
+        "refits": config.shuffles,
+        "state_regressor": {str(n): {"kind": one.regressor.kind, "r2": one.regressor.r2} for n, one in learnt.items()},
+        "seed": config.seed,
+    }
+
+
+def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
+    """Print the tables; ``shown`` are the explainers over the horizons."""
+    about, rows, console = quality["protocol"], quality["rows"], tables.console()
+    title = (
+        f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
+        "(with 95 % intervals)"
+    )
+    console.print(tables.quality_table([row for row in rows if row["horizon_steps"] == own], title))
+    console.print(tables.paired_table(quality["paired"], own))
+    console.print(tables.horizons_table(rows, shown))
+    if observers["rows"]:
+        console.print(tables.observers_table(observers))
+    if quality["changing_policy"]:
+        console.print(tables.changing_table(quality["changing_policy"]))
+
+
+def print_files(folder: Path, drawn: list[Path]) -> None:
+    """Say where the files are."""
+    console = tables.console()
+    console.print(f"numbers: {folder}/quality.json, observers.json, calibration.json, moments.csv", soft_wrap=True)
+    console.print(f"figures: {drawn[0].parent}/{', '.join(path.name for path in drawn)}", soft_wrap=True)

@@ -1,0 +1,194 @@
+"""The figures of an evaluation, as PNG files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ibe_rl.run_folder import write_atomically
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito's, which the colour-blind can tell apart."""
+MARKERS = "osD^vPX"
+GREY = "#777777"
+DPI = 130
+
+
+def draw_all(
+    folder: Path, quality: dict[str, Any], calibration: dict[str, Any], ours: str, beside: Sequence[str]
+) -> list[Path]:
+    """Draw what an evaluation found; returns the files.
+
+    Args:
+        folder: where they go.
+        quality: what quality.json holds.
+        calibration: what calibration.json holds.
+        ours: the explainer in question.
+        beside: explainers shown with it over the horizons.
+    """
+    own = quality["protocol"]["horizon_steps"]
+    drawings: dict[str, Callable[[], Figure]] = {
+        "quality.png": lambda: by_explainer(quality["rows"], own),
+        "confidence.png": lambda: confidence(calibration),
+        "horizons.png": lambda: over_horizons(quality["rows"], (ours, *beside), own),
+    }
+    if quality["changing_policy"]:
+        drawings["changing_policy.png"] = lambda: changing(quality["changing_policy"], own)
+    return [_save(draw(), folder / name) for name, draw in drawings.items()]
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    FigureCanvasAgg(figure)
+    write_atomically(path, lambda stream: figure.savefig(stream, format="png", dpi=DPI))
+    return path
+
+
+def _figure(width: float, height: float, columns: int, **shared: Any) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, columns, **shared)).tolist()
+    for each in axes:
+        each.grid(color="#dddddd", linewidth=0.6)
+        each.set_axisbelow(True)
+        each.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("baseline:").replace("_", " ")
+
+
+def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
+    """Every explainer at one horizon, best first, with intervals."""
+    here = [row for row in rows if row["horizon_steps"] == horizon_steps and row["motion_auc"]["value"] is not None]
+    here.sort(key=lambda row: row["motion_auc"]["value"])
+    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
+    figure, axes = _figure(9.5, 1.6 + 0.3 * len(here), 2, sharey=True)
+    for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
+        for place, row in enumerate(here):
+            ours, spread = row["explainer"].startswith("ibe:"), row.get("over") == "refits"
+            colour = COLOURS[0] if ours else GREY if spread else COLOURS[1]
+            _point(axis, row[metric], place, colour, MARKERS[0] if ours else MARKERS[2] if spread else MARKERS[1])
+        axis.axvline(0.5, color="#000000", linewidth=0.8, linestyle=":")
+        axis.set(xlim=(-0.02, 1.02), xlabel="motion AUC (0.5: chance, 1: always right)")
+        axis.set_title(title, fontsize=10)
+    axes[0].set_yticks(range(len(here)), [_plain(row["explainer"]) for row in here])
+    for tick, row in zip(axes[0].get_yticklabels(), here, strict=True):
+        tick.set_fontweight("bold" if row["explainer"].startswith("ibe:") else "normal")
+    for colour, marker, label in (
+        (COLOURS[0], MARKERS[0], "the run's vocabulary"),
+        (COLOURS[1], MARKERS[1], "baselines"),
+        (GREY, MARKERS[2], "many refits: mean, and where 95 % of them lie"),
+    ):
+        axes[0].plot([], [], color=colour, marker=marker, label=label)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.suptitle(f"Does it tell which way it goes over the next {horizon_steps} steps? (95 % intervals)")
+    return figure
+
+
+def _point(axis: Axes, told: dict[str, Any], place: float, colour: str, marker: str) -> None:
+    if told["value"] is None:
+        return
+    if told["low"] is not None:
+        axis.plot([told["low"], told["high"]], [place, place], color=colour, linewidth=2)
+    axis.plot([told["value"]], [place], color=colour, marker=marker, markersize=6, linestyle="")
+
+
+def confidence(calibration: dict[str, Any]) -> Figure:
+    """Reliability diagram, and risk against coverage."""
+    figure, (left, right) = _figure(9.5, 4.3, 2)
+    bins, curve = calibration["reliability"], calibration["risk_coverage"]
+    left.plot([0, 1], [0, 1], color="#000000", linewidth=0.8, linestyle=":", label="as sure as right")
+    sizes = np.array([each["moments"] for each in bins])
+    where = [each["confidence"] for each in bins], [each["came_true"] for each in bins]
+    left.plot(*where, color=COLOURS[0], linewidth=1)
+    left.scatter(*where, s=20 + 180 * sizes / sizes.max(), color=COLOURS[0], label="moments (area: how many)")
+    left.set(
+        xlim=(0, 1.03), ylim=(0, 1.03), xlabel="confidence that the phrase comes true", ylabel="share that came true"
+    )
+    left.set_title("Is it right as often as it is sure?", fontsize=10)
+    left.legend(fontsize=8, frameon=False, loc="lower right", markerscale=0.6)
+    risk = 100 * np.array(curve["risk"])
+    right.plot(100 * np.array(curve["coverage"]), risk, color=COLOURS[0], drawstyle="steps-pre")
+    right.axhline(risk[-1], color="#000000", linewidth=0.8, linestyle=":", label="always speaking")
+    right.axvline(80, color=COLOURS[1], linewidth=0.8, linestyle="--", label="the 80 % most confident")
+    right.set(xlim=(0, 101), ylim=(0, max(1.0, 1.15 * float(risk.max()))))
+    right.set(xlabel="moments spoken at, most confident first (%)", ylabel="of these did not come true (%)")
+    right.set_title("What does silence when unsure gain?", fontsize=10)
+    right.legend(fontsize=8, frameon=False, loc="upper left")
+    name, steps = _plain(calibration["explainer"]), calibration["horizon_steps"]
+    figure.suptitle(f"Confidence of {name} over the next {steps} steps")
+    return figure
+
+
+def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own: int) -> Figure:
+    """Truth of some explainers over how far ahead they speak."""
+    figure, axes = _figure(9.5, 4.4, 2, sharey=True)
+    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
+    shift = 1.4
+    for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
+        for number, name in enumerate(explainers):
+            told = [(row["horizon_steps"], row[metric]) for row in rows if row["explainer"] == name]
+            known = [(steps, each) for steps, each in told if each["value"] is not None]
+            label = _plain(name) if axis is axes[0] else None
+            _line(axis, known, number, shift * (number - (len(explainers) - 1) / 2), label)
+        axis.axvline(own, color=GREY, linewidth=0.8, linestyle=":")
+        axis.set_title(title, fontsize=10)
+        axis.set(xlabel="horizon (steps)", xticks=sorted({row["horizon_steps"] for row in rows}))
+    axes[0].set_ylabel("motion AUC (0.5: chance, 1: always right)")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.suptitle(
+        f"How far ahead is it true? (95 % intervals; dotted: {own} steps, the run's own; points moved apart)"
+    )
+    return figure
+
+
+def _line(
+    axis: Axes, known: Sequence[tuple[float, dict[str, Any]]], number: int, shift: float, label: str | None
+) -> None:
+    """Values with their intervals, moved aside a little so that several can be told apart."""
+    colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+    places, values = [steps + shift for steps, _ in known], [each["value"] for _, each in known]
+    axis.plot(places, values, color=colour, marker=marker, markersize=5, linewidth=1.4, label=label)
+    bounded = [(place, each) for place, (_, each) in zip(places, known, strict=True) if each["low"] is not None]
+    lows, highs = ([each[end] for _, each in bounded] for end in ("low", "high"))
+    axis.vlines([place for place, _ in bounded], lows, highs, color=colour, linewidth=1)
+
+
+def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
+    """Each kept policy in the vocabularies of its own age and of all before."""
+    policies = sorted({row["policy_frame"] for row in rows})
+    ages = sorted({row["vocabulary_frame"] for row in rows})
+    metrics = {"motion_auc": "motion AUC", "motion_spearman": "rank correlation", "came_true": "share that came true"}
+    figure, axes = _figure(3.4 * len(metrics) + 1, 2.2 + 0.42 * len(ages), len(metrics), sharey=True)
+    for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
+        values = np.full((len(ages), len(policies)), np.nan)
+        for row in rows:
+            value = row[metric]["value"]
+            place = ages.index(row["vocabulary_frame"]), policies.index(row["policy_frame"])
+            values[place] = np.nan if value is None else value
+        axis.grid(visible=False)
+        known = values[~np.isnan(values)] if not np.isnan(values).all() else np.zeros(1)
+        axis.imshow(values, cmap="cividis", aspect="auto", vmin=known.min(), vmax=known.max())
+        middle = (known.min() + known.max()) / 2
+        for (y, x), value in np.ndenumerate(values):
+            if not np.isnan(value):
+                axis.text(
+                    x, y, f"{value:.2f}", ha="center", va="center", fontsize=8, color="w" if value < middle else "k"
+                )
+        axis.set_xticks(range(len(policies)), [_thousands(frame) for frame in policies], rotation=45)
+        axis.set_xlabel("policy after (thousand frames)")
+        axis.set_title(title, fontsize=10)
+    axes[0].set_yticks(range(len(ages)), [_thousands(frame) for frame in ages])
+    axes[0].set_ylabel("vocabulary learnt after (thousand frames)")
+    figure.suptitle(f"A changing policy in vocabularies of all ages, over {horizon_steps} steps")
+    return figure
+
+
+def _thousands(frame: int) -> str:
+    return f"{frame / 1000:,.0f}"

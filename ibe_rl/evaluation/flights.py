@@ -1,0 +1,79 @@
+"""The flights that explanations are judged on: which seeds, which policy, which futures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+
+import torch
+
+from ibe_rl.collect import JUDGING_SEED
+from ibe_rl.config import EvaluateConfig, ExplainConfig
+from ibe_rl.data import ConfigError, Policy, Predictor
+from ibe_rl.env.make import make_gym
+from ibe_rl.evaluation.moments import Moments, Plan, gather
+from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.instruct import make_instructor
+from ibe_rl.predict import make_simulator
+
+SEEDS_EACH = 10_000
+"""Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds and three purposes."""
+PURPOSES = ("judged", "held_out", "changing")
+
+
+def seeds_for(purpose: str, seed: int, episodes: int) -> range:
+    """Seeds of episodes that no training and no other purpose uses."""
+    first = JUDGING_SEED + (PURPOSES.index(purpose) * 1_000 + seed) * SEEDS_EACH
+    return range(first, first + episodes)
+
+
+def horizons_of(cfg: EvaluateConfig, run: TrainedRun) -> tuple[int, ...]:
+    """The horizons asked for and the run's own, rising.
+
+    Raises:
+        ConfigError: if one of them is longer than an episode can be.
+    """
+    longest = run.task.max_episode_steps
+    if not all(1 <= steps <= longest for steps in cfg.horizons_steps):
+        raise ConfigError(
+            f"evaluate.horizons_steps={list(cfg.horizons_steps)}: allowed is at least 1 and at most {longest}, "
+            "the length of the longest episode"
+        )
+    return tuple(sorted({*cfg.horizons_steps, run.horizon_steps}))
+
+
+@dataclass(frozen=True)
+class Flying:
+    """What all flights of an evaluation share."""
+
+    run: TrainedRun
+    cfg: ExplainConfig
+    predictor: Predictor
+
+    def gather(self, purpose: str, episodes: int, plan: Plan, title: str, policy: Policy | None = None) -> Moments:
+        """Fly episodes for a purpose, with the run's last policy or another one, and predict."""
+        run, seeds = self.run, seeds_for(purpose, self.cfg.evaluate.seed, episodes)
+        instructor = make_instructor(run.config.instructor.kind, run.task)
+        return gather(run.make_env, run.task, policy or run.policy, instructor, self.predictor, seeds, plan, title)
+
+
+@contextmanager
+def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
+    """Start the predictor's processes, and stop them at the end."""
+    torch.set_num_threads(1)
+    make_one = partial(make_gym, run.config.env.id, run.config.env.kwargs)
+    config = replace(cfg.predictor, processes=cfg.evaluate.processes)
+    with closing(make_simulator(config, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
+        yield Flying(run, cfg, predictor)
+
+
+def gather_both(flight: Flying, horizons: tuple[int, ...]) -> tuple[Moments, Moments]:
+    """The moments that are judged, the observer's among them, and those that the confidence is calibrated on."""
+    config, own = flight.cfg.evaluate, flight.run.horizon_steps
+    plan = Plan(config.stride_steps, config.futures, horizons, own)
+    judged = flight.gather("judged", config.episodes, plan, "futures of the judged episodes")
+    plan = replace(plan, observer_steps=None)
+    held_out = flight.gather("held_out", config.calibration_episodes, plan, "futures of the held-out episodes")
+    return judged, held_out.judged()

@@ -1,0 +1,111 @@
+"""The paper's prediction task with a simulated observer: does an explanation help to foretell where it will end?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as Dict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.data import Array, Mapping, Task
+from ibe_rl.evaluation.moments import SEEN_STEPS, Moments
+from ibe_rl.evaluation.rows import Samples, as_json
+from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
+from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
+
+NOTHING, PAPER = "no_explanation", "baseline:paper"
+
+
+def observe_all(
+    moments: Moments,
+    calibrating: Array,
+    horizon_steps: int,
+    task: Task,
+    vocabularies: Dict[str, Sequence[Mapping]],
+    resamples: int,
+    seed: int,
+) -> tuple[dict[str, Samples], dict[str, Any]]:
+    """Let the observer foretell the position at the first contact, from ``horizon_steps`` before it.
+
+    Args:
+        moments: those with ``observed`` are used, one an episode.
+        calibrating: ``(N,)`` true changes over the horizon, of other episodes, that the observer's scale comes from.
+        horizon_steps: of the explanations.
+        task: with ``motion``.
+        vocabularies: explainer to its vocabularies; the error of several is their mean.
+        resamples: of the episodes.
+        seed: of the resamples.
+
+    Returns:
+        For each explainer its ``observer_error`` on all resamples; and the report, where an explainer that is told
+        the change itself (``predicted_change``, ``true_future``) needs no scale.
+    """
+    seen = moments[moments.observed]
+    if task.motion is None or not len(seen):
+        return {}, {"episodes": 0, "rows": []}
+    observer = calibrate_observer(calibrating, task.explained_band)
+    expected = _expected(seen, observer, horizon_steps, task, vocabularies)
+    position, change = _position_and_change(seen, horizon_steps, task)
+    errors = {
+        name: np.mean([observer_errors(one, position + change, task.explained_range) for one in guesses], axis=0)
+        for name, guesses in expected.items()
+    }
+    weights = episode_weights(seen.episode, resamples, seed)
+    samples = {name: {"observer_error": weighted_mean(error, weights)} for name, error in errors.items()}
+    return samples, _report(samples, observer, len(seen), horizon_steps)
+
+
+def add_errors(rows: Sequence[dict[str, Any]], samples: Dict[str, Samples], horizon_steps: int) -> None:
+    """Put ``observer_error`` into the rows of one horizon."""
+    for row in rows:
+        if row["horizon_steps"] == horizon_steps and row["explainer"] in samples:
+            row["observer_error"] = as_json(estimate(samples[row["explainer"]]["observer_error"]))
+
+
+def _position_and_change(seen: Moments, horizon_steps: int, task: Task) -> tuple[Array, Array]:
+    position = seen.state[:, task.explained].astype(float)
+    return position, seen.realised[:, seen.at(horizon_steps), task.explained].astype(float)
+
+
+def _expected(
+    seen: Moments,
+    observer: Observer,
+    horizon_steps: int,
+    task: Task,
+    vocabularies: Dict[str, Sequence[Mapping]],
+) -> dict[str, list[Array]]:
+    """Explainer to the positions ``(E,)`` that the observer expects, one array for each of its vocabularies."""
+    assert task.motion is not None
+    position, change = _position_and_change(seen, horizon_steps, task)
+    predicted = seen.predicted[:, 0, seen.at(horizon_steps)]
+    expected = {
+        name: [observer.reads(position, mapping.express(predicted)[:, 0]) for mapping in several]
+        for name, several in vocabularies.items()
+    }
+    return {
+        NOTHING: [carries_on(position, task.motion(seen.state).astype(float), horizon_steps)],
+        **expected,
+        "baseline:predicted_change": [position + predicted[:, task.explained]],
+        "baseline:true_future": [position + change],
+    }
+
+
+def _report(samples: Dict[str, Samples], observer: Observer, episodes: int, horizon_steps: int) -> dict[str, Any]:
+    errors = {name: each["observer_error"] for name, each in samples.items()}
+    return {
+        "episodes": episodes,
+        "seen_steps": SEEN_STEPS,
+        "horizon_steps": horizon_steps,
+        "typical": None if math.isnan(observer.typical) else observer.typical,
+        "rows": [
+            {
+                "explainer": name,
+                "observer_error": as_json(estimate(error)),
+                "minus_no_explanation": as_json(estimate(error - errors[NOTHING])),
+                "minus_paper": as_json(estimate(error - errors[PAPER])) if PAPER in errors else None,
+            }
+            for name, error in errors.items()
+        ],
+    }

@@ -1,0 +1,122 @@
+"""Vocabularies learnt anew from the log of a run: for other horizons, by other mappings, for controls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from ibe_rl.config import EvaluateConfig, MappingConfig
+from ibe_rl.data import ConfigError, Mapping
+from ibe_rl.evaluation.baselines import fit_state_regressor
+from ibe_rl.evaluation.controls import RandomClusters, shuffle_instructions
+from ibe_rl.evaluation.quality import Learnt
+from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.ibe import ClusterMapping, TooLittleDataError
+from ibe_rl.lessons import Lessons, best_windows, check_mapping, fit_mapping, read_lessons
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.run_folder import TRAJECTORIES
+
+
+def open_log(run: TrainedRun) -> TrajectoryLog:
+    """Open the log of a run.
+
+    Raises:
+        ConfigError: if there is none, or it is damaged.
+    """
+    if not (run.folder / TRAJECTORIES / "log.json").is_file():
+        raise ConfigError(
+            f"run={run.folder}: it has no log ({TRAJECTORIES}/) to learn other vocabularies from; "
+            "allowed is a run with all that train.py left"
+        )
+    try:
+        return TrajectoryLog.open(run.folder / TRAJECTORIES)
+    except ValueError as error:
+        raise ConfigError(f"run={run.folder}: {error}") from None
+
+
+class Refits:
+    """Learns vocabularies from the log of one run, all from its newest episodes, as many as the run itself used.
+
+    Args:
+        run: with its log.
+        seed: of the clustering and of all draws.
+
+    Raises:
+        ConfigError: if the run has no log.
+    """
+
+    def __init__(self, run: TrainedRun, seed: int):
+        self._run, self._seed, self._log = run, seed, open_log(run)
+
+    def lessons(self, config: MappingConfig) -> Lessons:
+        """The episodes that ``config`` learns from.
+
+        Raises:
+            ConfigError: if there are none.
+        """
+        used = replace(config, newest_frames=self._run.config.mapping.newest_frames)
+        with self._enough():
+            return read_lessons(self._log, used, self._seed)
+
+    def fit(self, config: MappingConfig, horizon_steps: int, lessons: Lessons | None = None) -> ClusterMapping:
+        """Learn a vocabulary from nothing, from the log or from given lessons.
+
+        Raises:
+            ConfigError: if they are too few, or the mapping cannot work in this environment.
+        """
+        check_mapping(config, self._run.task)
+        given = lessons or self.lessons(config)
+        with self._enough():
+            return fit_mapping(given.best, given.heard, config, self._run.task, self._seed, horizon_steps=horizon_steps)
+
+    def shuffled(
+        self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
+    ) -> list[Mapping]:
+        """``count`` vocabularies, each from episodes that were given the instructions of others."""
+        random, lessons = np.random.default_rng(self._seed), self.lessons(config)
+        found: list[Mapping] = []
+        for _ in range(count):
+            best, heard = shuffle_instructions(lessons.best, lessons.heard, random)
+            found.append(self.fit(config, horizon_steps, replace(lessons, best=best, heard=heard)))
+            step()
+        return found
+
+    def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[Mapping]:
+        """``count`` vocabularies with clusters around windows drawn at random."""
+        random, lessons = np.random.default_rng(self._seed), self.lessons(config)
+        with self._enough():
+            windows = best_windows(lessons.best, config, horizon_steps)
+        return [RandomClusters.draw(windows, config.n_clusters, random) for _ in range(count)]
+
+    def learn(
+        self,
+        vocabularies: dict[str, Mapping],
+        paper: MappingConfig,
+        horizon_steps: int,
+        config: EvaluateConfig,
+        step: Callable[[], None] = lambda: None,
+    ) -> Learnt:
+        """All that is held against the ``vocabularies`` in question at one horizon; ``step`` is called now and then.
+
+        Raises:
+            ConfigError: if the log is too small for it.
+        """
+        own = self._run.config.mapping
+        return Learnt(
+            vocabularies={**vocabularies, "baseline:paper": self.fit(paper, horizon_steps)},
+            ensembles={
+                "baseline:shuffled": self.shuffled(own, horizon_steps, config.shuffles, step),
+                "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
+            },
+            regressor=fit_state_regressor(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
+        )
+
+    @contextmanager
+    def _enough(self) -> Iterator[None]:
+        try:
+            yield
+        except TooLittleDataError as error:
+            raise ConfigError(f"run={self._run.folder}: its log is too small for a vocabulary ({error})") from None

@@ -1,0 +1,94 @@
+"""The files of an evaluation: quality.json, observers.json, calibration.json, moments.csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.data import Array, ConfigError, Task
+from ibe_rl.evaluation.moments import Moments
+from ibe_rl.evaluation.quality import Judged
+from ibe_rl.metrics.confidence import risk_coverage
+from ibe_rl.run_folder import EVALUATION, FIGURES, write_atomically
+
+BINS = 10
+CURVE_POINTS = 200
+
+
+def make_folders(run: Path) -> None:
+    """Make the folders of the report, before any work is done for it.
+
+    Raises:
+        ConfigError: if they cannot be written to.
+    """
+    for name in (EVALUATION, FIGURES):
+        try:
+            (run / name).mkdir(exist_ok=True)
+            write_atomically(run / name / ".writable", lambda stream: stream.write(b""))
+            (run / name / ".writable").unlink()
+        except OSError as error:
+            raise ConfigError(f"run={run}: allowed is a folder that can be written to ({error.strerror})") from None
+
+
+def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task: Task) -> None:
+    """Write a row a moment: where, what was told and said, how sure, and what was predicted and came."""
+    spoken, at = judged.spoken[ours], moments.at(judged.truth.horizon_steps)
+    columns: dict[str, Array] = {"episode_seed": moments.seed, "step": moments.step}
+    columns |= _numbered(task.state_names, "", moments.state)
+    columns |= _instructions("m*", moments.instruction) | _instructions("m", spoken.expression)
+    columns |= {"phrase": spoken.phrase, "confidence": judged.probabilities[ours]}
+    columns |= _numbered(task.state_names, "predicted_delta_", moments.predicted[:, 0, at])
+    columns |= _numbered(task.state_names, "realised_delta_", moments.realised[:, at])
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(columns)
+    table.writerows([_short(value) for value in row] for row in zip(*columns.values(), strict=True))
+    write_atomically(path, lambda stream: stream.write(text.getvalue().encode()))
+
+
+def _numbered(names: Sequence[str], prefix: str, values: Array) -> dict[str, Array]:
+    return {f"{prefix}{name}": column for name, column in zip(names, values.T, strict=True)}
+
+
+def _instructions(name: str, values: Array) -> dict[str, Array]:
+    if values.shape[1] == 1:
+        return {name: values[:, 0]}
+    return {f"{name}[{number}]": column for number, column in enumerate(values.T)}
+
+
+def _short(value: Any) -> Any:
+    return f"{value:.6g}" if isinstance(value, np.floating) else value
+
+
+def reliability(probability: Array, true: Array, bins: int = BINS) -> list[dict[str, Any]]:
+    """How often what was said with some confidence came true, for bins of equal width that hold anything."""
+    bin_of = np.minimum((probability * bins).astype(int), bins - 1)
+    return [
+        {
+            "from": number / bins,
+            "to": (number + 1) / bins,
+            "moments": int(np.sum(bin_of == number)),
+            "confidence": float(np.mean(probability[bin_of == number])),
+            "came_true": float(np.mean(true[bin_of == number])),
+        }
+        for number in np.unique(bin_of).tolist()
+    ]
+
+
+def calibration_report(judged: Judged, ours: str) -> dict[str, Any]:
+    """How the confidence is made, and how far it can be trusted."""
+    probability, true = judged.probabilities[ours], judged.spoken[ours].true
+    coverage, risk = risk_coverage(probability, true)
+    some = np.unique(np.linspace(0, len(coverage) - 1, CURVE_POINTS).astype(int))
+    return {
+        "explainer": ours,
+        "horizon_steps": judged.truth.horizon_steps,
+        "calibration": judged.calibrations[ours].to_dict(),
+        "reliability": reliability(probability, true),
+        "risk_coverage": {"coverage": coverage[some].tolist(), "risk": risk[some].tolist()},
+    }

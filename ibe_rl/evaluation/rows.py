@@ -1,0 +1,139 @@
+"""The metrics of one explainer: values on every resample of the episodes, and from these a row of the report.
+
+Shapes: ``N`` moments, ``R`` resamples, row 0 of which is the value itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.data import Array, Task
+from ibe_rl.evaluation.moments import Moments
+from ibe_rl.evaluation.spoken import Spoken
+from ibe_rl.metrics.balance import left_right, size_cv, size_max
+from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
+from ibe_rl.metrics.confidence import brier, ece, risk_at
+
+Samples = dict[str, Array]
+"""Metric to values ``(R,)``."""
+
+MOTION = ("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spearman")
+WORDS = ("came_true", "came_true_voted")
+CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
+BALANCE = ("size_cv", "size_max", "left_right")
+METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
+"""The metrics of a row, in the order of the report."""
+COVERAGE = 0.8
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What really happened over one horizon, and how the moments are weighed.
+
+    Attributes:
+        horizon_steps: of the explanations.
+        change: ``(N,)`` real change of the explained dimension.
+        told: ``(N,)`` the instruction.
+        band: see ``Task.explained_band``.
+        values: what the instructor can say.
+        hard: ``(N,)`` bool, the state regressor names the wrong way.
+        weights: ``(R, N)``.
+    """
+
+    horizon_steps: int
+    change: Array
+    told: Array
+    band: float
+    values: Sequence[float]
+    hard: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, moments: Moments, horizon_steps: int, task: Task, forecast: Array, weights: Array) -> Truth:
+        """Of ``moments``, with what a simple ``forecast`` ``(N,)`` of the change had said."""
+        change = moments.realised[:, moments.at(horizon_steps), task.explained].astype(float)
+        band = task.explained_band
+        hard = went(forecast, band) != went(change, band)
+        told = moments.instruction[:, 0].astype(float)
+        return cls(horizon_steps, change, told, band, task.instruction_values, hard, weights)
+
+    def unweighed(self) -> Truth:
+        """The same with one row of equal weights: for values without an interval."""
+        return Truth(**{**vars(self), "weights": self.weights[:1]})
+
+
+def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
+    """How well what was said ``(N,)`` tells the motion; ``on_scale`` is the same on the instructor's scale."""
+    scores = motion_scores(said, truth.change, truth.told, truth.band, truth.weights, truth.hard)
+    return scores | {"instruction_f1": weighted_f1(on_scale, truth.told, truth.values, truth.weights)}
+
+
+def score_words(spoken: Spoken, truth: Truth) -> Samples:
+    """Whether the words of a vocabulary came true."""
+    true = {"came_true": spoken.true, "came_true_voted": spoken.voted_true}
+    return {name: weighted_mean(values, truth.weights) for name, values in true.items()}
+
+
+def score_confidence(probability: Array, true: Array, truth: Truth) -> Samples:
+    """Whether the confidence ``(N,)`` that the words come true is worth anything."""
+    return {
+        "brier": brier(probability, true, truth.weights),
+        "ece": ece(probability, true, truth.weights),
+        "risk_at_80": risk_at(probability, true, truth.weights, COVERAGE),
+        "risk_all": 1 - weighted_mean(true, truth.weights),
+    }
+
+
+def balance(mapping: Any) -> dict[str, Any]:
+    """How a vocabulary's clusters share the windows and the scale; empty for one that does not tell its sizes."""
+    if not len(getattr(mapping, "sizes", ())):
+        return {}
+    sides = {"value": list(left_right(mapping.expressions[:, 0])), "low": None, "high": None}
+    return {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes)), "left_right": sides}
+
+
+def weighted_f1(said: Array, told: Array, values: Sequence[float], weights: Array) -> Array:
+    """Macro-F1 ``(R,)`` of the instruction value nearest to what was said ``(N,)``, against the instruction ``(N,)``.
+
+    As ``metrics.instruction_f1``; a value that is neither told nor said in a resample is left out of its mean.
+    """
+    allowed = np.asarray(values)
+    nearest, real = (np.abs(each[:, None] - allowed).argmin(axis=1) for each in (said, told))
+
+    def f1(part: Array) -> Array:
+        both = [part @ ((nearest == i) & (real == i)) for i in range(len(allowed))]
+        either = [part @ ((nearest == i).astype(float) + (real == i)) for i in range(len(allowed))]
+        each = np.stack([ratio(2 * hit, all_of) for hit, all_of in zip(both, either, strict=True)])
+        return np.nanmean(each, axis=0)
+
+    return by_chunks(f1, weights)
+
+
+def as_json(value: Estimate) -> dict[str, float | None]:
+    """An estimate for a report, rounded to what anybody can read."""
+    return {name: None if number is None else round(number, 5) for name, number in value.to_dict().items()}
+
+
+def fixed(value: float) -> dict[str, float | None]:
+    """A value that no resampling of episodes changes."""
+    return {"value": round(float(value), 5), "low": None, "high": None}
+
+
+def spread_over(values: Iterable[float]) -> dict[str, float | None]:
+    """Mean of what several refits gave, and the range that holds 95 % of them."""
+    known = np.array([value for value in values if not np.isnan(value)])
+    if not len(known):
+        return dict.fromkeys(("value", "low", "high"))
+    low, high = np.quantile(known, [0.025, 0.975])
+    return {"value": round(float(known.mean()), 5), "low": round(float(low), 5), "high": round(float(high), 5)}
+
+
+def difference(one: Samples, other: Samples, metric: str) -> dict[str, float | None] | None:
+    """By how much ``one`` has more of a metric, on the same moments and resamples; None if either lacks it."""
+    if metric not in one or metric not in other:
+        return None
+    return as_json(estimate(one[metric] - other[metric]))

@@ -1,0 +1,139 @@
+"""What an evaluation prints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+WIDTH = 110
+SHORT = {
+    "motion_auc": "motion AUC",
+    "motion_auc_disobeyed": "disob.",
+    "motion_auc_hard": "hard",
+    "motion_spearman": "rank",
+    "came_true": "true",
+    "instruction_f1": "F1",
+    "brier": "Brier",
+    "ece": "ECE",
+    "risk_at_80": "risk80",
+    "size_cv": "CV",
+    "left_right": "l/r",
+    "observer_error": "obs. %",
+}
+"""Metric to what heads its column."""
+WITH_INTERVAL = ("motion_auc",)
+OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
+
+
+OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
+
+
+def console() -> Console:
+    """Where tables are printed, wide enough for them also where the width is not known."""
+    shown = Console(highlight=False)
+    shown.width = max(shown.width, WIDTH)
+    return shown
+
+
+def quality_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
+    """All explainers at one horizon, a row each."""
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, pad_edge=False, padding=0)
+    table.add_column("explainer", no_wrap=True)
+    for metric, short in SHORT.items():
+        table.add_column(short, no_wrap=True, justify="right")
+        assert metric in rows[0]
+    for row in rows:
+        cells = [_cell(row[metric], metric in WITH_INTERVAL) for metric in SHORT]
+        ours = row["explainer"].startswith("ibe:")
+        table.add_row(_name(row), *cells, style="bold" if ours else None)
+    return table
+
+
+def horizons_table(rows: Sequence[dict[str, Any]], explainers: Sequence[str]) -> Table:
+    """Some explainers over all horizons."""
+    horizons = sorted({row["horizon_steps"] for row in rows})
+    table = Table(box=SIMPLE, title="Over the horizons, in steps", title_justify="left", show_edge=False)
+    table.add_column("metric", no_wrap=True)
+    table.add_column("explainer", no_wrap=True)
+    for horizon in horizons:
+        table.add_column(str(horizon), justify="right", no_wrap=True)
+    found = {(row["explainer"], row["horizon_steps"]): row for row in rows}
+    for metric in OVER_HORIZONS:
+        for name in explainers:
+            cells = [_cell(found[name, horizon][metric]) for horizon in horizons]
+            if any(cells):
+                table.add_row(metric, _name({"explainer": name}), *cells)
+    return table
+
+
+def paired_table(paired: Sequence[dict[str, Any]], horizon_steps: int) -> Table:
+    """By how much the explanation is better than what is cheaper, and than the paper's."""
+    metrics = list(dict.fromkeys(each["metric"] for each in paired))
+    title = f"Explanation minus baseline over {horizon_steps} steps, paired (*: the best without a simulator)"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
+    table.add_column("minus", no_wrap=True)
+    for metric in metrics:
+        table.add_column(metric, justify="right", no_wrap=True)
+    here = {(each["minus"], each["metric"]): each for each in paired if each["horizon_steps"] == horizon_steps}
+    for name in dict.fromkeys(minus for minus, _ in here):
+        cells = [here[name, metric] for metric in metrics]
+        stars = ["*" if each["best_cheap"] else " " for each in cells]
+        told = [_cell(each["difference"], True, "+") + star for each, star in zip(cells, stars, strict=True)]
+        table.add_row(_name({"explainer": name}), *told)
+    return table
+
+
+def observers_table(observers: dict[str, Any]) -> Table:
+    """How well a simulated observer foretells the end with each explainer, the best first."""
+    title = f"Where will it end? A simulated observer at {observers['episodes']} approaches, error in %"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
+    for column in ("told", "error", "minus no explanation", "minus paper"):
+        table.add_column(column, justify="left" if column == "told" else "right", no_wrap=True)
+    for row in sorted(observers["rows"], key=lambda row: _known_first(row["observer_error"]["value"])):
+        cells = (_cell(row["observer_error"], True), *(_cell(row[key], True, "+") for key in OBSERVER_DIFFERENCES))
+        table.add_row(_name(row), *cells)
+    return table
+
+
+def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """What a policy's own vocabulary has more than the first one that was ever learnt."""
+    title = "A changing policy: motion AUC in its own vocabulary and the first one"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
+    for column in ("policy of frame", "its own", "of frame", "the first", "own minus first"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for frame in dict.fromkeys(row["policy_frame"] for row in rows):
+        ages = [row for row in rows if row["policy_frame"] == frame]
+        first, own = ages[0], ages[-1]
+        gain = _cell(first["refreshed_minus_this"]["motion_auc"], True, "+") if len(ages) > 1 else ""
+        cells = _cell(own["motion_auc"], True), f"{first['vocabulary_frame']:,}", _cell(first["motion_auc"], True)
+        table.add_row(f"{frame:,}", *cells, gain)
+    return table
+
+
+def _known_first(value: float | None) -> tuple[bool, float]:
+    return value is None, value or 0.0
+
+
+def _name(row: dict[str, Any]) -> str:
+    name = str(row["explainer"].removeprefix("baseline:"))
+    return f"{name} (all)" if row.get("over") == "refits" else name
+
+
+def _cell(told: dict[str, Any] | None, interval: bool = False, sign: str = "") -> str:
+    if told is None or told["value"] is None:
+        return ""
+    if isinstance(told["value"], list):
+        return "/".join(str(value) for value in told["value"])
+    text = _number(told["value"], sign)
+    if not interval or told["low"] is None:
+        return text
+    return f"{text} ({_number(told['low'], sign)} {_number(told['high'], sign)})"
+
+
+def _number(value: float, sign: str) -> str:
+    text = f"{value:{sign}.{3 if abs(value) < 0.9995 else 2}f}"
+    return text.replace("0.", ".", 1) if abs(value) < 1 else text

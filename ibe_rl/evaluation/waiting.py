@@ -1,0 +1,19 @@
+"""A bar for whoever waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+
+@contextmanager
+def waiting(title: str, total: int) -> Iterator[Callable[[], None]]:
+    """Show a bar that each call of what this gives moves by one of ``total``; nothing where no person looks on."""
+    console = Console()
+    columns = TextColumn("{task.description}"), BarColumn(bar_width=30), TimeRemainingColumn(compact=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task(title, total=total)
+        yield lambda: progress.advance(bar)

@@ -1,0 +1,81 @@
+"""Vocabularies learnt anew from a log made by hand."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from by_hand import TASK, config, obey
+from lift import heights, words
+
+from ibe_rl.data import ConfigError
+from ibe_rl.evaluation.refit import Refits
+from ibe_rl.log import TrajectoryLog
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """A lift that did what it was told, so many times."""
+
+    def make(times: int, **changes: Any) -> Any:
+        log = TrajectoryLog(tmp_path / "trajectories", 2_000, TASK.contexts)
+        for _ in range(times):
+            obey(log)
+        log.flush()
+        return SimpleNamespace(folder=tmp_path, task=TASK, config=SimpleNamespace(mapping=config(**changes)))
+
+    return make
+
+
+def test_a_vocabulary_of_another_horizon(run: Run):
+    made = run(8)
+    for steps in (3, 5):
+        said = Refits(made, 0).fit(config(), steps).express(heights(np.array([-1.0 * steps, 0, steps])))
+        np.testing.assert_allclose(said[:, 0], [-1, 0, 1], atol=0.05)
+
+
+def test_shuffled_lessons_teach_something_else_each_time(run: Run):
+    steps: list[int] = []
+    several = Refits(run(20), 0).shuffled(config(), 5, 6, lambda: steps.append(1))
+    means = [np.abs(mapping.mean_instructions).max() for mapping in several]  # type: ignore[attr-defined]
+    assert len(means) == len(steps) == 6
+    assert len(set(means)) > 1
+    assert max(means) < 0.8  # what was told goes with nothing any more
+
+
+def test_all_that_is_held_against_a_vocabulary(run: Run):
+    settings: Any = SimpleNamespace(shuffles=3)
+    learnt = Refits(run(20), 0).learn({"ibe:lift": words()}, config(), 5, settings)
+    assert list(learnt.vocabularies) == ["ibe:lift", "baseline:paper"]
+    assert {name: len(several) for name, several in learnt.ensembles.items()} == {
+        "baseline:shuffled": 3,
+        "baseline:random_clusters": 3,
+    }
+    assert learnt.regressor.r2["ridge"] > 0.9
+
+
+def test_all_mappings_learn_from_as_many_frames_as_the_run_did(run: Run):
+    refits = Refits(run(20, newest_frames=130), 0)
+    assert refits.lessons(config(newest_frames=None)).counted == 11  # of 12 steps each
+
+
+def test_a_run_without_a_log_or_with_a_damaged_one_is_refused(run: Run, tmp_path: Path):
+    empty = SimpleNamespace(folder=tmp_path / "nowhere")
+    with pytest.raises(ConfigError, match=r"nowhere: it has no log \(trajectories/\) to learn other vocabularies from"):
+        Refits(empty, 0)  # type: ignore[arg-type]
+    made = run(2)
+    (tmp_path / "trajectories" / "episodes.npy").write_text("no array")
+    with pytest.raises(ConfigError, match=re.escape(f"run={tmp_path}: {tmp_path / 'trajectories'} is not a readable")):
+        Refits(made, 0)
+
+
+def test_a_log_that_is_too_small_is_refused(run: Run):
+    with pytest.raises(ConfigError, match=r"its log is too small for a vocabulary \(no episode has ended yet\)"):
+        Refits(run(0), 0).lessons(config())
+    with pytest.raises(ConfigError, match=r"its log is too small for a vocabulary \(the best .* no window of 50 steps"):
+        Refits(run(2), 0).fit(config(), 50)

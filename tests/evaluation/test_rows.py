@@ -1,0 +1,93 @@
+"""Metrics of one explainer against those of the package and of scikit-learn."""
+
+import numpy as np
+import pytest
+from by_hand import WORDS
+from lift import TASK, moments, words
+
+from ibe_rl.evaluation.controls import Flipped
+from ibe_rl.evaluation.rows import (
+    Truth,
+    as_json,
+    balance,
+    difference,
+    fixed,
+    score_confidence,
+    score_motion,
+    score_words,
+    spread_over,
+    weighted_f1,
+)
+from ibe_rl.evaluation.spoken import speak
+from ibe_rl.metrics import instruction_f1
+from ibe_rl.metrics.bootstrap import Estimate, episode_weights
+
+HERE = moments(
+    realised=[2, -2, 0, 2],
+    predicted=[[2, 2, 2], [2, -2, -2], [0, 2, -2], [-2, 0, 0]],
+    told=[1, -1, 0, -1],
+    episode=[0, 0, 1, 1],
+)
+WEIGHTS = episode_weights(HERE.episode, 50, 0)
+
+
+def truth() -> Truth:
+    return Truth.of(HERE, 5, TASK, np.array([2.0, 2.0, 0.0, 2.0]), WEIGHTS)
+
+
+def test_the_truth_is_the_change_and_what_a_forecast_gets_wrong_is_hard():
+    real = truth()
+    assert real.change.tolist() == [2, -2, 0, 2]
+    assert real.hard.tolist() == [False, True, False, False]
+    assert real.told.tolist() == [1, -1, 0, -1]
+    assert real.unweighed().weights.tolist() == [[1, 1, 1, 1]]
+
+
+def test_the_true_change_tells_the_motion_perfectly():
+    scores = score_motion(truth().change, truth(), np.sign(truth().change))
+    assert scores["motion_auc"][0] == 1
+    assert scores["motion_spearman"][0] == pytest.approx(1)
+    assert np.isnan(scores["motion_auc_hard"][0])  # one hard moment has nothing to be told apart from
+    assert scores["instruction_f1"][0] < 1
+
+
+def test_f1_is_that_of_the_metrics():
+    random = np.random.default_rng(3)
+    said, told = random.uniform(-1, 1, 60), random.integers(-1, 2, 60).astype(float)
+    weights = episode_weights(np.repeat(np.arange(10), 6), 5, 0)
+    found = weighted_f1(said, told, (-1.0, 0.0, 1.0), weights)
+    for row, value in zip(weights.astype(int), found, strict=True):
+        again = np.repeat(np.arange(60), row)
+        assert value == pytest.approx(instruction_f1(said[again], told[again], (-1.0, 0.0, 1.0)))
+    assert weighted_f1(told, told, (-1.0, 0.0, 1.0), weights)[0] == 1
+
+
+def test_words_and_confidence():
+    spoken = speak(words(), HERE, 5, [WORDS])
+    told = score_words(spoken, truth())
+    assert (told["came_true"][0], told["came_true_voted"][0]) == (0.5, 0.75)
+    sure = score_confidence(np.array([0.9, 0.2, 0.9, 0.2]), spoken.true, truth())
+    assert sure["brier"][0] == pytest.approx((2 * 0.1**2 + 2 * 0.2**2) / 4, rel=1e-5)
+    assert sure["risk_all"][0] == 0.5
+    assert sure["risk_at_80"][0] == pytest.approx((0.8 * 4 - 2) / (0.8 * 4))
+
+
+def test_balance_is_told_where_there_are_clusters():
+    told = balance(words((-4, -2, 0, 2), (-1, -0.5, 0, 1)))
+    assert told["left_right"] == {"value": [2, 1], "low": None, "high": None}
+    assert told["size_cv"]["value"] == 0
+    assert told["size_max"]["value"] == 0.25
+    assert balance(Flipped(words())) == {}
+
+
+def test_values_for_a_report():
+    assert as_json(Estimate(0.123456789, float("nan"), 1.0)) == {"value": 0.12346, "low": None, "high": 1.0}
+    assert fixed(2) == {"value": 2.0, "low": None, "high": None}
+    assert spread_over([float("nan"), 0.0, 1.0]) == {"value": 0.5, "low": 0.025, "high": 0.975}
+    assert spread_over([float("nan")]) == {"value": None, "low": None, "high": None}
+
+
+def test_a_difference_is_paired():
+    one, other = {"a": np.array([3.0, 5, 9])}, {"a": np.array([1.0, 3, 7])}
+    assert difference(one, other, "a") == {"value": 2.0, "low": 2.0, "high": 2.0}
+    assert difference(one, {}, "a") is None
