@@ -1,0 +1,27 @@
+"""Are the clusters used evenly, and are there words for both sides?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibe_rl.data import Array
+from ibe_rl.metrics.bootstrap import ratio
+
+
+def size_cv(sizes: Array) -> float:
+    """Coefficient of variation of the cluster sizes ``(k,)``: their standard deviation, of all k, over their mean.
+
+    0 if they are equal, sqrt(k - 1) if one holds everything, not a number if all are empty.
+    """
+    return float(ratio(np.std(sizes), np.mean(sizes)))
+
+
+def size_max(sizes: Array) -> float:
+    """Largest share of the cluster sizes ``(k,)``: from 1 / k to 1, not a number if all are empty."""
+    return float(ratio(np.max(sizes), np.sum(sizes)))
+
+
+def left_right(expressions: Array) -> tuple[int, int]:
+    """Number of distinct expressions ``(k,)`` below and above 0; what differs by less than 1e-9 is one."""
+    distinct = np.unique(np.round(expressions, 9))
+    return int(np.sum(distinct < 0)), int(np.sum(distinct > 0))

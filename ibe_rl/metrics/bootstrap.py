@@ -1,0 +1,202 @@
+"""How sure a score is: the same scores on many resamples of whole episodes.
+
+Windows overlap, so moments of one episode are no independent draws; episodes are. A resample is a row of weights, one
+for each moment, and row 0 weighs all alike: what is computed there is the value itself. All that is compared takes the
+same rows.
+
+Shapes: ``N`` moments, ``R`` rows of weights.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ibe_rl.data import Array
+
+CHUNK = 200_000
+"""Weights looked at together: few enough for the processor's cache, which is more than twice as fast."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its interval, not a number where nothing can be told."""
+
+    value: float
+    low: float
+    high: float
+
+    def to_dict(self) -> dict[str, float | None]:
+        """For JSON, with None in place of not a number."""
+        return {name: None if math.isnan(number) else number for name, number in asdict(self).items()}
+
+
+def estimate(rows: Array, level: float = 0.95) -> Estimate:
+    """Row 0 of ``(R,)`` with the percentile interval of the others, those left out that are not a number."""
+    value, resampled = float(rows[0]), rows[1:][~np.isnan(rows[1:])]
+    if math.isnan(value) or not len(resampled):
+        return Estimate(value, math.nan, math.nan)
+    low, high = np.quantile(resampled, [(1 - level) / 2, (1 + level) / 2])
+    return Estimate(value, float(low), float(high))
+
+
+def episode_weights(episode: Array, resamples: int = 1000, seed: int = 0) -> Array:
+    """Draw as many episodes as there are, with replacement, again and again.
+
+    Args:
+        episode: ``(N,)`` the episode of each moment, any integers.
+        resamples: how often, on top of row 0.
+        seed: the same episodes and seed give the same weights.
+
+    Returns:
+        ``(resamples + 1, N)`` float32: row 0 is 1, the others say how often the moment's episode was drawn.
+
+    Raises:
+        ValueError: if there is no moment.
+    """
+    if not len(episode):
+        raise ValueError("no moments: there is no episode to draw")
+    names, column = np.unique(episode, return_inverse=True)
+    count = len(names)
+    drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), resamples)
+    return np.vstack([np.ones((1, count)), drawn]).astype(np.float32)[:, column]
+
+
+def weighted_mean(values: Array, weights: Array) -> Array:
+    """Mean of ``(N,)`` under each row of weights ``(R, N)``; not a number where these are 0."""
+    return ratio(weights @ np.asarray(values, float), weights.sum(axis=1, dtype=float))
+
+
+def weighted_auc(score: Array, positive: Array, weights: Array) -> Array:
+    """Share of the pairs of a positive and another moment that a score puts in the right order; a tie counts half.
+
+    Args:
+        score: ``(N,)``.
+        positive: ``(N,)`` bool.
+        weights: ``(R, N)``.
+
+    Returns:
+        ``(R,)``, not a number where one of the two kinds has no weight.
+
+    Raises:
+        ValueError: if a score is not a number.
+    """
+    ties = Ties.of(score)
+
+    def auc(part: Array) -> Array:
+        ahead = ties.sums(part * positive)
+        others = ties.sums(part) - ahead
+        right = np.sum(ahead * _middle(others), axis=1)
+        return ratio(right, ahead.sum(axis=1) * others.sum(axis=1))
+
+    return by_chunks(auc, weights)
+
+
+def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
+    """Rank correlation of ``a`` ``(N,)`` and ``b`` ``(N,)`` under each row of weights ``(R, N)``; ties share a rank.
+
+    Returns:
+        ``(R,)``, not a number where one of the two is constant.
+
+    Raises:
+        ValueError: if a value is not a number.
+    """
+    both = [Ties.of(values) for values in (a, b)]
+
+    def spearman(part: Array) -> Array:
+        products, scale = part.copy(), np.ones(len(part))
+        for ties in both:
+            sums = ties.sums(part)
+            ranks = _middle(sums) - sums.sum(axis=1, keepdims=True) / 2  # half of all weights: the mean rank
+            products *= ranks[:, ties.group]
+            scale *= np.sqrt(np.sum(sums * ranks**2, axis=1))
+        return ratio(products.sum(axis=1), scale)  # of a constant the ranks and so the scale are exactly 0
+
+    return by_chunks(spearman, weights)
+
+
+def went(change: Array, band: float) -> Array:
+    """Which way changes ``(N,)`` went: -1, 1, or 0 up to the band."""
+    return np.where(np.abs(change) > band, np.sign(change), 0).astype(int)
+
+
+def motion_scores(
+    expression: Array, change: Array, told: Array, band: float, weights: Array, hard: Array | None = None
+) -> dict[str, Array]:
+    """How well what was said tells which way it went (see ``quality.motion_auc``), on every resample.
+
+    Args:
+        expression: ``(N,)`` what was said.
+        change: ``(N,)`` how the explained dimension really changed.
+        told: ``(N,)`` the instruction.
+        band: beyond it, either way, it counts as having gone there.
+        weights: ``(R, N)``.
+        hard: ``(N,)`` bool, the moments that a simple forecast gets wrong, or None.
+
+    Returns:
+        Metric to ``(R,)``, not a number where the moments cannot tell: ``motion_auc``; ``motion_auc_disobeyed``, on
+        the moments that did not go the way they were told; ``motion_auc_hard``; ``motion_spearman``.
+    """
+    way = went(change, band)
+
+    def auc(rows: Array) -> Array:
+        said, gone, part = expression[rows], way[rows], weights[:, rows]
+        return (weighted_auc(said, gone > 0, part) + weighted_auc(-said, gone < 0, part)) / 2
+
+    return {
+        "motion_auc": auc(np.ones(len(way), bool)),
+        "motion_auc_disobeyed": auc(way != np.sign(told)),
+        "motion_auc_hard": np.full(len(weights), np.nan) if hard is None else auc(hard),
+        "motion_spearman": weighted_spearman(expression, change, weights),
+    }
+
+
+@dataclass(frozen=True)
+class Ties:
+    """Moments with the same value, lowest value first.
+
+    Attributes:
+        group: ``(N,)`` the number of each moment's value among the ``G`` distinct ones.
+        order: ``(N,)`` the moments sorted by value.
+        starts: ``(G,)`` where in ``order`` each value begins.
+    """
+
+    group: Array
+    order: Array
+    starts: Array
+
+    @classmethod
+    def of(cls, values: Array) -> Ties:
+        """Of values ``(N,)``.
+
+        Raises:
+            ValueError: if one is not a number: it has no place in an order.
+        """
+        if np.isnan(values).any():
+            raise ValueError("nan has no rank: every value must be a number")
+        _, group = np.unique(values, return_inverse=True)
+        order = np.argsort(group, kind="stable")
+        return cls(group, order, np.flatnonzero(np.diff(group[order], prepend=-1)))
+
+    def sums(self, weights: Array) -> Array:
+        """Weights ``(R, N)`` to the sums over moments with the same value ``(R, G)``."""
+        return np.add.reduceat(weights[:, self.order], self.starts, axis=1, dtype=float)
+
+
+def by_chunks(score: Callable[[Array], Array], weights: Array) -> Array:
+    """Apply ``score``, of ``(r, N)`` float64 weights to ``(r,)``, to a few rows at a time."""
+    rows = max(1, CHUNK // max(1, weights.shape[1]))
+    return np.concatenate([score(weights[i : i + rows].astype(float)) for i in range(0, len(weights), rows)])
+
+
+def _middle(sums: Array) -> Array:
+    """Weight below each of ``(R, G)`` ascending values, and half of its own."""
+    return np.cumsum(sums, axis=1) - sums / 2
+
+
+def ratio(part: Array, whole: Array, of_nothing: float = math.nan) -> Array:
+    """Divide, with ``of_nothing`` where ``whole`` is 0."""
+    return np.divide(part, whole, out=np.full(whole.shape, of_nothing), where=whole > 0)

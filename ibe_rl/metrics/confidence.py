@@ -1,0 +1,174 @@
+"""Is the confidence that a spoken phrase comes true worth anything, and how to make one that is.
+
+Shapes: ``N`` moments, ``R`` rows of weights (see ``bootstrap.episode_weights``), ``F`` features.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from scipy.special import expit, logit
+from sklearn.linear_model import LogisticRegression
+
+from ibe_rl.data import Array, read_only
+from ibe_rl.metrics.bootstrap import Ties, by_chunks, ratio, weighted_mean
+
+
+def brier(confidence: Array, true: Array, weights: Array) -> Array:
+    """Mean squared distance of confidences from what came of them; 0 is perfect, .25 is always saying one half.
+
+    Args:
+        confidence: ``(N,)`` in [0, 1].
+        true: ``(N,)`` bool, whether the phrase came true.
+        weights: ``(R, N)``.
+
+    Returns:
+        ``(R,)``, not a number where the weights are 0.
+
+    Raises:
+        ValueError: if a confidence is outside [0, 1].
+    """
+    return weighted_mean((_checked(confidence) - true) ** 2, weights)
+
+
+def ece(confidence: Array, true: Array, weights: Array, bins: int = 10) -> Array:
+    """Expected calibration error: how far the mean confidence is from the share that came true, on average over bins.
+
+    The bins divide [0, 1] evenly, hold their lower end, the last one 1 too, and count with the weight in them.
+    Arguments, result and errors as of ``brier``.
+    """
+    bin_of = np.minimum((_checked(confidence) * bins).astype(int), bins - 1)
+    gaps = weights @ ((confidence - true)[:, None] * np.eye(bins)[bin_of])
+    return ratio(np.abs(gaps).sum(axis=1), weights.sum(axis=1, dtype=float))
+
+
+def risk_at(confidence: Array, true: Array, weights: Array, share: float = 0.8) -> Array:
+    """Share that does not come true among the ``share`` most confident moments; with ``share`` 1, among all.
+
+    Where the border falls among equally confident moments, all of them count, each with the same fraction: what any
+    fair choice between them gives on average, whatever their order.
+
+    Args:
+        confidence: ``(N,)``; only its order counts.
+        true: ``(N,)`` bool.
+        weights: ``(R, N)``.
+        share: above 0, at most 1, of the weight of each row.
+
+    Returns:
+        ``(R,)``, not a number where the weights are 0.
+
+    Raises:
+        ValueError: if a confidence is not a number, or ``share`` not in (0, 1].
+    """
+    if not 0 < share <= 1:
+        raise ValueError(f"share={share}: allowed is above 0 and at most 1")
+    ties = Ties.of(-np.asarray(confidence))
+
+    def risk(part: Array) -> Array:
+        all_of, false_of = ties.sums(part), ties.sums(part * ~np.asarray(true, bool))
+        wanted = share * part.sum(axis=1, keepdims=True)
+        kept = np.clip(wanted - (np.cumsum(all_of, axis=1) - all_of), 0, all_of)
+        return ratio((kept * ratio(false_of, all_of, of_nothing=0.0)).sum(axis=1), wanted[:, 0])
+
+    return by_chunks(risk, weights)
+
+
+def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
+    """The curve of risk against coverage, from speaking only when most confident to always.
+
+    Args:
+        confidence: ``(N,)``.
+        true: ``(N,)`` bool.
+
+    Returns:
+        For each of the ``G`` distinct confidences, falling: the share ``(G,)`` of moments that are at least as
+        confident, and the share ``(G,)`` of these that does not come true.
+
+    Raises:
+        ValueError: if a confidence is not a number.
+    """
+    ties, ones = Ties.of(-np.asarray(confidence)), np.ones((1, len(confidence)))
+    spoken, false = (np.cumsum(ties.sums(part)[0]) for part in (ones, ones * ~np.asarray(true, bool)))
+    return spoken / len(confidence), false / spoken
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """From features of a moment to the probability that what is said at it comes true: a logistic regression.
+
+    Attributes:
+        names: ``F`` names of the features.
+        mean: ``(F,)`` subtracted from the features.
+        scale: ``(F,)`` that they are then divided by, above 0.
+        coefficients: ``(F,)``.
+        intercept: ``(1,)``.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    scale: Array
+    coefficients: Array
+    intercept: Array
+
+    def __post_init__(self) -> None:
+        sizes = {"mean": len(self.names), "scale": len(self.names), "coefficients": len(self.names), "intercept": 1}
+        for name, size in sizes.items():
+            values = read_only(np.array(getattr(self, name), float), (size,), f"Calibration.{name}")
+            if not np.isfinite(values).all() or (name == "scale" and not (values > 0).all()):
+                raise ValueError(
+                    f"Calibration.{name} has {values.tolist()}: allowed are finite numbers, scales above 0"
+                )
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    def fit(cls, features: Array, true: Array, names: Sequence[str]) -> Self:
+        """Learn it from moments whose outcome is known.
+
+        Args:
+            features: ``(N, F)``.
+            true: ``(N,)`` bool; where all are alike there is nothing to tell apart, and the probability is always
+                the smoothed share (n + 1) / (N + 2) of the n true ones.
+            names: ``F`` names.
+
+        Raises:
+            ValueError: if a feature is not a finite number, or the names are not as many as the features.
+        """
+        size, n_true = features.shape[1], int(np.sum(true))
+        if n_true in (0, len(true)):
+            share = logit((n_true + 1) / (len(true) + 2))
+            return cls(tuple(names), np.zeros(size), np.ones(size), np.zeros(size), np.array([share]))
+        mean = features.mean(axis=0)
+        scale = np.where(np.ptp(features, axis=0) > 0, features.std(axis=0), 1.0)
+        model = LogisticRegression().fit((features - mean) / scale, np.asarray(true, bool))
+        return cls(tuple(names), mean, scale, model.coef_[0], model.intercept_)
+
+    def probability(self, features: Array) -> Array:
+        """Features ``(N, F)``, in the order of ``names``, to probabilities ``(N,)``."""
+        return expit((features - self.mean) / self.scale @ self.coefficients + self.intercept)
+
+    def to_dict(self) -> dict[str, list[Any]]:
+        """Plain lists, for JSON."""
+        return {name: list(np.asarray(getattr(self, name)).tolist()) for name in self.__dataclass_fields__}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """The inverse of ``to_dict``.
+
+        Raises:
+            ValueError: if a value is missing, is no number, or does not fit the others.
+        """
+        try:
+            names = tuple(str(name) for name in values["names"])
+            return cls(names, **{name: values[name] for name in cls.__dataclass_fields__ if name != "names"})
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"the calibration is damaged: {error!r}") from None
+
+
+def _checked(confidence: Array) -> Array:
+    outside = ~((confidence >= 0) & (confidence <= 1))  # not a number is outside too
+    if outside.any():
+        raise ValueError(f"confidence={confidence[outside][0]}: allowed is 0 to 1")
+    return confidence
