@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,6 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from benchmarks.why_facts import facts
-from benchmarks.why_figures import draw
 from benchmarks.why_report import markdown, summarise
 from benchmarks.why_variants import School, Variant, variants
 from ibe_rl.agent import make_agent
@@ -57,6 +57,7 @@ class Flown:
         success: share of the flights.
         windows: of the flights, to their ends, every few steps.
         short: ``(W,)`` bool, True where the end of the flight cut the window short.
+        context: ``(W,)`` the flight's.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Flown:
     success: float
     windows: Windows
     short: Array
+    context: Array
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -75,6 +77,8 @@ def main(arguments: list[str] | None = None) -> None:
     for name in ("episodes", "seeds", "resamples"):
         if getattr(asked, name) < 1:
             parser.error(f"--{name}={getattr(asked, name)}: allowed is at least 1")
+    if find_spec("matplotlib") is None:
+        parser.error("needs matplotlib, which is not installed; `make bench` installs it")
     if asked.quick:
         asked.episodes, asked.seeds, asked.resamples = 10, 1, 20
     console, start = Console(highlight=False, width=120), time.perf_counter()
@@ -91,6 +95,8 @@ def main(arguments: list[str] | None = None) -> None:
     asked.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(asked.output, found)
     console.print("\n".join(markdown(found)), markup=False, soft_wrap=True)
+    from benchmarks.why_figures import draw  # the tests have no matplotlib
+
     pictures = draw(found, asked.pictures)
     console.print(f"written: {', '.join(str(path) for path in [asked.output, *pictures])}", markup=False)
 
@@ -137,7 +143,8 @@ def landed(name: str, log: TrajectoryLog, base: MappingConfig, task: Task, fligh
     steps = np.array([len(flight) for flight in flights])
     short = windows.step + base.horizon_steps > steps[windows.episode]
     success = float(np.mean([flight.success for flight in flights]))
-    return Flown(name, log, base, task, success, windows, short)
+    context = np.array([flight.context for flight in flights])[windows.episode]
+    return Flown(name, log, base, task, success, windows, short, context)
 
 
 def measure(flown: Flown, seeds: int, resamples: int) -> tuple[dict[str, Any], dict[str, dict[str, Array]]]:

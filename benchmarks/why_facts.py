@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from benchmarks.why import Flown
 
 BOTH = (Variant(PAPER, ""), Variant(OURS, "", AXIS))
+WAYS = {"down": -1, "stayed": 0, "up": 1}
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
@@ -27,7 +28,8 @@ def facts(flown: Flown, school: School, seeds: int) -> dict[str, Any]:
         mappings = [school.learn(variant, seed) for seed in range(seeds)]
         each = [_of_mapping(mapping, flown, learnt) for mapping in mappings]
         by_name[variant.name] = _mean(each) | {"clusters": clusters(mappings[0], flown.windows, task)}
-    return by_name | {"learnt_from": _learnt_from(school, learnt, task), "weights": weights(school, learnt, task)}
+    pointed = weights(school, learnt, task, seeds)
+    return by_name | {"learnt_from": _learnt_from(school, learnt, task), "weights": pointed}
 
 
 def _mean(each: list[dict[str, Any]]) -> dict[str, Any]:
@@ -45,6 +47,7 @@ def _of_mapping(mapping: ClusterMapping, flown: Flown, learnt: Windows) -> dict[
     kinds |= {"told to move, did": (told != 0) & (way == told), "told to move, stayed": (told != 0) & (way == 0)}
     kinds |= {"told to move, went the other way": (told != 0) & (way == -told)}
     kinds |= {"cut short by the end": flown.short}
+    kinds |= {f"context {name}": flown.context == name for name in flown.task.contexts}
     parts = {
         name: {"moments": rows.mean(), "loss": share(lost[rows].sum(), lost.sum())} for name, rows in kinds.items()
     }
@@ -96,19 +99,27 @@ def explained_variance(labels: Array, delta: Array) -> Array:
 
 
 def clusters(mapping: ClusterMapping, windows: Windows, task: Task) -> list[dict[str, Any]]:
-    """Of each cluster, in the order of the expressions: how the explained dimension really moved in it."""
+    """Each cluster in the order of the expressions: what it is called, what really happened where it spoke.
+
+    "down", "stayed", "up": shares of its moments, by the explained dimension; "stands_out": the dimension whose mean
+    change in it is farthest from that of all moments, and how far, in standard deviations.
+    """
     labels, change = mapping.cluster(windows.delta), windows.delta[:, task.explained]
+    scale = np.where(windows.delta.std(axis=0) > 0, windows.delta.std(axis=0), 1)
+    standard = (windows.delta - windows.delta.mean(axis=0)) / scale
     told = []
     for i in range(len(mapping.sizes)):
-        inside = change[labels == i]
-        quantiles = np.quantile(inside, QUANTILES).round(4).tolist() if len(inside) else None
-        expression, mean = round(float(mapping.expressions[i, 0]), 4), round(float(mapping.mean_instructions[i, 0]), 4)
-        about = {"moments": len(inside), "expression": expression, "mean_instruction": mean, "quantiles": quantiles}
-        ways = {
-            name: round(share(np.sum(went(inside, task.explained_band) == side), len(inside)), 4)
-            for name, side in (("down", -1), ("stayed", 0), ("up", 1))
-        }
-        told.append(about | ways)
+        inside = labels == i
+        about: dict[str, Any] = {"moments": int(inside.sum()), "quantiles": None}
+        about |= {"expression": round(float(mapping.expressions[i, 0]), 4)}
+        about |= {"mean_instruction": round(float(mapping.mean_instructions[i, 0]), 4)}
+        if inside.any():
+            way, means = went(change[inside], task.explained_band), standard[inside].mean(axis=0)
+            far = int(np.abs(means).argmax())
+            about |= {"quantiles": _rounded(np.quantile(change[inside], QUANTILES))}
+            about |= {name: round(float(np.mean(way == side)), 4) for name, side in WAYS.items()}
+            about |= {"stands_out": [task.state_names[far], round(float(means[far]), 2)]}
+        told.append(about)
     return told
 
 
@@ -130,26 +141,31 @@ def _learnt_from(school: School, learnt: Windows, task: Task) -> dict[str, Any]:
         },
         "told_by_way": {
             name: [round(float(np.mean((way == side) & (told == value))), 4) for value in values]
-            for name, side in (("down", -1), ("stayed", 0), ("up", 1))
+            for name, side in WAYS.items()
         },
     }
 
 
-def weights(school: School, learnt: Windows, task: Task) -> dict[str, dict[str, float]]:
+def weights(school: School, learnt: Windows, task: Task, seeds: int) -> dict[str, Any]:
     """How much each dimension counts, in its standard deviations, the magnitudes adding up to 1.
 
-    "axis": on the instructor's axis; "regression": in the least-squares regression of the instruction on the change.
+    "axis": on the instructor's axis, a mean over the seeds; "axis_explained": of the explained dimension alone, seed
+    by seed; "regression": in the least-squares regression of the instruction on the change.
     """
     scale = learnt.delta.std(axis=0)
     units = np.eye(len(scale))
-    found = {
-        "axis": school.movement(units, seed=0) - school.movement(np.zeros_like(units), seed=0),
-        "regression": LinearRegression().fit(learnt.delta, learnt.instruction[:, 0]).coef_,
-    }
+    pointed = [school.movement(units, seed) - school.movement(np.zeros_like(units), seed) for seed in range(seeds)]
+    axes = np.array([_shares(axis * scale) for axis in pointed])
+    regression = _shares(LinearRegression().fit(learnt.delta, learnt.instruction[:, 0]).coef_ * scale)
     return {
-        name: dict(zip(task.state_names, _rounded(each * scale / np.abs(each * scale).sum()), strict=True))
-        for name, each in found.items()
+        "axis": dict(zip(task.state_names, _rounded(axes.mean(axis=0)), strict=True)),
+        "axis_explained": _rounded(axes[:, task.explained]),
+        "regression": dict(zip(task.state_names, _rounded(regression), strict=True)),
     }
+
+
+def _shares(values: Array) -> Array:
+    return values / np.abs(values).sum()
 
 
 def _rounded(values: Array) -> list[float]:

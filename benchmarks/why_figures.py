@@ -125,16 +125,16 @@ def _dots(panel: Axes, record: dict[str, Any], place: int, names: set[str]) -> N
 
 def of_reasons(runs: Sequence[dict[str, Any]]) -> Figure:
     """What the best quarter holds, what the clusters divide, where the axes point; means over the runs."""
-    figure = Figure(figsize=(SIZE["width"], 4.0), layout="constrained")
+    figure = Figure(figsize=(SIZE["width"], 4.4), layout="constrained")
     heat, divided, axes = figure.subplots(1, 3, width_ratios=(0.9, 1.1, 1.1))
     _heat(heat, runs)
     names = [n for n in runs[0]["facts"]["weights"]["axis"] if any(r["facts"]["weights"]["axis"][n] for r in runs)]
     for offset, name in ((-0.18, PAPER), (0.18, OURS)):
         values = [[run["facts"][name]["divided"][each] for each in names] for run in runs]
-        _bars(divided, values, offset, COLOURS[name], f"{name}'s clusters" if name == PAPER else f"{name}: clusters")
+        _bars(divided, values, offset, COLOURS[name], f"clusters of {name}")
     divided.set(title="what the clusters divide", xlabel="share of its variance\nbetween the clusters", xlim=(0, 1))
     for offset, name, colour, label in (
-        (-0.18, "regression", ORANGE, "regression of m*\non the change"),
+        (-0.18, "regression", ORANGE, "regression of m* on the change"),
         (0.18, "axis", BLUE, "instructor's axis"),
     ):
         values = [[run["facts"]["weights"][name][each] for each in names] for run in runs]
@@ -144,7 +144,7 @@ def of_reasons(runs: Sequence[dict[str, Any]]) -> Figure:
     for panel, labels in ((divided, names), (axes, [])):
         panel.set_yticks(range(len(names)), labels or [""] * len(names), fontsize=9)
         panel.invert_yaxis()
-        panel.legend(loc="lower center", bbox_to_anchor=(0.5, -0.5), frameon=False, fontsize=8.5)
+        panel.legend(loc="lower center", bbox_to_anchor=(0.45, 1.12), frameon=False, fontsize=9)
     return figure
 
 
