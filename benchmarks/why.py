@@ -30,7 +30,7 @@ from ibe_rl.command_line import load_config
 from ibe_rl.config import MappingConfig, TrainConfig, check
 from ibe_rl.data import Array, ConfigError, Episode, Task
 from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.ibe import Windows, cut_windows
+from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import episode_weights, motion_scores
@@ -118,20 +118,21 @@ def fly(folder: Path, episodes: int) -> Flown:
     """Open a run, whatever version of the vocabulary it left, and fly its last policy.
 
     Raises:
-        ConfigError: if the folder is not that of a run with a policy and a log.
+        ConfigError: if the folder is not that of a run, or the run has no policy.
+        ValueError: if it has no log.
     """
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
     kept = policies(folder / CHECKPOINTS)
     if not kept:
         raise ConfigError(f"RUN={folder}: it has no policy yet; allowed is a finished run")
+    log = TrajectoryLog.open(folder / TRAJECTORIES)
     envs = [make_gym(config.env.id, config.env.kwargs) for _ in range(ENVS)]
     task = task_of(envs[0])
     agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))
     instructor = make_instructor(config.instructor.kind, task)
     flights = play(envs, agent.greedy, instructor, range(FIRST_SEED, FIRST_SEED + episodes))
-    log = TrajectoryLog.open(folder / TRAJECTORIES)
     base = MappingConfig(horizon_steps=config.mapping.horizon_steps)
     return landed(folder.resolve().name, log, base, task, flights)
 
@@ -173,8 +174,11 @@ def measure(flown: Flown, seeds: int, resamples: int) -> tuple[dict[str, Any], d
 
 
 def score(school: School, variant: Variant, flown: Flown, seed: int, weights: Array) -> dict[str, Array]:
-    """One clustering of a variant on every resample ``(R,)``."""
-    said = school.learn(variant, seed).express(flown.windows.delta)[:, 0]
+    """One clustering of a variant on every resample ``(R,)``; not a number if the log is too small for it."""
+    try:
+        said = school.learn(variant, seed).express(flown.windows.delta)[:, 0]
+    except TooLittleDataError:
+        return {name: np.full(len(weights), np.nan) for name in SCORES}
     change, told = flown.windows.delta[:, flown.task.explained], flown.windows.instruction[:, 0]
     return motion_scores(said, change, told, flown.task.explained_band, weights)
 
