@@ -26,7 +26,7 @@ from rich.table import Table
 
 from ibe_rl.command_line import installed, run_script
 from ibe_rl.config import ExplainConfig
-from ibe_rl.data import ConfigError, Explanation, Watched
+from ibe_rl.data import ConfigError, Explanation
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
@@ -37,6 +37,7 @@ from ibe_rl.metrics import happened, phrases_true
 from ibe_rl.play import watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import find_run
+from ibe_rl.scene import Watched
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.stream import SILENCE, Recorder
 

@@ -138,7 +138,7 @@ class PredictorConfig:
     """How the future is predicted: in the environment's own engine, from a snapshot."""
 
     future_instruction: str = setting("hold", choices=("hold", "rule"))
-    processes: int = setting(1, low=1, high=64)  # that share many moments; more than 1 takes seconds to start
+    processes: int | None = setting(None, low=1, high=64)  # that share the moments; None: 1, to judge a run 2
     futures: int = setting(3, low=1, high=100)  # sampled from each moment; what most of them are called is said
     moments_at_once: int = setting(32, low=1)  # copies of the environment; more of them crowd the processor's cache
 
@@ -190,11 +190,9 @@ class EvaluateConfig:
     calibration_episodes: int = setting(60, low=2, high=10_000)  # others, that the confidence is calibrated on
     changing_episodes: int = setting(40, low=0, high=10_000)  # with each policy that was kept; 0 leaves that out
     stride_steps: int = setting(4, low=1)  # from one moment that is judged to the next
-    futures: int = setting(5, low=1, high=100)  # sampled at each moment; the first one is put into words
     horizons_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # and the run's own
     resamples: int = setting(1_000, low=20, high=100_000)  # of the episodes, for the intervals
     shuffles: int = setting(50, low=1, high=10_000)  # vocabularies from shuffled instructions, and from random clusters
-    processes: int = setting(2, low=1, high=64)  # that roll out the futures
 
 
 @dataclass

@@ -8,8 +8,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Shape, Watched, observe
+from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, observe
 from ibe_rl.env.make import task_of
+from ibe_rl.scene import Shape, Watched
 
 
 class _Flight:

@@ -21,6 +21,7 @@ CHECKPOINTS = "checkpoints"
 TRAJECTORIES = "trajectories"
 REFRESHES = "refreshes"
 EVALUATION = "evaluation"
+CALIBRATION = "calibration.json"
 FIGURES = "figures"
 NOT_IN_NAMES = ("run_dir", "viewer")
 """Settings that say nothing about a run when it is named after its settings."""

@@ -401,7 +401,7 @@ def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: 
             ["task=evaluate", "evaluate.horizons_steps=[20,0]"],
             r"evaluate.horizons_steps=\[20, 0\]: allowed is at least 1",
         ),
-        (["task=evaluate", "evaluate.futur=2"], "evaluate.futur: no such setting; allowed are .*futures"),
+        (["task=evaluate", "evaluate.episods=2"], "evaluate.episods: no such setting; allowed are .*episodes"),
         (["task=compare", "compare.mappings=[magic]"], r"compare.mappings=\['magic'\]: allowed are .*paper"),
         (["pad=left"], "pad: no such setting; allowed are .*context"),
         (["output=/dev/null/x.rrd"], "output=/dev/null/x.rrd: allowed is a file that can be written"),
@@ -430,7 +430,7 @@ def test_a_run_without_a_vocabulary_is_not_judged(task: str, run: Path, tmp_path
 
 FEW = [
     *("evaluate.episodes=6", "evaluate.calibration_episodes=4", "evaluate.changing_episodes=3", "evaluate.shuffles=3"),
-    *("evaluate.futures=2", "evaluate.resamples=40", "evaluate.processes=1", "evaluate.horizons_steps=[20,40]"),
+    *("predictor.futures=2", "evaluate.resamples=40", "predictor.processes=1", "evaluate.horizons_steps=[20,40]"),
 ]
 
 

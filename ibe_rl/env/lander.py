@@ -17,9 +17,10 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.envs.box2d import lunar_lander as game
 
-from ibe_rl.data import Array, Shape
+from ibe_rl.data import Array
 from ibe_rl.env.lander_task import FLAG_DISTANCE, HEIGHT, LANDER_TASK, PAD_X, PAD_Y, WIDTH, outline
 from ibe_rl.env.lean_step import lean_step
+from ibe_rl.scene import Shape
 
 CHUNKS = 11  # corners of gymnasium's terrain, 0.2 half widths apart
 PAD_STREAM = 0x1BE  # keeps the draws of pads apart from gymnasium's own of the same seed

@@ -98,7 +98,7 @@ def protocol(run: TrainedRun, cfg: ExplainConfig, judged: Judged) -> dict[str, A
         "episodes": config.episodes,
         "calibration_episodes": config.calibration_episodes,
         "moments": len(judged.truth.change),
-        "futures": config.futures,
+        "futures": cfg.predictor.futures,
         "resamples": config.resamples,
         "seed": config.seed,
     }

@@ -11,7 +11,7 @@ from sklearn.metrics import pairwise_distances_argmin
 
 from ibe_rl.data import Array, Episode, Mapping
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.ibe import Windows, normalise
+from ibe_rl.ibe import ClusterMapping, Windows, normalise
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,12 @@ class RandomClusters:
     def confidence(self, delta: Array) -> Array:
         """See ``ibe_rl.data.Mapping``."""
         return self.purities[self.cluster(delta)]
+
+
+def dealt(mapping: ClusterMapping, random: np.random.Generator) -> ClusterMapping:
+    """The same clusters, their names dealt out anew at random."""
+    order = random.permutation(len(mapping.expressions))
+    return replace(mapping, expressions=mapping.expressions[order], membership="hard")
 
 
 def _sums(labels: Array, values: Array, count: int) -> Array:

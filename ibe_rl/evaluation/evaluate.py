@@ -19,13 +19,14 @@ from ibe_rl.evaluation.quality import Judged, Learnt, confidence_of, judge, pair
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
 from ibe_rl.evaluation.waiting import waiting
+from ibe_rl.ibe import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.run_folder import CALIBRATION, EVALUATION, FIGURES, find_run, write_json
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers beside the one in question in tables and figures over the horizons."""
 
-EXPLAINERS = 11
+EXPLAINERS, ENSEMBLES = 11, 3
 """That are judged at each horizon beside the refits: how far the bar goes."""
 
 
@@ -53,11 +54,11 @@ def evaluate(cfg: ExplainConfig) -> None:
         "confidence": confidence_of(judged[own], ours),
         "changing_policy": ages,
     }
-    calibration = report.calibration_report(judged[own], ours)
+    calibration = report.calibration_report(judged[own], ours, run.mapping_frame)
     folder = run.folder / EVALUATION
     write_json(folder / "quality.json", quality)
     write_json(folder / "observers.json", observers)
-    write_json(folder / "calibration.json", calibration)
+    write_json(folder / CALIBRATION, calibration)
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
     beside = [name for name in SHOWN if name in judged[own].samples]  # what the environment declares nothing for is not
     tell(quality, observers, own, (ours, *beside))
@@ -77,7 +78,7 @@ def learn_all(
         }
 
 
-def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> Mapping:
+def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> ClusterMapping:
     """The vocabulary that the run spoke over a horizon; where it had none, one learnt anew as it would have been."""
     refreshed = {**run.spans, run.horizon_steps: run.mapping}
     return refreshed.get(horizon_steps) or refits.fit(run.config.mapping, horizon_steps)
@@ -89,7 +90,7 @@ def judge_all(
     """Judge all explainers at all horizons, on the same resamples of the episodes."""
     config = cfg.evaluate
     weights = episode_weights(moments.episode, config.resamples, config.seed)
-    with waiting("explainers", len(learnt) * (EXPLAINERS + 2 * config.shuffles)) as step:
+    with waiting("explainers", len(learnt) * (EXPLAINERS + ENSEMBLES * config.shuffles)) as step:
         return {
             horizon: judge(one, moments, held_out, horizon, run.task, weights, config.seed, step)
             for horizon, one in learnt.items()
@@ -165,7 +166,7 @@ def protocol(
         "stride": config.stride_steps,
         "moments": len(moments.judged()),
         "observed_episodes": int(moments.observed.sum()),
-        "futures": config.futures,
+        "futures": cfg.predictor.futures,
         "future_instruction": cfg.predictor.future_instruction,
         "band": run.task.explained_band,
         "resamples": config.resamples,

@@ -21,6 +21,8 @@ from ibe_rl.predict import make_simulator
 SEEDS_EACH = 10_000
 """Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds and three purposes."""
 PURPOSES = ("judged", "held_out", "changing")
+PROCESSES = 2
+"""That roll out the futures of many moments, unless something else is asked for."""
 
 
 def seeds_for(purpose: str, seed: int, episodes: int) -> range:
@@ -64,7 +66,7 @@ def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
     """Start the predictor's processes, and stop them at the end."""
     torch.set_num_threads(1)
     make_one = partial(make_gym, run.config.env.id, run.config.env.kwargs)
-    config = replace(cfg.predictor, processes=cfg.evaluate.processes)
+    config = replace(cfg.predictor, processes=cfg.predictor.processes or PROCESSES)
     with closing(make_simulator(config, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
         yield Flying(run, cfg, predictor)
 
@@ -72,7 +74,7 @@ def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
 def gather_both(flight: Flying, horizons: tuple[int, ...]) -> tuple[Moments, Moments]:
     """The moments that are judged, the observer's among them, and those that the confidence is calibrated on."""
     config, own = flight.cfg.evaluate, flight.run.horizon_steps
-    plan = Plan(config.stride_steps, config.futures, horizons, own)
+    plan = Plan(config.stride_steps, flight.cfg.predictor.futures, horizons, own)
     judged = flight.gather("judged", config.episodes, plan, "futures of the judged episodes")
     plan = replace(plan, observer_steps=None)
     held_out = flight.gather("held_out", config.calibration_episodes, plan, "futures of the held-out episodes")

@@ -130,7 +130,9 @@ def _judge_vocabularies(
         spoken = speak(mapping, moments, horizon_steps, task.phrases)
         calibration = calibrate(speak(mapping, held_out, horizon_steps, task.phrases))
         probability = calibration.probability(spoken.features)
-        judged.samples[name] = _score(spoken, judged.truth) | score_confidence(probability, spoken.true, judged.truth)
+        judged.samples[name] = _score(spoken, judged.truth) | score_confidence(
+            probability, spoken.voted_true, judged.truth
+        )
         judged.spoken[name], judged.calibrations[name] = spoken, calibration
         judged.probabilities[name] = probability
         step()
@@ -217,7 +219,7 @@ def _at_least(value: float) -> float:
 
 def confidence_of(judged: Judged, ours: str) -> dict[str, Any]:
     """What speaking only when sure gains, and the confidence against always saying the overall share."""
-    samples, true = judged.samples[ours], judged.spoken[ours].true
+    samples, true = judged.samples[ours], judged.spoken[ours].voted_true
     share = float(np.mean(true))
     base = score_confidence(np.full(len(true), share), true, judged.truth)
     return {

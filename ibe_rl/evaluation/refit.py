@@ -11,7 +11,7 @@ import numpy as np
 from ibe_rl.config import EvaluateConfig, MappingConfig
 from ibe_rl.data import ConfigError, Mapping
 from ibe_rl.evaluation.baselines import fit_state_regressor
-from ibe_rl.evaluation.controls import RandomClusters, shuffle_instructions
+from ibe_rl.evaluation.controls import RandomClusters, dealt, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
@@ -93,7 +93,7 @@ class Refits:
 
     def learn(
         self,
-        vocabularies: dict[str, Mapping],
+        vocabularies: dict[str, ClusterMapping],
         paper: MappingConfig,
         horizon_steps: int,
         config: EvaluateConfig,
@@ -104,12 +104,17 @@ class Refits:
         Raises:
             ConfigError: if the log is too small for it.
         """
-        own = self._run.config.mapping
+        own, random, ours = (
+            self._run.config.mapping,
+            np.random.default_rng(self._seed),
+            next(iter(vocabularies.values())),
+        )
         return Learnt(
             vocabularies={**vocabularies, "baseline:paper": self.fit(paper, horizon_steps)},
             ensembles={
                 "baseline:shuffled": self.shuffled(own, horizon_steps, config.shuffles, step),
                 "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
+                "baseline:random_names": [dealt(ours, random) for _ in range(config.shuffles)],
             },
             regressor=fit_state_regressor(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
         )

@@ -40,9 +40,11 @@ def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task:
     spoken, at = judged.spoken[ours], moments.at(judged.truth.horizon_steps)
     columns: dict[str, Array] = {"episode_seed": moments.seed, "step": moments.step}
     columns |= _numbered(task.state_names, "", moments.state)
-    columns |= _instructions("m*", moments.instruction) | _instructions("m", spoken.expression)
+    columns |= _instructions("m*", moments.instruction) | _instructions("m", spoken.said)
     columns |= {"phrase": spoken.phrase, "confidence": judged.probabilities[ours]}
-    columns |= _numbered(task.state_names, "predicted_delta_", moments.predicted[:, 0, at])
+    columns |= _numbered(
+        task.state_names, "predicted_delta_", moments.predicted[np.arange(len(moments)), spoken.which, at]
+    )
     columns |= _numbered(task.state_names, "realised_delta_", moments.realised[:, at])
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -80,13 +82,14 @@ def reliability(probability: Array, true: Array, bins: int = BINS) -> list[dict[
     ]
 
 
-def calibration_report(judged: Judged, ours: str) -> dict[str, Any]:
+def calibration_report(judged: Judged, ours: str, mapping_frame: int) -> dict[str, Any]:
     """How the confidence is made, and how far it can be trusted."""
-    probability, true = judged.probabilities[ours], judged.spoken[ours].true
+    probability, true = judged.probabilities[ours], judged.spoken[ours].voted_true
     coverage, risk = risk_coverage(probability, true)
     some = np.unique(np.linspace(0, len(coverage) - 1, CURVE_POINTS).astype(int))
     return {
         "explainer": ours,
+        "mapping_frame": mapping_frame,
         "horizon_steps": judged.truth.horizon_steps,
         "calibration": judged.calibrations[ours].to_dict(),
         "reliability": reliability(probability, true),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from ibe_rl.explainer import Voice
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
-from ibe_rl.run_folder import CHECKPOINTS, CONFIG, REFRESHES
+from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ class TrainedRun:
         mapping_frame: training frames when it was learnt.
         horizon_steps: n, the one the vocabulary was learnt with.
         spans: the vocabularies of other spans of time, by their horizon in steps.
-        calibration: of the confidence, from the episodes watched before the last refresh; None if it was the first.
+        calibration: of the confidence, as ``task=evaluate`` found it for this vocabulary, else from the episodes
+            watched before the last refresh; None if it was the first.
     """
 
     folder: Path
@@ -85,8 +87,21 @@ def load_run(folder: Path) -> TrainedRun:
         saved.frame,
         saved.horizon_steps,
         saved.spans,
-        saved.calibration,
+        _judged_calibration(folder, saved) or saved.calibration,
     )
+
+
+def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
+    """That of ``task=evaluate``, from many more episodes, if it is of this vocabulary."""
+    path = folder / EVALUATION / CALIBRATION
+    if not path.exists():
+        return None
+    try:
+        told = json.loads(path.read_text())
+        mine = (told["mapping_frame"], told["horizon_steps"]) == (saved.frame, saved.horizon_steps)
+        return Calibration.from_dict(told["calibration"]) if mine else None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"{path}: not a readable calibration ({error})") from None
 
 
 def kept_policies(run: TrainedRun) -> dict[int, GreedyPolicy]:

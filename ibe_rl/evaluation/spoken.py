@@ -19,17 +19,21 @@ class Spoken:
     """What one vocabulary says at ``N`` moments about one horizon.
 
     Attributes:
-        expression: ``(N, d)`` of the first future.
-        phrase: ``(N,)`` the same in words.
-        true: ``(N,)`` bool, whether the vocabulary calls what really happened the same.
-        voted_true: ``(N,)`` the same of the most frequent phrase among the futures.
-        agreement: ``(N,)`` share of the futures that carry the spoken phrase.
-        purity: ``(N,)`` the mapping's own confidence.
+        expression: ``(N, d)`` of the first future alone, which the motion is judged by.
+        true: ``(N,)`` bool, whether the vocabulary calls what really happened as it calls this future.
+        phrase: ``(N,)`` what is said: the most frequent phrase among the futures.
+        which: ``(N,)`` the first of the futures that is called so.
+        said: ``(N, d)`` the expression of that one.
+        voted_true: ``(N,)`` bool, whether what is said came true.
+        agreement: ``(N,)`` share of the futures that are called so.
+        purity: ``(N,)`` the mapping's own confidence in it.
     """
 
     expression: Array
-    phrase: Array
     true: Array
+    phrase: Array
+    which: Array
+    said: Array
     voted_true: Array
     agreement: Array
     purity: Array
@@ -43,23 +47,22 @@ class Spoken:
 def speak(mapping: Mapping, moments: Moments, horizon_steps: int, words: Sequence[Phrases]) -> Spoken:
     """Put the futures of each moment and what really happened into words."""
     at = moments.at(horizon_steps)
-    predicted, count = moments.predicted[:, :, at], len(moments)
-    futures = predicted.shape[1]
-    expressions = mapping.express(predicted.reshape(count * futures, -1))
-    phrases = phrases_of(expressions, words).reshape(count, futures)
+    predicted, rows = moments.predicted[:, :, at], np.arange(len(moments))
+    phrases, which, agreement = voted(predicted, mapping, words)
+    first, chosen = mapping.express(predicted[:, 0]), predicted[rows, which]
     real = phrases_of(mapping.express(moments.realised[:, at]), words)
-    first = phrases[:, 0]
-    most = first if futures == 1 else np.array(voted(predicted, mapping, words)[0])
     return Spoken(
-        expression=expressions.reshape(count, futures, -1)[:, 0],
-        phrase=first,
-        true=first == real,
-        voted_true=most == real,
-        agreement=np.mean(phrases == first[:, None], axis=1),
-        purity=mapping.confidence(predicted[:, 0]),
+        expression=first,
+        true=phrases_of(first, words) == real,
+        phrase=np.array(phrases),
+        which=which,
+        said=mapping.express(chosen),
+        voted_true=np.array(phrases) == real,
+        agreement=agreement,
+        purity=mapping.confidence(chosen),
     )
 
 
 def calibrate(spoken: Spoken) -> Calibration:
     """Learn how sure one can be, from moments of episodes that nothing else is judged on."""
-    return Calibration.fit(spoken.features, spoken.true, CONFIDENCE_FEATURES)
+    return Calibration.fit(spoken.features, spoken.voted_true, CONFIDENCE_FEATURES)

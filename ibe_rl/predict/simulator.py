@@ -82,7 +82,7 @@ class Simulator:
 
 def make_simulator(config: PredictorConfig, make_env: MakeEnv, rule: Rule, seed: int) -> Simulator:
     """Make the simulator that ``config`` asks for."""
-    settings = (config.future_instruction, config.moments_at_once, config.processes)
+    settings = (config.future_instruction, config.moments_at_once, config.processes or 1)
     return Simulator(make_env, rule, *settings, seed)
 
 

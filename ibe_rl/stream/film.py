@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from ibe_rl.data import Array, Explanation, Task, Watched
+from ibe_rl.data import Array, Explanation, Task
 from ibe_rl.ibe import phrase
+from ibe_rl.scene import Watched
 from ibe_rl.stream import picture, sentences, view
 
 SILENCE = "(silent)"

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array, Shape, Task
+from ibe_rl.data import Array, Task
 from ibe_rl.ibe import ClusterMapping, Windows
+from ibe_rl.scene import Shape
 
 BLUE, GREY, ORANGE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions from -1 over 0 to +1, told apart also without red or green."""

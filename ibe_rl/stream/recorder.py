@@ -23,7 +23,8 @@ import numpy as np
 import rerun as rr
 from rerun.error_utils import strict_mode
 
-from ibe_rl.data import Explanation, Task, Watched
+from ibe_rl.data import Explanation, Task
+from ibe_rl.scene import Watched
 from ibe_rl.stream import chart, sentences, view
 from ibe_rl.stream.film import Film, Place
 from ibe_rl.stream.recording_file import RecordingFile

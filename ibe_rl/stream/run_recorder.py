@@ -11,7 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ibe_rl.data import Explanation, Task, Watched
+from ibe_rl.data import Explanation, Task
+from ibe_rl.scene import Watched
 from ibe_rl.stream.recorder import CURVE_BYTES, Recorder, strict
 from ibe_rl.stream.thinning import Thinning
 

@@ -9,7 +9,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 
-from ibe_rl.data import Shape, Task
+from ibe_rl.data import Task
+from ibe_rl.scene import Shape
 from ibe_rl.stream import picture
 
 FRAMES, WATCHED_STEP = "frames", "watched_step"
