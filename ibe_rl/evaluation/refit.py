@@ -20,8 +20,8 @@ from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
 
 MOST_REDRAWN = 20
-QUICK = {"n_init": 1, "max_fit_windows": 5_000}
-"""Settings of what is learnt from nonsense many times over."""
+NONSENSE_WINDOWS = 2_000
+"""That clusters are learnt from where the instructions are shuffled."""
 
 
 def open_log(run: TrainedRun) -> TrajectoryLog:
@@ -93,12 +93,12 @@ class Refits:
             ConfigError: if that happens ``MOST_REDRAWN`` times as often as vocabularies are asked for.
         """
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
-        config = replace(config, **QUICK)
+        quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
         found: list[Mapping] = []
         for _ in range(MOST_REDRAWN * count):
             best, heard = shuffle_instructions(lessons.best, lessons.heard, random)
             try:
-                found.append(self._fit(config, horizon_steps, best, heard))
+                found.append(self._fit(quick, horizon_steps, best, heard))
             except TooLittleDataError:
                 continue
             step()
