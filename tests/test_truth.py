@@ -19,6 +19,12 @@ def middle(values: list[float | None]) -> dict[str, float] | None:
     return None if None in values else estimate(float(np.median(values)), min(values), max(values))
 
 
+def age(policy: int, vocabulary: int, auc: float) -> dict[str, Any]:
+    less = {metric: estimate(0.9 - auc, 0.9 - auc, 0.9 - auc) for metric in ("motion_auc", "came_true")}
+    about = {"policy_frame": policy, "vocabulary_frame": vocabulary}
+    return about | {"motion_auc": estimate(auc), "refreshed_minus_this": less}
+
+
 def judged(folder: Path, agent: str, seed: int, auc: float) -> Path:
     """What task=evaluate and task=compare leave of a run, as far as the report reads it."""
     (folder / "evaluation").mkdir(parents=True)
@@ -38,7 +44,10 @@ def judged(folder: Path, agent: str, seed: int, auc: float) -> Path:
         for minus, other in (("baseline:present_velocity", 0.9), ("baseline:state_regressor", 0.99))
     ]
     quality = {"protocol": {"mapping": "axis"}, "rows": [*rows, shuffled], "paired": paired}
-    quality |= {"confidence": {"risk_at_80_minus_risk_all": estimate(-0.3)}, "changing_policy": []}
+    quality |= {
+        "confidence": {"risk_at_80_minus_risk_all": estimate(-0.3)},
+        "changing_policy": [age(10, 10, 0.5), age(20, 10, 0.7), age(20, 20, 0.9)],
+    }
     observers = [
         {"explainer": name, "observer_error": estimate(error)}
         | {"minus_no_explanation": estimate(error - 5), "minus_paper": estimate(error - 4)}
@@ -90,6 +99,7 @@ def test_the_page_says_what_was_reached(
     assert "4/4 4/4 4/4 | reached |" in ppo
     assert "| present velocity | .900 [.900, .900] |" in ppo
     assert "seed 0: 0.41 **0.50** 0.59" in ppo
+    assert "| 0 | .900 | .700 | +0.200 [+0.200, +0.200] | +0.200 [+0.200, +0.200] |" in ppo
     once = page.read_text()
     report.insert_tables(together)
     assert page.read_text() == once
