@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.data import Episode, observe, read_only
+from ibe_rl.data import DOES_NOT_KNOW, Episode, Explanation, observe, read_only
 from ibe_rl.env import LANDER_TASK
 
 
@@ -89,3 +89,48 @@ def test_task_sizes():
     assert LANDER_TASK.instruction_size == 1
     assert LANDER_TASK.observation_size == len(LANDER_TASK.state_names) + 2
     assert len(LANDER_TASK.state_names) == len(LANDER_TASK.state_units)
+
+
+def explanation(
+    phrase: str, horizon_steps: int, known: bool = True, spans: tuple[Explanation, ...] = ()
+) -> Explanation:
+    nothing = np.zeros(1)
+    path, futures = np.zeros((2, 1)), np.zeros((1, 1))
+    return Explanation(nothing, phrase, 0, nothing, horizon_steps, 1.0, path, futures, known=known, spans=spans)
+
+
+def in_time(own: str, *others: str) -> str:
+    """What is said if 40 steps are called ``own`` and 20, 100, 60 what the others are called, ? being unsure."""
+    [one, *rest] = [
+        explanation(name.strip("?"), steps, known=not name.startswith("?"))
+        for name, steps in zip((own, *others), (40, 20, 100, 60), strict=False)
+    ]
+    return explanation(one.phrase, 40, one.known, tuple(rest)).in_time
+
+
+def test_what_an_agent_is_not_sure_of_is_not_said():
+    assert explanation("up", 40).said == "up"
+    unsure = explanation("up", 40, known=False)
+    assert (unsure.phrase, unsure.said, unsure.in_time) == ("up", DOES_NOT_KNOW, DOES_NOT_KNOW)
+
+
+@pytest.mark.parametrize(
+    ("phrases", "said"),
+    [
+        (["up"], "up"),
+        (["up", "up"], "up"),
+        (["up", "down"], "now down, later up"),
+        (["up", "up", "up"], "up"),
+        (["up", "down", "up"], "now down, later up"),
+        (["up", "up", "down"], "now up, later down"),
+        (["up", "down", "still"], "within 20 steps down, within 40 steps up, within 100 steps still"),
+        (["up", "down", "down"], "within 20 steps down, within 40 steps up, within 100 steps down"),
+        (["up", "up", "down", "down"], "now up, later down"),  # 60 and 100 alike
+        (["up", "up", "down", "up"], "now up, later down"),
+        (["up", "up", "up", "down"], "within 20 steps up, within 60 steps down, within 100 steps up"),
+        (["up", "?down"], f"now {DOES_NOT_KNOW}, later up"),
+        (["?up", "?down"], DOES_NOT_KNOW),
+    ],
+)
+def test_spans_of_time_are_told_in_order_and_what_is_repeated_once(phrases: list[str], said: str):
+    assert in_time(*phrases) == said

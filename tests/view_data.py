@@ -118,6 +118,7 @@ def explain(watched: Watched, refresh: Refresh, seed: int = 0) -> list[Explanati
             horizon_steps=HORIZON_STEPS,
             confidence=float(confidence[t]),
             path=paths[t],
+            futures=delta[t : t + 1],
         )
         for t in range(steps)
     ]

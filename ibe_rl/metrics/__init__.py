@@ -16,7 +16,6 @@ from ibe_rl.metrics.drift import VocabularyDrift, policy_drift, vocabulary_drift
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 from ibe_rl.metrics.quality import (
     SCORES,
-    came_true,
     happened,
     instruction_f1,
     motion_auc,
@@ -33,7 +32,6 @@ __all__ = [
     "VocabularyDrift",
     "brier",
     "calibrate_observer",
-    "came_true",
     "carries_on",
     "ece",
     "episode_weights",

@@ -42,13 +42,6 @@ def phrases_true(
     return np.array([one.phrase == other for one, other in zip(said, real, strict=True)])
 
 
-def came_true(
-    episode: Episode, said: Sequence[Explanation], mapping: Mapping, vocabulary: Sequence[Phrases], every_steps: int = 1
-) -> float:
-    """Share of the moments at which ``phrases_true`` holds, of those that something new was said at."""
-    return float(np.mean(phrases_true(episode, said, mapping, vocabulary)[::every_steps]))
-
-
 def motion_auc(expression: Array, change: Array, band: float) -> float:
     """How well an expression tells which way it went, without any threshold on what was said.
 

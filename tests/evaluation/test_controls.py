@@ -1,12 +1,15 @@
 """Controls are wrong in the way they are meant to be, and in no other."""
 
+from dataclasses import replace
+from itertools import permutations
+
 import numpy as np
 import pytest
 from by_hand import column
 from lift import heights, moments, words
 
 from ibe_rl.data import Episode
-from ibe_rl.evaluation.controls import Flipped, RandomClusters, of_another_moment, shuffle_instructions
+from ibe_rl.evaluation.controls import Flipped, RandomClusters, dealt, of_another_moment, shuffle_instructions
 from ibe_rl.ibe import Windows
 
 DELTA = heights(np.array([-3.0, -1, 0, 1, 3]))
@@ -35,6 +38,19 @@ def test_random_clusters_are_windows_with_the_mean_of_what_was_told():
     np.testing.assert_allclose(drawn.confidence(DELTA), 1)  # every cluster was told one thing only
     two = {tuple(RandomClusters.draw(windows(), 2, np.random.default_rng(seed)).centres[:, 0]) for seed in range(20)}
     assert len(two) > 3
+
+
+@pytest.mark.parametrize("membership", ["hard", "soft"])
+def test_names_are_dealt_out_anew_and_the_clusters_stay(membership: str):
+    ours, orders = replace(words(), membership=membership), set()
+    for seed in range(30):
+        others = dealt(ours, np.random.default_rng(seed))
+        np.testing.assert_array_equal(others.cluster(DELTA), ours.cluster(DELTA))
+        np.testing.assert_array_equal(others.confidence(DELTA), ours.confidence(DELTA))
+        names = others.expressions[:, 0]
+        np.testing.assert_array_equal(others.express(DELTA)[:, 0], names[ours.cluster(DELTA)])  # each its cluster's
+        orders.add(tuple(names))
+    assert orders == set(permutations([-1, 0, 1]))
 
 
 def episode(number: int, steps: int) -> Episode:

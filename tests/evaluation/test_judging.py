@@ -121,10 +121,18 @@ def test_the_best_cheap_baseline_is_named(judged: Judged):
 
 
 def test_confidence_against_always_saying_the_share(judged: Judged):
+    """What the other two futures see is said; it comes true where the first one sees the same, and nowhere else."""
+    here = flights(0)
+    share = np.mean(np.sign(here.realised[:, 0, 0]) == np.sign(here.predicted[:, 1, 0, 0]))
+    assert 0.2 < share < 0.8
+    assert values(judged, OURS, "came_true_voted") == pytest.approx(share, abs=1e-5)
+    np.testing.assert_array_equal(judged.spoken[OURS].agreement == 1, judged.spoken[OURS].voted_true)
     told = confidence_of(judged, OURS)
-    assert told["base_rate"]["value"] == 1
-    assert told["risk_at_80_minus_risk_all"]["value"] == 0
-    assert told["brier_minus_base_rate"]["value"] == pytest.approx(values(judged, OURS, "brier"), abs=1e-5)
+    assert told["base_rate"]["value"] == pytest.approx(share, abs=1e-5)
+    assert told["risk_at_80_minus_risk_all"]["value"] == pytest.approx((0.8 - share) / 0.8 - (1 - share), abs=1e-5)
+    expected = values(judged, OURS, "brier") - share * (1 - share)
+    assert told["brier_minus_base_rate"]["value"] == pytest.approx(expected, abs=2e-5)
+    assert expected < -0.1
 
 
 def test_without_refits_there_are_no_controls():

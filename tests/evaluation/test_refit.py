@@ -55,6 +55,7 @@ def test_all_that_is_held_against_a_vocabulary(run: Run):
     assert {name: len(several) for name, several in learnt.ensembles.items()} == {
         "baseline:shuffled": 3,
         "baseline:random_clusters": 3,
+        "baseline:random_names": 3,
     }
     assert learnt.regressor.r2["ridge"] > 0.9
 

@@ -18,7 +18,7 @@ from ibe_rl.metrics import Calibration
 from ibe_rl.metrics.bootstrap import episode_weights
 
 OURS = "ibe:lift"
-HERE = moments([2, -2], [[2, 2], [2, -2]], told=[1, -1], episode=[0, 1], speed=[3, 4])
+HERE = moments([2, -2], [[2, 2, 2], [1.5, -3, -2]], told=[1, -1], episode=[0, 1], speed=[3, 4])
 
 
 def judged() -> Judged:
@@ -37,9 +37,9 @@ def test_a_row_a_moment(tmp_path: Path):
         *(f"{when}_delta_{name}" for when in ("predicted", "realised") for name in ("height", "speed", "floor")),
     ]
     assert (first["episode_seed"], second["episode_seed"]) == ("100", "101")
-    assert [float(second[name]) for name in ("step", "speed", "m*", "m", "confidence")] == [1, 4, -1, 1, 0.25]
-    assert second["phrase"] == "going up"
-    assert [float(second[f"{when}_delta_height"]) for when in ("predicted", "realised")] == [2, -2]
+    assert [float(second[name]) for name in ("step", "speed", "m*", "m", "confidence")] == [1, 4, -1, -1, 0.25]
+    assert (first["phrase"], second["phrase"]) == ("going up", "going down")  # what most of the futures are called
+    assert [float(second[f"{when}_delta_height"]) for when in ("predicted", "realised")] == [-3, -2]
 
 
 def test_reliability_is_counted_in_bins():
@@ -50,10 +50,10 @@ def test_reliability_is_counted_in_bins():
 
 
 def test_the_calibration_can_be_read_back():
-    told = calibration_report(judged(), OURS)
+    told = calibration_report(judged(), OURS, mapping_frame=950)
     assert Calibration.from_dict(told["calibration"]).names == ("agreement", "purity")
-    assert told["risk_coverage"] == {"coverage": [0.5, 1.0], "risk": [0.0, 0.5]}
-    assert told["horizon_steps"] == 5
+    assert told["risk_coverage"] == {"coverage": [0.5, 1.0], "risk": [0.0, 0.0]}
+    assert (told["mapping_frame"], told["horizon_steps"]) == (950, 5)  # the vocabulary that it is of
 
 
 def test_folders_are_made_or_refused_before_any_work(tmp_path: Path):

@@ -30,7 +30,8 @@ from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_ID
 from ibe_rl.evaluation import load_run
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.run_folder import CHECKPOINTS, CONFIG, REFRESHES, create_run_folder, write_json
+from ibe_rl.metrics import Calibration
+from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, create_run_folder, write_json
 
 OBSERVATIONS = np.random.default_rng(0).normal(size=(50, 11)).astype(np.float32)
 ACTIONS: Any = gymnasium.spaces.Discrete(4)
@@ -59,9 +60,16 @@ def write_policy(folder: Path, frame: int, agent: AgentConfig) -> Any:
     return greedy
 
 
-def write_mapping(folder: Path, frame: int, mapping: ClusterMapping, **spans: ClusterMapping) -> None:
+def write_mapping(
+    folder: Path,
+    frame: int,
+    mapping: ClusterMapping,
+    calibration: Calibration | None = None,
+    **spans: ClusterMapping,
+) -> None:
     other = [{"horizon_steps": int(name.removeprefix("n")), "mapping": each.to_dict()} for name, each in spans.items()]
     values = {"frame": frame, "horizon_steps": 40, "mapping": mapping.to_dict(), "spans": other}
+    values["calibration"] = calibration and calibration.to_dict()
     write_json(folder / REFRESHES / f"{frame:012d}.json", values)
 
 
@@ -111,6 +119,85 @@ def test_the_vocabularies_of_other_spans_come_with_it(folder: Path):
     run = load_run(folder)
     assert run.mapping.expressions[0, 0] == -0.4
     assert {n: each.expressions[0, 0] for n, each in run.spans.items()} == {20: -0.5, 120: -0.6}
+
+
+def sure(intercept: float) -> Calibration:
+    """As sure whatever there is to see."""
+    return Calibration(("agreement", "purity"), np.zeros(2), np.ones(2), np.zeros(2), np.array([intercept]))
+
+
+LEFT_OUT = "left out"
+
+
+def write_judged(folder: Path, **changes: Any) -> Path:
+    """What ``task=evaluate`` leaves of the confidence in the vocabulary of frame 950."""
+    (folder / EVALUATION).mkdir(exist_ok=True)
+    values = {"mapping_frame": 950, "horizon_steps": 40, "calibration": sure(2).to_dict()} | changes
+    write_json(folder / EVALUATION / CALIBRATION, {name: value for name, value in values.items() if value != LEFT_OUT})
+    return folder / EVALUATION / CALIBRATION
+
+
+def intercept(folder: Path) -> float | None:
+    calibration = load_run(folder).calibration
+    return None if calibration is None else float(calibration.intercept[0])
+
+
+def test_the_confidence_is_calibrated_as_the_refresh_was(folder: Path):
+    assert load_run(folder).calibration is None
+    assert load_run(folder).voice.calibration is None
+    write_mapping(folder, 950, mapping_of(-0.2), sure(1))
+    assert intercept(folder) == 1
+
+
+def test_what_an_evaluation_found_of_the_same_vocabulary_is_trusted_more(folder: Path):
+    write_mapping(folder, 950, mapping_of(-0.2), sure(1))
+    path = write_judged(folder)
+    assert intercept(folder) == 2
+    write_judged(folder, mapping_frame=500)
+    assert intercept(folder) == 1
+    write_judged(folder, horizon_steps=60)
+    assert intercept(folder) == 1
+    path.unlink()
+    assert intercept(folder) == 1
+    write_mapping(folder, 950, mapping_of(-0.2))
+    write_judged(folder)
+    assert intercept(folder) == 2  # also if the refresh had none
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        *({name: LEFT_OUT} for name in ("mapping_frame", "horizon_steps", "calibration")),
+        {"calibration": None},
+        {"calibration": sure(1).to_dict() | {"scale": [0.0, 1.0]}},
+        {"calibration": sure(1).to_dict() | {"mean": ["a", 0.0]}},
+        "",
+        "[]",
+        '{"mapping_frame": 950',
+        b"\xff\xfe",
+    ],
+    ids=str,
+)
+def test_a_damaged_calibration_is_refused(folder: Path, damage: dict[str, Any] | str | bytes):
+    path = write_judged(folder, **(damage if isinstance(damage, dict) else {}))
+    if not isinstance(damage, dict):
+        path.write_bytes(damage if isinstance(damage, bytes) else damage.encode())
+    with pytest.raises(ConfigError, match=rf"{re.escape(str(path))}: not a readable calibration \("):
+        load_run(folder)
+
+
+def test_a_run_speaks_with_all_that_it_learnt(folder: Path):
+    write_mapping(folder, 950, mapping_of(-0.2), sure(1), n20=mapping_of(-0.5))
+    run = load_run(folder)
+    voice = run.voice
+    assert (voice.mapping, voice.horizon_steps, voice.words, voice.spans) == (
+        run.mapping,
+        40,
+        run.task.phrases,
+        run.spans,
+    )
+    assert voice.calibration is run.calibration
+    assert list(voice.spans) == [20]
 
 
 def test_a_run_without_a_policy_says_so(folder: Path):

@@ -10,7 +10,7 @@ from ibe_rl.data import Array, Episode, Explanation, Phrases
 from ibe_rl.ibe import Windows
 from ibe_rl.metrics import (
     SCORES,
-    came_true,
+    happened,
     instruction_f1,
     motion_auc,
     motion_spearman,
@@ -35,7 +35,7 @@ class Sign:
 
 
 def spoken(phrase: str, horizon_steps: int = 2) -> Explanation:
-    return Explanation(np.zeros(1), phrase, 0, np.zeros(1), horizon_steps, 1.0, np.zeros((3, 1)))
+    return Explanation(np.zeros(1), phrase, 0, np.zeros(1), horizon_steps, 1.0, np.zeros((3, 1)), np.zeros((1, 1)))
 
 
 @pytest.fixture
@@ -46,38 +46,34 @@ def episode() -> Episode:
 
 
 @pytest.mark.parametrize(
-    ("said", "share"),
+    ("said", "true"),
     [
-        (["up", "still", "down", "down"], 1.0),
-        (["up", "still", "down", "still"], 0.75),
-        (["down", "up", "still", "down"], 0.25),
-        (["down", "up", "up", "up"], 0.0),
+        (["up", "still", "down", "down"], [True, True, True, True]),
+        (["up", "still", "down", "still"], [True, True, True, False]),
+        (["up", "up", "down", "still"], [True, False, True, False]),
+        (["down", "up", "still", "down"], [False, False, False, True]),
+        (["down", "up", "up", "up"], [False, False, False, False]),
     ],
 )
-def test_the_share_of_phrases_that_came_true(episode: Episode, said: list[str], share: float):
-    assert came_true(episode, [spoken(phrase) for phrase in said], Sign(), WORDS) == share
+def test_each_phrase_is_judged_at_its_own_moment(episode: Episode, said: list[str], true: list[bool]):
+    assert happened(episode, 2, Sign(), WORDS) == ["up", "still", "down", "down"]
+    assert phrases_true(episode, [spoken(phrase) for phrase in said], Sign(), WORDS).tolist() == true
 
 
-def test_each_phrase_is_judged_at_its_own_moment(episode: Episode):
-    said = [spoken(phrase) for phrase in ("up", "up", "down", "still")]
+def test_a_phrase_that_was_not_sure_enough_to_be_said_is_judged_too(episode: Episode):
+    said = [replace(spoken(phrase), known=False) for phrase in ("up", "up", "down", "up")]
     assert phrases_true(episode, said, Sign(), WORDS).tolist() == [True, False, True, False]
-
-
-def test_only_what_is_newly_said_counts(episode: Episode):
-    said = [spoken(phrase) for phrase in ("up", "up", "down", "down")]  # one every second step, held in between
-    assert came_true(episode, said, Sign(), WORDS, every_steps=2) == 1
-    assert came_true(episode, said, Sign(), WORDS) == 0.75
 
 
 def test_the_horizon_is_the_explanations_own(episode: Episode):
     """Over one step: up, up, down, down."""
     said = [spoken(phrase, horizon_steps=1) for phrase in ("up", "up", "down", "down")]
-    assert came_true(episode, said, Sign(), WORDS) == 1
+    assert phrases_true(episode, said, Sign(), WORDS).all()
 
 
 def test_there_is_an_explanation_for_every_step(episode: Episode):
     with pytest.raises(ValueError, match="zip"):
-        came_true(episode, [spoken("up")] * 3, Sign(), WORDS)
+        phrases_true(episode, [spoken("up")] * 3, Sign(), WORDS)
 
 
 class Second:
