@@ -76,7 +76,9 @@ def add(
     random, number = np.random.default_rng(log.episodes_ended), log.episodes_ended
     speed = told if went is None else went
     height = np.arange(steps + 1) * speed + random.normal(0, 0.01, steps + 1)
-    states = np.column_stack([height, np.full(steps + 1, speed * seen_speed), np.full(steps + 1, floor)]).astype(np.float32)
+    states = np.column_stack([height, np.full(steps + 1, speed * seen_speed), np.full(steps + 1, floor)]).astype(
+        np.float32
+    )
     last = np.arange(steps) == steps - 1
     columns = {
         "state": states[:-1],
