@@ -67,12 +67,18 @@ def add(
     steps: int = STEPS,
     given: bool = True,
     went: float | None = None,
+    seen_speed: bool = True,
 ) -> None:
-    """Log an episode in which the lift does what it is told, or ``went``, so many metres a step."""
+    """Log an episode in which the lift does what it is told, or ``went``, so many metres a step.
+
+    Without ``seen_speed`` the state says 0 for it, and only where the lift has got to tells what it was told.
+    """
     random, number = np.random.default_rng(log.episodes_ended), log.episodes_ended
     speed = told if went is None else went
     height = np.arange(steps + 1) * speed + random.normal(0, 0.01, steps + 1)
-    states = np.column_stack([height, np.full(steps + 1, speed), np.full(steps + 1, floor)]).astype(np.float32)
+    states = np.column_stack([height, np.full(steps + 1, speed * seen_speed), np.full(steps + 1, floor)]).astype(
+        np.float32
+    )
     last = np.arange(steps) == steps - 1
     columns = {
         "state": states[:-1],
@@ -117,16 +123,16 @@ def better_half(**changes: Any) -> MappingConfig:
     return config(**({"top_fraction": 0.5} | changes))
 
 
-def obey(log: TrajectoryLog, reward: float = 1.0) -> None:
+def obey(log: TrajectoryLog, reward: float = 1.0, seen_speed: bool = True) -> None:
     """Up, down, still: as told."""
     for told in WAYS:
-        add(log, reward, told)
+        add(log, reward, told, seen_speed=seen_speed)
 
 
-def defy(log: TrajectoryLog, reward: float = 1.0) -> None:
+def defy(log: TrajectoryLog, reward: float = 1.0, seen_speed: bool = True) -> None:
     """Up when told down, down when told up, still when told to stay."""
     for told in WAYS:
-        add(log, reward, told, went=-told)
+        add(log, reward, told, went=-told, seen_speed=seen_speed)
 
 
 def race(log: TrajectoryLog) -> None:

@@ -12,7 +12,7 @@ from by_hand import STEPS, TASK, better_half, two_floors
 from ibe_rl import refresh as module
 from ibe_rl.ibe import Transition
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import VocabularyDrift
+from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.refresh import Change, Refresh, learn_vocabulary, load_refresh, save_refresh
 
 
@@ -140,8 +140,16 @@ def test_a_saved_vocabulary_comes_back(log: TrajectoryLog, tmp_path: Path):
     path = save_refresh(tmp_path, learnt, better_half(), TASK)
     assert path.name == f"{96:012d}.json"
     loaded = load_refresh(path)
-    assert (loaded.horizon_steps, loaded.frame, loaded.spans) == (5, 96, {})
+    assert (loaded.horizon_steps, loaded.frame, loaded.spans, loaded.calibration) == (5, 96, {}, None)
     assert loaded.mapping.to_dict() == learnt.mapping.to_dict()
+
+
+def test_the_calibration_comes_back_with_it(log: TrajectoryLog, tmp_path: Path):
+    calibration = Calibration(("agreement", "purity"), *np.array([[0.5, 0.75], [0.25, 1], [2, -1]]), np.array([0.125]))
+    learnt = learn_vocabulary(log, better_half(), TASK, seed=0)
+    loaded = load_refresh(save_refresh(tmp_path, learnt, better_half(), TASK, calibration)).calibration
+    assert loaded is not None
+    assert loaded.to_dict() == calibration.to_dict()
 
 
 def test_each_span_of_time_has_a_vocabulary_of_its_own(log: TrajectoryLog, tmp_path: Path):
@@ -200,6 +208,8 @@ def damaged(saved: dict[str, Any]) -> dict[str, str]:
         "no spans": {key: value for key, value in saved.items() if key != "spans"},
         "a span without steps": saved | {"spans": [{"mapping": mapping}]},
         "a damaged span": saved | {"spans": [{"horizon_steps": 2, "mapping": {}}]},
+        "no calibration": {key: value for key, value in saved.items() if key != "calibration"},
+        "a damaged calibration": saved | {"calibration": {"names": ["agreement"]}},
         "other shapes": saved | {"mapping": mapping | {"sizes": [1]}},
         "flat centres": saved | {"mapping": mapping | {"centres": [1, 2, 3]}},
         "no frame": saved | {"frame": None},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from sklearn.metrics import pairwise_distances_argmin
@@ -12,6 +11,7 @@ from sklearn.metrics import pairwise_distances_argmin
 from ibe_rl.data import Array, Episode, Mapping
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe import ClusterMapping, Windows, normalise
+from ibe_rl.ibe.space import scaled
 
 
 @dataclass(frozen=True)
@@ -38,69 +38,29 @@ class Flipped:
         return self.mapping.confidence(delta)
 
 
-@dataclass(frozen=True)
-class RandomClusters:
+def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generator) -> ClusterMapping:
     """A vocabulary whose clusters are the nearest of ``k`` windows drawn at random, in standardised units.
 
     Everything else is as in the paper: the mean instruction of each cluster, min-max between the clusters.
-
-    Attributes:
-        mean: ``(S,)`` of the windows.
-        spread: ``(S,)`` their standard deviations, 1 where they are all alike.
-        centres: ``(k, S)`` the windows drawn, standardised.
-        expressions: ``(k, d)``.
-        purities: ``(k,)`` 1 - half the mean distance of a cluster's instructions from their mean.
-        sizes: ``(k,)``.
     """
-
-    mean: Array
-    spread: Array
-    centres: Array
-    expressions: Array
-    purities: Array
-    sizes: Array
-
-    @classmethod
-    def draw(cls, windows: Windows, n_clusters: int, random: np.random.Generator) -> Self:
-        """Draw the centres from ``windows`` and name them."""
-        mean, spread = windows.delta.mean(axis=0), windows.delta.std(axis=0)
-        spread = np.where(spread > 0, spread, 1)
-        standard = (windows.delta - mean) / spread
-        distinct = np.unique(standard, axis=0)
-        centres = distinct[random.permutation(len(distinct))[:n_clusters]]
-        labels = pairwise_distances_argmin(standard, centres)
-        sizes = np.bincount(labels, minlength=len(centres))
-        counts = np.maximum(sizes, 1)[:, None]
-        means = _sums(labels, windows.instruction, len(centres)) / counts
-        spreads = _sums(labels, np.abs(windows.instruction - means[labels]), len(centres)) / counts
-        return cls(mean, spread, centres, normalise(means), 1 - spreads.mean(axis=1) / 2, sizes)
-
-    @property
-    def ids(self) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
-        return np.arange(len(self.centres))
-
-    def cluster(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
-        return pairwise_distances_argmin((np.asarray(delta, float) - self.mean) / self.spread, self.centres)
-
-    def express(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
-        return self.expressions[self.cluster(delta)]
-
-    def confidence(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
-        return self.purities[self.cluster(delta)]
+    spread = windows.delta.std(axis=0)
+    space = scaled(windows.delta.mean(axis=0), 1 / np.where(spread > 0, spread, 1))
+    places = space.place(windows.delta)
+    distinct = np.unique(places, axis=0)
+    centres = distinct[random.permutation(len(distinct))[:n_clusters]]
+    k, labels = len(centres), pairwise_distances_argmin(places, centres)
+    sizes = np.bincount(labels, minlength=k)
+    counts = np.maximum(sizes, 1)
+    means = np.stack([np.bincount(labels, column, k) for column in windows.instruction.T], axis=1) / counts[:, None]
+    told = np.unique(windows.instruction, axis=0, return_inverse=True)[1].ravel()
+    purities = np.stack([np.bincount(labels, told == kind, k) for kind in np.unique(told)]).max(axis=0) / counts
+    return ClusterMapping(space, centres, means, normalise(means), sizes, purities, sizes, np.arange(k))
 
 
 def dealt(mapping: ClusterMapping, random: np.random.Generator) -> ClusterMapping:
     """The same clusters, their names dealt out anew at random."""
     order = random.permutation(len(mapping.expressions))
     return replace(mapping, expressions=mapping.expressions[order], membership="hard")
-
-
-def _sums(labels: Array, values: Array, count: int) -> Array:
-    return np.stack([np.bincount(labels, column, count) for column in values.T], axis=1)
 
 
 def shuffle_instructions(

@@ -129,10 +129,8 @@ def gather(
     for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
         taken += _take(episode, moments, number, seeds[number], plan, task)
     predicted = _predict([one.moment for one in taken], policy, predictor, plan, title)
-    columns = {
-        name: np.array([getattr(one, name) for one in taken]) for name in ("episode", "seed", "step", "realised")
-    }
-    flags = {name: np.array([getattr(one, name) for one in taken]) for name in ("regular", "observed")}
+    of_each = ("episode", "seed", "step", "regular", "observed", "realised")
+    columns = {name: np.array([getattr(one, name) for one in taken]) for name in of_each}
     return Moments(
         state=np.array([one.moment.state for one in taken]),
         instruction=np.array([one.moment.instruction for one in taken]),
@@ -140,7 +138,6 @@ def gather(
         predicted=predicted,
         horizons_steps=plan.horizons_steps,
         **columns,
-        **flags,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ibe_rl.config import EvaluateConfig, MappingConfig
 from ibe_rl.data import ConfigError, Episode, Mapping
 from ibe_rl.evaluation.baselines import fit_state_regressor
-from ibe_rl.evaluation.controls import RandomClusters, dealt, shuffle_instructions
+from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
@@ -111,7 +111,7 @@ class Refits:
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
         with self._enough():
             windows = best_windows(lessons.best, config, horizon_steps)
-        return [RandomClusters.draw(windows, config.n_clusters, random) for _ in range(count)]
+        return [random_clusters(windows, config.n_clusters, random) for _ in range(count)]
 
     def learn(
         self,

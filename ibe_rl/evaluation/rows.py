@@ -6,7 +6,7 @@ Shapes: ``N`` moments, ``R`` resamples, row 0 of which is the value itself.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class Truth:
 
     def unweighed(self) -> Truth:
         """The same with one row of equal weights: for values without an interval."""
-        return Truth(**{**vars(self), "weights": self.weights[:1]})
+        return replace(self, weights=self.weights[:1])
 
 
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:

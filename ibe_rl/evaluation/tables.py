@@ -27,8 +27,6 @@ SHORT = {
 """Metric to what heads its column."""
 WITH_INTERVAL = ("motion_auc",)
 OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
-
-
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 
 

@@ -9,7 +9,7 @@ from by_hand import column
 from lift import heights, moments, words
 
 from ibe_rl.data import Episode
-from ibe_rl.evaluation.controls import Flipped, RandomClusters, dealt, of_another_moment, shuffle_instructions
+from ibe_rl.evaluation.controls import Flipped, dealt, of_another_moment, random_clusters, shuffle_instructions
 from ibe_rl.ibe import Windows
 
 DELTA = heights(np.array([-3.0, -1, 0, 1, 3]))
@@ -31,13 +31,20 @@ def windows() -> Windows:
 
 
 def test_random_clusters_are_windows_with_the_mean_of_what_was_told():
-    drawn = RandomClusters.draw(windows(), 3, np.random.default_rng(0))
+    drawn = random_clusters(windows(), 3, np.random.default_rng(0))
     assert sorted(drawn.sizes.tolist()) == [4, 4, 4]
     assert sorted(drawn.ids.tolist()) == [0, 1, 2]
     np.testing.assert_allclose(drawn.express(heights(np.array([-2.1, 0.1, 1.9]))), column(-1, 0, 1))
     np.testing.assert_allclose(drawn.confidence(DELTA), 1)  # every cluster was told one thing only
-    two = {tuple(RandomClusters.draw(windows(), 2, np.random.default_rng(seed)).centres[:, 0]) for seed in range(20)}
+    two = {tuple(random_clusters(windows(), 2, np.random.default_rng(seed)).centres[:, 0]) for seed in range(20)}
     assert len(two) > 3
+
+
+def test_random_clusters_are_as_pure_as_what_was_told_in_them():
+    """One cluster of four windows told down, four told nothing and four told up; its mean is nothing."""
+    one = random_clusters(windows(), 1, np.random.default_rng(0))
+    assert (one.purities.tolist(), one.mean_instructions.tolist(), one.expressions.tolist()) == ([1 / 3], [[0]], [[0]])
+    assert (one.sizes.tolist(), one.evidence.tolist(), one.ids.tolist()) == ([12], [12], [0])
 
 
 @pytest.mark.parametrize("membership", ["hard", "soft"])

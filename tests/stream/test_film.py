@@ -19,7 +19,7 @@ from view_data import (
     refreshed,
 )
 
-from ibe_rl.data import Phrases, Task
+from ibe_rl.data import DOES_NOT_KNOW, Explanation, Phrases, Task
 from ibe_rl.ibe import phrase
 from ibe_rl.stream import Recorder, picture, sentences
 from ibe_rl.stream.film import SILENCE
@@ -161,3 +161,62 @@ def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_pa
     assert not any(frames(found) for entity, found in rows.items() if entity.startswith("/scene"))
     assert {len(values) for values in column(rows["/signal/explanation"], "Scalars:scalars")} == {2}
     assert "still and still" in [state for [state] in column(rows["/says/instructor"], "StateChange:state")]
+
+
+def spoken_in_time(tmp_path: Path) -> tuple[list[Explanation], list[str], Rows]:
+    """A film of which the agent does not know the steps 10 to 29; of ten steps ahead it always says the same."""
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    now = explain(watched, refresh)[0]
+    soon = replace(now, phrase="falling far left", horizon_steps=10)
+    said = [
+        replace(one, known=not 10 <= step < 30, spans=(soon,)) for step, one in enumerate(explain(watched, refresh))
+    ]
+    happened, recorder = real(watched, refresh), Recorder(tmp_path / "recording.rrd", TASK, "run", training=False)
+    recorder.watched(0, watched, said, happened)
+    recorder.close()
+    return said, happened, read(tmp_path / "recording.rrd")
+
+
+def test_where_the_agent_does_not_know_its_lane_is_grey_and_nothing_is_judged(tmp_path: Path) -> None:
+    said, _, rows = spoken_in_time(tmp_path)
+    lane = rows["/says/agent"]
+    states = dict(zip(column(lane, "watched_step"), column(lane, "StateChange:state"), strict=True))
+    assert states[10] == [DOES_NOT_KNOW]
+    assert states[30] == [said[30].phrase]
+    assert not any(10 < step < 30 for step in states)
+    [look] = [row for row in lane if row.get("StateConfiguration:values") is not None]
+    shades, labels = (
+        dict(zip(look["StateConfiguration:values"], look[f"StateConfiguration:{what}"], strict=True))
+        for what in ("colors", "labels")
+    )
+    assert shades[DOES_NOT_KNOW] == shades[SILENCE] != shades[said[30].phrase]
+    assert labels[DOES_NOT_KNOW] == DOES_NOT_KNOW
+    judged = {row["watched_step"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None}
+    drawn = {row["watched_step"] for row in rows["/scene/then"] if row.get("LineStrips2D:strips") is not None}
+    assert judged == drawn == {i + HORIZON_STEPS for i in range(len(said) - HORIZON_STEPS + 1) if said[i].known}
+    assert len(judged) < len(said) - HORIZON_STEPS
+
+
+def test_an_agent_that_never_knows_is_not_judged_at_all(tmp_path: Path) -> None:
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    said = [replace(one, known=False) for one in explain(watched, refresh)]
+    recorder = Recorder(tmp_path / "recording.rrd", TASK, "run", training=False)
+    recorder.watched(0, watched, said, real(watched, refresh))
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    assert not [row for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
+    assert [state for [state] in column(rows["/says/agent"], "StateChange:state")] == [DOES_NOT_KNOW, ""]
+
+
+def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> None:
+    said, happened, rows = spoken_in_time(tmp_path)
+    assert said[0].in_time == f"now falling far left, later {said[0].phrase}"
+    assert said[10].in_time == f"now falling far left, later {DOES_NOT_KNOW}"
+    labels = [label for [label] in column(rows["/scene/says"], "Points2D:labels")]
+    assert labels == [f"says: {one.in_time}" for one in said]
+    lines = [line for [line] in column(rows["/log"], "TextLog:text")]
+    starts = picture.changes([one.in_time for one in said])
+    assert lines[: len(starts)] == [f"+{i}  {said[i].in_time}" for i in starts]
+    at = dict(zip(column(rows["/now"], "watched_step"), column(rows["/now"], "TextDocument:text"), strict=True))
+    assert f"Agent: **now falling far left, later {DOES_NOT_KNOW}** (" in at[10][0]
+    assert f"said {HORIZON_STEPS} steps ago: {DOES_NOT_KNOW}: it was {happened[10]}" in at[10 + HORIZON_STEPS][0]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from view_data import TASK, developed, refreshed
 
+from ibe_rl.data import DOES_NOT_KNOW, Phrases
 from ibe_rl.stream import sentences
 
 
@@ -67,3 +68,10 @@ def test_a_vocabulary_that_stays_is_not_said_to_stand_on_what_the_other_one_woul
     refresh = developed()[1]
     assert "Best " in sentences.standing(refresh, TASK.phrases, None)
     assert "Best " not in sentences.standing(replace(refresh, taken=False), TASK.phrases, None)
+
+
+def test_that_the_agent_does_not_know_is_said_in_full() -> None:
+    """Also where all phrases begin with as many words as it has."""
+    words = [Phrases("it is going to stay", "it is going to go {degree}down", "it is going to go up", ((0.2, ""),))]
+    assert sentences.shared_words(words) == 4
+    assert sentences.short(["it is going to stay", DOES_NOT_KNOW], words) == ["stay", DOES_NOT_KNOW]
