@@ -16,9 +16,14 @@ def test_the_lines_of_python_run() -> None:
     way = random.integers(-1, 2, 300)
     delta_states = np.column_stack([0.2 * way, np.zeros(300)]) + random.normal(0, 0.01, (300, 2))
     names = {"delta_states": delta_states, "instructions": way, "new_delta_states": np.array([[-0.2, 0], [0.2, 0]])}
+    names |= {
+        "states": np.column_stack([-way, random.normal(size=300)]) + random.normal(0, 0.01, (300, 2)),
+        "told": way,
+    }
     exec(block, names)  # noqa: S102 - our own README
     mapping = names["mapping"]
     np.testing.assert_array_equal(mapping.predict(names["new_delta_states"]), [[-1.0], [1.0]])
+    np.testing.assert_allclose(names["axis"].predict(names["new_delta_states"]), [[-1.0], [1.0]], atol=0.05)
 
 
 def test_the_make_targets_exist_and_are_listed() -> None:
