@@ -85,8 +85,9 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None
     table.title = (
         f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
     )
-    for column in ("steps", "is told", "says that it will be", "expression", "confidence", "came true"):
-        table.add_column(column, no_wrap=True, justify="right" if column == "steps" else "left")
+    says = "says that it will be"  # the only one that is folded, so that no number is cut off
+    for column in ("steps", "is told", says, "expression", "confidence", "came true"):
+        table.add_column(column, no_wrap=column != says, justify="right" if column == "steps" else "left")
     for (instruction, _), group in groupby(range(len(said)), key=lambda step: (told[step], said[step].in_time)):
         steps = list(group)
         first, expressions = said[steps[0]], np.array([said[step].expression for step in steps])
