@@ -452,7 +452,7 @@ def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: 
         (["pad=left"], "pad: no such setting; allowed are .*context"),
         (["min_confidence=-0.1"], "min_confidence=-0.1: allowed is at least 0 and at most 1"),
         (["predictor.futures=0"], "predictor.futures=0: allowed is at least 1 and at most 100"),
-        (["task=evaluate", "+evaluate.futures=2"], "evaluate.futures: no such setting; allowed are .*episodes"),
+        (["task=evaluate", "+evaluate.futures=2"], "evaluate.futures=2: no such setting; allowed are .*episodes"),
         (["output=/dev/null/x.rrd"], "output=/dev/null/x.rrd: allowed is a file that can be written"),
     ],
 )
