@@ -89,7 +89,7 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None
     )
     ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
     for column in ("steps", "is told", *ahead, "number", "sure", "true"):
-        table.add_column(column, no_wrap=True, justify="right" if column == "steps" else "left")
+        table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
     spoken = [short([one.said for one in each.all_spans], words) for each in said]
     for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
         steps = list(group)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -25,16 +26,22 @@ import explain
 import train
 from ibe_rl.command_line import load_config, run_script
 from ibe_rl.config import MappingConfig, TrainConfig
+from ibe_rl.data import DOES_NOT_KNOW
 from ibe_rl.development import FIGURES, PROBE_WINDOWS
+from ibe_rl.evaluation import load_run
+from ibe_rl.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import SCORES
+from ibe_rl.metrics import SCORES, Calibration
 from ibe_rl.run_folder import CONFIG
 
 SUMMARY_KEYS = {
     *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),
     *("refreshes_kept", "refreshes_skipped", "time_s", "seed", "agent", "mapping", "versions"),
 }
+
+
+TWO_SPANS = ["mapping.spans_steps=[10]"]
 
 
 def call(script: str, *arguments: str) -> None:
@@ -55,7 +62,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "small"
-    call("train", *SMALL, "mapping.spans_steps=[10]", f"run_dir={folder}", "viewer=file")
+    call("train", *SMALL, *TWO_SPANS, f"run_dir={folder}", "viewer=file")
     return folder
 
 
@@ -148,7 +155,7 @@ def in_table(name: str, refresh: Any) -> Any:
 
 def test_metrics_and_the_files_of_the_refreshes_tell_the_same(run: Path) -> None:
     table = {int(row["frames"]): row for row in rows(run)}
-    columns = set(FIGURES) - {"ibe/came_true", "ibe/came_true_stale"}
+    columns = set(FIGURES) - {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"}
     first, *later = refreshes(run)
     assert {name for name in columns if table[first["frame"]][name]} <= {
         *("ibe/episodes", "ibe/windows", *(f"ibe/{name}" for name in SCORES))
@@ -159,6 +166,10 @@ def test_metrics_and_the_files_of_the_refreshes_tell_the_same(run: Path) -> None
             told = in_table(name, refresh)
             assert row[name] == "" if told is None else float(row[name]) == pytest.approx(told, rel=1e-5), name
         assert 0 <= float(row["ibe/came_true_stale"]) <= 1
+        assert 0 <= float(row["ibe/unknown"]) <= 1
+        assert Calibration.from_dict(refresh["calibration"]).names == CONFIDENCE_FEATURES
+    assert first["calibration"] is None
+    assert float(table[first["frame"]]["ibe/unknown"]) == 0  # nothing is calibrated yet
     assert all(row["ibe/came_true"] for row in table.values() if row["ibe/windows"])
     assert not any(row[name] for frame, row in table.items() for name in columns if frame not in told_at(run))
 
@@ -238,7 +249,7 @@ def test_the_recording_holds_what_metrics_and_refreshes_hold(run: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
-    call("train", *SMALL, f"run_dir={tmp_path / 'again'}", "viewer=off")
+    call("train", *SMALL, *TWO_SPANS, f"run_dir={tmp_path / 'again'}", "viewer=off")
     for first, second in zip(rows(run), rows(tmp_path / "again"), strict=True):
         for name in first:
             if not name.startswith("time/"):
@@ -257,6 +268,39 @@ def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixt
     recording = run / "explanations" / "episode_seed7_right.rrd"
     assert recording.is_file()
     assert str(recording) in said
+
+
+def told_in_time(output: str) -> list[str]:
+    """The column of what the agent says."""
+    return [cell for line in output.splitlines()[3:-1] for cell in re.split(" {2,}", line.strip())[2:3]]
+
+
+def test_explain_tells_what_is_said_of_each_span_of_time(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=0")
+    wide = capsys.readouterr().out
+    assert "of what it said about its next 20 steps came true" in wide.splitlines()[-1]
+    both = [re.fullmatch("now (falling .+), later (falling .+)", said) for said in told_in_time(wide)]
+    assert any(both)
+    assert not all(both)  # where ten and twenty steps are called the same it is said once
+    assert all(found[1] != found[2] for found in both if found)
+    monkeypatch.setenv("COLUMNS", "80")
+    call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=0")
+    narrow = capsys.readouterr().out
+    assert "…" not in narrow
+    assert max(len(line) for line in narrow.splitlines()[:-1]) <= 110
+
+
+def test_explain_does_not_say_what_the_agent_is_not_sure_of(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=1")  # which no probability is
+    told = told_in_time(capsys.readouterr().out)
+    assert told
+    assert all(said.endswith(f"later {DOES_NOT_KNOW}") for said in told)  # only twenty steps are calibrated
 
 
 def test_explain_takes_the_newest_run(
@@ -332,7 +376,7 @@ BAD = {
         ["mapping=paper", "mapping.normalisation=movement"],
         ["mapping.normalisation=movement", "minmax, sign"],
     ),
-    "halving with memory": (["mapping.split=bisecting"], ["mapping.memory=0.85", "allowed is null"]),
+    "halving with memory": (["mapping.split=bisecting"], ["mapping.memory=0.5", "allowed is null"]),
     "a space that is none": (["mapping.space=outer"], ["mapping.space=outer", "network, rule"]),
     "memory without end": (["mapping.memory=1"], ["mapping.memory=1.0", "at most 0.99"]),
     "less than no memory": (["mapping.memory=-0.1"], ["mapping.memory=-0.1", "at least 0"]),
@@ -350,6 +394,8 @@ BAD = {
         ["refresh_every_frames=null", "refresh_when_stale=0.1"],
         ["refresh_when_stale=0.1", "allowed is null"],
     ),
+    "surer than sure": (["min_confidence=1.1"], ["min_confidence=1.1", "at least 0 and at most 1"]),
+    "no future": (["predictor.futures=0"], ["predictor.futures=0", "at least 1 and at most 100"]),
     "wrong viewer": (["viewer=tv"], ["viewer=tv", "file, live, off"]),
     "no such port": (["viewer=live", "viewer.web_port=70000"], ["viewer.web_port=70000", "65535"]),
 }
@@ -404,6 +450,9 @@ def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: 
         (["task=evaluate", "evaluate.episods=2"], "evaluate.episods: no such setting; allowed are .*episodes"),
         (["task=compare", "compare.mappings=[magic]"], r"compare.mappings=\['magic'\]: allowed are .*paper"),
         (["pad=left"], "pad: no such setting; allowed are .*context"),
+        (["min_confidence=-0.1"], "min_confidence=-0.1: allowed is at least 0 and at most 1"),
+        (["predictor.futures=0"], "predictor.futures=0: allowed is at least 1 and at most 100"),
+        (["task=evaluate", "+evaluate.futures=2"], "evaluate.futures=2: no such setting; allowed are .*episodes"),
         (["output=/dev/null/x.rrd"], "output=/dev/null/x.rrd: allowed is a file that can be written"),
     ],
 )
@@ -460,13 +509,18 @@ def test_what_the_agent_says_is_judged(judged: Path) -> None:
     assert {path.name for path in (judged / "evaluation").iterdir()} == {
         *("quality.json", "observers.json", "calibration.json", "moments.csv")
     }
+    calibration = load_run(judged).calibration
+    assert calibration is not None
+    told = json.loads((judged / "evaluation" / "calibration.json").read_text())
+    assert calibration.to_dict() == told["calibration"]  # what the agent speaks with from now on
     assert {path.name for path in (judged / "figures").iterdir()} == {
         *("quality.png", "confidence.png", "horizons.png", "changing_policy.png")
     }
 
 
 BASELINES = ("present_velocity", "direction_to_goal", "last_instruction", "state_regressor", "predicted_change")
-BASELINES += ("constant", "paper", "flipped", "shuffled", "true_future", "random_clusters", "another_moment")
+BASELINES += ("constant", "paper", "flipped", "shuffled", "true_future", "random_clusters", "random_names")
+BASELINES += ("another_moment",)
 
 
 def test_the_same_judgement_twice(judged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

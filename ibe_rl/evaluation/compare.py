@@ -45,7 +45,7 @@ def compare(cfg: ExplainConfig) -> None:
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
     samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     add_errors(rows, samples, own)
-    about = protocol(run, cfg, judged)
+    about = report.protocol(run, cfg, len(moments))
     path = run.folder / EVALUATION / "compare.json"
     write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
     console = tables.console()
@@ -83,22 +83,3 @@ def learn(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cf
 def all_pairs(judged: Judged) -> list[dict[str, Any]]:
     """Each mapping against the cheap baselines and the paper's."""
     return [each for name in judged.mappings if name.startswith("ibe:") for each in paired_of(judged, name)]
-
-
-def protocol(run: TrainedRun, cfg: ExplainConfig, judged: Judged) -> dict[str, Any]:
-    """What the numbers stand on."""
-    config = cfg.evaluate
-    return {
-        "run": run.folder.name,
-        "mapping": run.config.mapping.kind,
-        "policy_frame": run.policy_frame,
-        "mapping_frame": run.mapping_frame,
-        "horizon_steps": run.horizon_steps,
-        "stride": config.stride_steps,
-        "episodes": config.episodes,
-        "calibration_episodes": config.calibration_episodes,
-        "moments": len(judged.truth.change),
-        "futures": cfg.predictor.futures,
-        "resamples": config.resamples,
-        "seed": config.seed,
-    }

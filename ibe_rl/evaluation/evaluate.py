@@ -151,28 +151,16 @@ def protocol(
     counts["changing"] = config.changing_episodes
     seeds = {name: seeds_for(name, config.seed, count) for name, count in counts.items() if count}
     refreshed = (*run.spans, run.horizon_steps)
-    return {
-        "run": run.folder.name,
-        "mapping": run.config.mapping.kind,
-        "policy_frame": run.policy_frame,
-        "mapping_frame": run.mapping_frame,
-        "episodes": config.episodes,
-        "calibration_episodes": config.calibration_episodes,
+    return report.protocol(run, cfg, len(moments.judged())) | {
         "changing_episodes": config.changing_episodes,
         "seeds": {name: [each[0], each[-1]] for name, each in seeds.items()},
-        "horizon_steps": run.horizon_steps,
         "horizons_steps": list(horizons),
         "vocabulary": {str(n): "refresh" if n in refreshed else "learnt anew from the log" for n in horizons},
-        "stride": config.stride_steps,
-        "moments": len(moments.judged()),
         "observed_episodes": int(moments.observed.sum()),
-        "futures": cfg.predictor.futures,
         "future_instruction": cfg.predictor.future_instruction,
         "band": run.task.explained_band,
-        "resamples": config.resamples,
         "refits": config.shuffles,
         "state_regressor": {str(n): {"kind": one.regressor.kind, "r2": one.regressor.r2} for n, one in learnt.items()},
-        "seed": config.seed,
     }
 
 

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from ibe_rl.config import ExplainConfig
 from ibe_rl.data import Array, ConfigError, Task
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.quality import Judged
+from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.metrics.confidence import risk_coverage
 from ibe_rl.run_folder import EVALUATION, FIGURES, write_atomically
 
@@ -33,6 +35,25 @@ def make_folders(run: Path) -> None:
             (run / name / ".writable").unlink()
         except OSError as error:
             raise ConfigError(f"run={run}: allowed is a folder that can be written to ({error.strerror})") from None
+
+
+def protocol(run: TrainedRun, cfg: ExplainConfig, moments: int) -> dict[str, Any]:
+    """What the numbers of any report stand on; ``moments`` is how many were judged."""
+    config = cfg.evaluate
+    return {
+        "run": run.folder.name,
+        "mapping": run.config.mapping.kind,
+        "policy_frame": run.policy_frame,
+        "mapping_frame": run.mapping_frame,
+        "horizon_steps": run.horizon_steps,
+        "stride": config.stride_steps,
+        "episodes": config.episodes,
+        "calibration_episodes": config.calibration_episodes,
+        "moments": moments,
+        "futures": cfg.predictor.futures,
+        "resamples": config.resamples,
+        "seed": config.seed,
+    }
 
 
 def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task: Task) -> None:
