@@ -263,16 +263,16 @@ def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixt
     call("explain", f"run={run}", "seed=7", "context=right")
     said = capsys.readouterr().out
     assert "right" in said.splitlines()[0]
-    assert "falling" in said
+    assert "to the right" in said
     assert "came true" in said
     recording = run / "explanations" / "episode_seed7_right.rrd"
     assert recording.is_file()
     assert str(recording) in said
 
 
-def told_in_time(output: str) -> list[str]:
-    """The column of what the agent says."""
-    return [cell for line in output.splitlines()[3:-1] for cell in re.split(" {2,}", line.strip())[2:3]]
+def said_of_spans(output: str) -> list[tuple[str, ...]]:
+    """What the agent says of ten and of twenty steps, a pair a row."""
+    return [tuple(re.split(" {2,}", line.strip())[2:4]) for line in output.splitlines()[3:-1]]
 
 
 def test_explain_tells_what_is_said_of_each_span_of_time(
@@ -282,10 +282,10 @@ def test_explain_tells_what_is_said_of_each_span_of_time(
     call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=0")
     wide = capsys.readouterr().out
     assert "of what it said about its next 20 steps came true" in wide.splitlines()[-1]
-    both = [re.fullmatch("now (falling .+), later (falling .+)", said) for said in told_in_time(wide)]
-    assert any(both)
-    assert not all(both)  # where ten and twenty steps are called the same it is said once
-    assert all(found[1] != found[2] for found in both if found)
+    assert re.search("next 10 steps +next 20 steps", wide)
+    spoken = said_of_spans(wide)
+    assert {len(both) for both in spoken} == {2}
+    assert len({near == far for near, far in spoken}) == 2  # sometimes the same is said of both
     monkeypatch.setenv("COLUMNS", "80")
     call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=0")
     narrow = capsys.readouterr().out
@@ -298,9 +298,10 @@ def test_explain_does_not_say_what_the_agent_is_not_sure_of(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=1")  # which no probability is
-    told = told_in_time(capsys.readouterr().out)
-    assert told
-    assert all(said.endswith(f"later {DOES_NOT_KNOW}") for said in told)  # only twenty steps are calibrated
+    spoken = said_of_spans(capsys.readouterr().out)
+    assert spoken
+    assert {far for _, far in spoken} == {DOES_NOT_KNOW}
+    assert DOES_NOT_KNOW not in {near for near, _ in spoken}  # only twenty steps are calibrated
 
 
 def test_explain_takes_the_newest_run(
