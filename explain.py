@@ -39,7 +39,7 @@ from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import find_run
 from ibe_rl.scene import Watched
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
-from ibe_rl.stream import SILENCE, Recorder
+from ibe_rl.stream import SILENCE, Recorder, short
 
 
 def main(cfg: ExplainConfig) -> None:
@@ -78,23 +78,26 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
 def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None:
     """Print what was said, one row for each stretch of steps with the same words."""
     episode, words = watched.episode, run.task.phrases
-    told = [phrase(moment.instruction, words) if moment.given else SILENCE for moment in watched.moments]
+    told = [
+        short([phrase(moment.instruction, words)], words)[0] if moment.given else SILENCE for moment in watched.moments
+    ]
     true = phrases_true(episode, said, run.mapping, words)
     outcome = "success" if episode.success else "no success"
     table = Table(box=SIMPLE, title_justify="left", show_edge=False)
     table.title = (
         f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
     )
-    says = "says that it will be"  # the only one that is folded, so that no number is cut off
-    for column in ("steps", "is told", says, "expression", "confidence", "came true"):
-        table.add_column(column, no_wrap=column != says, justify="right" if column == "steps" else "left")
-    for (instruction, _), group in groupby(range(len(said)), key=lambda step: (told[step], said[step].in_time)):
+    ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
+    for column in ("steps", "is told", *ahead, "number", "sure", "true"):
+        table.add_column(column, no_wrap=True, justify="right" if column == "steps" else "left")
+    spoken = [short([one.said for one in each.all_spans], words) for each in said]
+    for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
         steps = list(group)
-        first, expressions = said[steps[0]], np.array([said[step].expression for step in steps])
+        expressions = np.array([said[step].expression for step in steps])
         numbers = " ".join(f"{value:+.2f}" for value in expressions.mean(axis=0))
         confidence = np.mean([said[step].confidence for step in steps])
         span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
-        table.add_row(span, instruction, first.in_time, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
+        table.add_row(span, instruction, *heard, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
     console = Console(highlight=False)
     console.width = max(console.width, 110)
     console.print(table)

@@ -44,6 +44,7 @@ SHOWN = {
     "baseline:flipped": "flipped",
     "baseline:shuffled": "shuffled instructions",
     "baseline:random_clusters": "random clusters",
+    "baseline:random_names": "names dealt at random",
     "baseline:another_moment": "another moment's future",
 }
 """Explainers in the order of the report, and what they are called in it."""
@@ -86,7 +87,8 @@ def _tables(agent: str, together: dict[str, Any]) -> list[str]:
     runs = [run for run in together["runs"] if run["agent"] == agent]
     seeds = ", ".join(f"{run['seed']} ({run['success_rate']:.2f})" for run in runs)
     head = f"### {agent.upper()}, seeds (greedy success at the end) {seeds}"
-    return [head, _goals(agent, together, runs), _explainers(together["iqm"][agent]), _each(runs)]
+    ages = [_ages(runs)] if all(run["changing_policy"] for run in runs) else []
+    return [head, _goals(agent, together, runs), _explainers(together["iqm"][agent]), _each(runs), *ages]
 
 
 def _goals(agent: str, together: dict[str, Any], runs: list[dict[str, Any]]) -> str:
@@ -128,7 +130,7 @@ PAIRED = [
 
 def _paired_row(title: str, found: list[dict[str, Any]], sign: int) -> str:
     clear = [sign * (each["low"] if sign > 0 else each["high"]) > 0 for each in found]
-    each = " ".join(f"{one['value']:+.3f} [{one['low']:+.3f}, {one['high']:+.3f}]" for one in found)
+    each = " ".join(_signed(one) for one in found)
     return f"| {title} | {sum(clear)} of {len(clear)} seeds | {each} | {_word(all(clear))} |"
 
 
@@ -151,6 +153,28 @@ def _each(runs: list[dict[str, Any]]) -> str:
         f"seed {run['seed']}: {a:.2f} **{b:.2f}** {c:.2f}" for run, (a, b, c) in zip(runs, quantiles, strict=True)
     )
     return f"Instructions shuffled by whole episodes, `motion_auc` of the refits, 5 % **median** 95 %: {text}."
+
+
+def _ages(runs: list[dict[str, Any]]) -> str:
+    """What the last policy loses in the first vocabulary, and in the one before the last."""
+    rows = [
+        "| seed | own vocabulary | the first one | own minus first | came true, own minus first |",
+        "|---|---|---|---|---|",
+    ]
+    for run in runs:
+        last = max(row["policy_frame"] for row in run["changing_policy"])
+        ages = [row for row in run["changing_policy"] if row["policy_frame"] == last]
+        less = ages[0]["refreshed_minus_this"]
+        auc, true = (_signed(less[metric]) for metric in ("motion_auc", "came_true"))
+        own, first = (_short(row["motion_auc"]["value"]) for row in (ages[-1], ages[0]))
+        rows.append(f"| {run['seed']} | {own} | {first} | {auc} | {true} |")
+    return "The last policy in its own vocabulary and in that of the first refresh (`motion_auc`):\n\n" + "\n".join(
+        rows
+    )
+
+
+def _signed(told: dict[str, float]) -> str:
+    return f"{told['value']:+.3f} [{told['low']:+.3f}, {told['high']:+.3f}]"
 
 
 def _cell(told: dict[str, float] | None) -> str:

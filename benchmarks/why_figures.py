@@ -128,7 +128,10 @@ def of_reasons(runs: Sequence[dict[str, Any]]) -> Figure:
     figure = Figure(figsize=(SIZE["width"], 4.4), layout="constrained")
     heat, divided, axes = figure.subplots(1, 3, width_ratios=(0.9, 1.1, 1.1))
     _heat(heat, runs)
-    names = [n for n in runs[0]["facts"]["weights"]["axis"] if any(r["facts"]["weights"]["axis"][n] for r in runs)]
+    weights = [
+        each for run in runs for each in (run["facts"]["weights"]["axis"], run["facts"]["weights"]["regression"])
+    ]
+    names = [name for name in weights[0] if any(each[name] for each in weights)]
     for offset, name in ((-0.18, PAPER), (0.18, OURS)):
         values = [[run["facts"][name]["divided"][each] for each in names] for run in runs]
         _bars(divided, values, offset, COLOURS[name], f"clusters of {name}")

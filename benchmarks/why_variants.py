@@ -79,6 +79,10 @@ def variants(task: Task, constant: Sequence[str] = ()) -> list[Variant]:
         Variant("without symmetry", "axis, less one part", AXIS | {"symmetric": False}),
         Variant("without the cube root", "axis, less one part", AXIS | {"power": 1.0}),
         Variant("without clusters", "axis, less one part", AXIS | {"membership": "direct"}),
+        Variant("axis, followed windows weigh more", "axis, and one part more", AXIS | {"weigh_followed": True}),
+        Variant("axis, without ends that failed", "axis, and one part more", AXIS | {"failed_ends": "drop"}),
+        Variant("axis, best quarter of each context", "axis, and one part more", AXIS | {"top_within": "context"}),
+        Variant("axis, soft membership", "axis, and one part more", AXIS | {"membership": "soft"}),
     ]
 
 

@@ -156,16 +156,18 @@ class Explanation:
         return self.phrase if self.known else DOES_NOT_KNOW
 
     @property
-    def in_time(self) -> str:
+    def all_spans(self) -> list[Explanation]:
+        """This one and those of the other spans of time, by rising horizon."""
+        return sorted((*self.spans, self), key=lambda one: one.horizon_steps)
+
+    def in_time(self, shortened: Callable[[str], str] = str) -> str:
         """What is said of all spans of time: the phrases in the order of their horizons, repeated ones once."""
         parts: list[tuple[int, str]] = []
-        for one in sorted((*self.spans, self), key=lambda one: one.horizon_steps):
-            if not parts or parts[-1][1] != one.said:
-                parts.append((one.horizon_steps, one.said))
-        if len(parts) == 1:
-            return parts[0][1]
-        if len(parts) == 2:
-            return f"now {parts[0][1]}, later {parts[1][1]}"
+        for one in self.all_spans:
+            if not parts or parts[-1][1] != shortened(one.said):
+                parts.append((one.horizon_steps, shortened(one.said)))
+        if len(parts) <= 2:
+            return parts[0][1] if len(parts) == 1 else f"now {parts[0][1]}, later {parts[1][1]}"
         return ", ".join(f"within {steps} steps {said}" for steps, said in parts)
 
 

@@ -105,13 +105,13 @@ def in_time(own: str, *others: str) -> str:
         explanation(name.strip("?"), steps, known=not name.startswith("?"))
         for name, steps in zip((own, *others), (40, 20, 100, 60), strict=False)
     ]
-    return explanation(one.phrase, 40, one.known, tuple(rest)).in_time
+    return explanation(one.phrase, 40, one.known, tuple(rest)).in_time()
 
 
 def test_what_an_agent_is_not_sure_of_is_not_said():
     assert explanation("up", 40).said == "up"
     unsure = explanation("up", 40, known=False)
-    assert (unsure.phrase, unsure.said, unsure.in_time) == ("up", DOES_NOT_KNOW, DOES_NOT_KNOW)
+    assert (unsure.phrase, unsure.said, unsure.in_time()) == ("up", DOES_NOT_KNOW, DOES_NOT_KNOW)
 
 
 @pytest.mark.parametrize(

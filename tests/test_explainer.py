@@ -66,7 +66,7 @@ def test_the_change_over_the_horizon_is_put_into_words():
     assert [one.confidence for one in said] == [0.8, 0.1, 0.0]
     assert [one.horizon_steps for one in said] == [4, 4, 4]
     assert said[0].path[:, 0].tolist() == [100, 102, 104, 106, 108]
-    assert [(one.spans, one.said, one.in_time) for one in said] == [((), one.phrase, one.phrase) for one in said]
+    assert [(one.spans, one.said, one.in_time()) for one in said] == [((), one.phrase, one.phrase) for one in said]
 
 
 def test_without_moments_nothing_is_said():
@@ -203,7 +203,7 @@ def test_each_span_votes_for_itself():
     assert (now.horizon_steps, now.phrase, now.agreement, now.cluster) == (2, DOWN, 2 / 3, 3)
     assert (later.horizon_steps, later.phrase, later.agreement, later.cluster) == (8, UP, 2 / 3, 12)
     assert later.path[:, 0].tolist() == paths[0, 0].tolist()
-    assert one.in_time == f"within 2 steps {DOWN}, within 4 steps {STAY}, within 8 steps {UP}"
+    assert one.in_time() == f"within 2 steps {DOWN}, within 4 steps {STAY}, within 8 steps {UP}"
 
 
 BY_PURITY = Calibration(
@@ -241,4 +241,4 @@ def test_other_spans_are_spoken_of_whatever_the_calibration_says():
     [one] = put_in_words(ahead([7, 7], steps=8), voice)
     assert (one.known, one.confidence) == (False, pytest.approx(0.9))
     assert [(each.known, each.confidence, each.said) for each in one.spans] == [(True, 0.75, STAY), (True, 1, UP)]
-    assert one.in_time == f"within 2 steps {STAY}, within 4 steps {DOES_NOT_KNOW}, within 8 steps {UP}"
+    assert one.in_time() == f"within 2 steps {STAY}, within 4 steps {DOES_NOT_KNOW}, within 8 steps {UP}"

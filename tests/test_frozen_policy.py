@@ -1,14 +1,17 @@
 """With a policy that stands still, all that moves between refreshes is the explainer's own noise."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
+import ibe_rl.config as schemas
 from benchmarks.refilling import steps_of_episode
-from ibe_rl.config import MappingConfig
 from ibe_rl.data import Episode
 from ibe_rl.development import Development
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.play import play
@@ -28,19 +31,28 @@ def logged(folder: Path, contexts: tuple[str, ...], episodes: list[Episode]) -> 
 
 
 @pytest.fixture(scope="module")
-def refreshes(tmp_path_factory: pytest.TempPathFactory) -> list[Refresh]:
-    """The demo's policy, refreshed ten times, each time on fresh episodes of its own."""
-    run = load_run(DEMO)
+def run() -> TrainedRun:
+    return load_run(DEMO)
+
+
+@pytest.fixture(scope="module")
+def logs(run: TrainedRun, tmp_path_factory: pytest.TempPathFactory) -> list[TrajectoryLog]:
+    """Ten logs, each of fresh episodes of the demo's policy."""
     envs = [run.make_env() for _ in range(64)]
     instructor = make_instructor("oracle", run.task)
-    development = Development(MappingConfig(kind="paper"), run.task, seed=0)
-    found = []
-    for number in range(REFRESHES):
-        first = FIRST_SEED + number * EPISODES
-        episodes = play(envs, run.policy, instructor, range(first, first + EPISODES))
-        log = logged(tmp_path_factory.mktemp("log"), run.task.contexts, episodes)
-        found.append(development.refresh(log, run.policy))
-    return found
+    firsts = range(FIRST_SEED, FIRST_SEED + REFRESHES * EPISODES, EPISODES)
+    flown = [play(envs, run.policy, instructor, range(first, first + EPISODES)) for first in firsts]
+    return [logged(tmp_path_factory.mktemp("log"), run.task.contexts, episodes) for episodes in flown]
+
+
+@pytest.fixture(scope="module", params=["paper", "axis"])
+def refreshes(request: pytest.FixtureRequest, run: TrainedRun, logs: list[TrajectoryLog]) -> list[Refresh]:
+    """The vocabulary learnt from each of them, one after the other, as the mapping of this name does it."""
+    schemas.register()
+    with initialize_config_dir(str(DEMO.parent / "configs"), version_base="1.3"):
+        chosen: Any = OmegaConf.to_object(compose("train", [f"mapping={request.param}"]))
+    development = Development(chosen.mapping, run.task, seed=0)
+    return [development.refresh(log, run.policy) for log in logs]
 
 
 def test_the_policy_did_not_move(refreshes: list[Refresh]) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 
 from ibe_rl.config import EvaluateConfig, MappingConfig
-from ibe_rl.data import ConfigError, Mapping
+from ibe_rl.data import ConfigError, Episode, Mapping
 from ibe_rl.evaluation.baselines import fit_state_regressor
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
@@ -18,6 +18,10 @@ from ibe_rl.ibe import ClusterMapping, TooLittleDataError
 from ibe_rl.lessons import Lessons, best_windows, check_mapping, fit_mapping, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
+
+MOST_REDRAWN = 20
+NONSENSE_WINDOWS = 2_000
+"""That clusters are learnt from where the instructions are shuffled."""
 
 
 def open_log(run: TrainedRun) -> TrajectoryLog:
@@ -70,19 +74,37 @@ class Refits:
         check_mapping(config, self._run.task)
         given = lessons or self.lessons(config)
         with self._enough():
-            return fit_mapping(given.best, given.heard, config, self._run.task, self._seed, horizon_steps=horizon_steps)
+            return self._fit(config, horizon_steps, given.best, given.heard)
+
+    def _fit(
+        self, config: MappingConfig, horizon_steps: int, best: Sequence[Episode], heard: Sequence[Episode]
+    ) -> ClusterMapping:
+        return fit_mapping(best, heard, config, self._run.task, self._seed, horizon_steps=horizon_steps)
 
     def shuffled(
         self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
     ) -> list[Mapping]:
-        """``count`` vocabularies, each from episodes that were given the instructions of others."""
+        """``count`` vocabularies, each from episodes that were given the instructions of others.
+
+        A shuffle that no vocabulary can be learnt from (its axis may be one on which hardly anything moves) is drawn
+        again.
+
+        Raises:
+            ConfigError: if that happens ``MOST_REDRAWN`` times as often as vocabularies are asked for.
+        """
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
+        quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
         found: list[Mapping] = []
-        for _ in range(count):
+        for _ in range(MOST_REDRAWN * count):
             best, heard = shuffle_instructions(lessons.best, lessons.heard, random)
-            found.append(self.fit(config, horizon_steps, replace(lessons, best=best, heard=heard)))
+            try:
+                found.append(self._fit(quick, horizon_steps, best, heard))
+            except TooLittleDataError:
+                continue
             step()
-        return found
+            if len(found) == count:
+                return found
+        raise ConfigError(f"evaluate.shuffles={count}: hardly any of them taught a vocabulary; allowed is a larger log")
 
     def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[Mapping]:
         """``count`` vocabularies with clusters around windows drawn at random."""

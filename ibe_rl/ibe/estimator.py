@@ -173,7 +173,7 @@ class IBEMapping(BaseEstimator):
         else:
             assert heard is not None
             some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
-            axes = rule_axes(heard[0][some], heard[1][some], seed) * kept[:, None]
+            axes = rule_axes(heard[0][some], heard[1][some], seed, np.ptp(delta, axis=0) > 0) * kept[:, None]
         return along(axes / self._unit(lessons, axes), self.power)
 
     def _standard(self, delta: Array) -> tuple[Array, Array]:

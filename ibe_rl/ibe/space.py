@@ -123,7 +123,7 @@ def along(axes: Array, power: float = 1.0) -> Space:
     return Space(np.zeros(len(axes)), (axes,), (np.zeros(axes.shape[1]),), power)
 
 
-def rule_axes(states: Array, told: Array, seed: int) -> Array:
+def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None) -> Array:
     """Along which axes of the state the instructor changes what they say.
 
     What is said depends on the state: a logistic regression of each number of the instruction on the state finds
@@ -134,6 +134,8 @@ def rule_axes(states: Array, told: Array, seed: int) -> Array:
         states: ``(N, S)`` states in which something was said, of good and of bad episodes.
         told: ``(N, d)`` what was said.
         seed: of the solver.
+        moving: ``(S,)`` bool, dimensions that change at all; on an axis without any of them nothing could be told
+            apart. None: all.
 
     Returns:
         ``(S, d)``, in 1 / observation units.
@@ -143,11 +145,12 @@ def rule_axes(states: Array, told: Array, seed: int) -> Array:
     """
     scaler = StandardScaler().fit(states)
     standard = scaler.transform(states)
-    axes = [_turns(standard, column, seed) for column in told.T]
+    can_move = np.ones(states.shape[1], bool) if moving is None else moving
+    axes = [_turns(standard, column, can_move, seed) for column in told.T]
     return np.stack(axes, axis=1) / scaler.scale_[:, None]
 
 
-def _turns(standard: Array, told: Array, seed: int) -> Array:
+def _turns(standard: Array, told: Array, moving: Array, seed: int) -> Array:
     """The direction ``(S,)`` in which one number of the instruction rises, over as few dimensions as explain it."""
     values, kinds = np.unique(told, return_inverse=True)
     if len(values) < 2:
@@ -161,7 +164,7 @@ def _turns(standard: Array, told: Array, seed: int) -> Array:
     shares = np.abs(found) / np.abs(found).max()
     for share in SPARSEST_FIRST:
         sparse, without = _direction(model, np.where(shares < share, 0, standard), kinds, values)
-        if without >= accuracy - AS_ACCURATE:
+        if without >= accuracy - AS_ACCURATE and np.any(sparse[moving]):
             return sparse
     return found
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from sklearn.cluster import BisectingKMeans, KMeans
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import pairwise_distances
 
 from ibe_rl.data import Array
@@ -33,7 +36,9 @@ def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Ar
     """
     if how == "kmeans":
         starts = {"n_init": n_init} if first is None else {"n_init": 1, "init": first}
-        return KMeans(k, random_state=seed, **starts).fit(places, sample_weight=counts).cluster_centers_
+        with warnings.catch_warnings():  # clusters that nobody needs may lie on others
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            return KMeans(k, random_state=seed, **starts).fit(places, sample_weight=counts).cluster_centers_
     if how == "bisecting":
         halved = BisectingKMeans(k, n_init=n_init, random_state=seed, bisecting_strategy="largest_cluster")
         return halved.fit(places, sample_weight=counts).cluster_centers_

@@ -3,5 +3,6 @@
 from ibe_rl.stream.film import SILENCE
 from ibe_rl.stream.recorder import NoRecorder, Recorder
 from ibe_rl.stream.run_recorder import RunRecorder
+from ibe_rl.stream.sentences import short
 
-__all__ = ["SILENCE", "NoRecorder", "Recorder", "RunRecorder"]
+__all__ = ["SILENCE", "NoRecorder", "Recorder", "RunRecorder", "short"]

@@ -46,7 +46,7 @@ class Film:
     """
 
     def __init__(self, recording: rr.RecordingStream, task: Task) -> None:
-        self._recording, self._task = recording, task
+        self._recording, self._task, self._short = recording, task, sentences.shortener(task.phrases)
         self._shades: dict[str, Array] = {}  # of each phrase, as it was first said
 
     def send(
@@ -106,7 +106,7 @@ class Film:
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
         shades = picture.colours(np.array([one.expression[0] for one in said]))
-        words = [f"says: {one.in_time}" for one in said]
+        words = [f"says: {one.in_time(self._short)}" for one in said]
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
 
     def _send_judged(self, place: Place, said: Sequence[Explanation], real: Sequence[str]) -> None:
@@ -185,7 +185,7 @@ class Film:
         verdicts = [""] * min(steps_ago, len(said)) + [
             sentences.judged(steps_ago, said[i].said, real[i]) for i in made[: max(0, len(said) - steps_ago)]
         ]
-        spoken = [(one.in_time, one.cluster) for one in said]
+        spoken = [(one.in_time(), one.cluster) for one in said]
         rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
         texts = [
             f"{head}  \n{sentences.said_lines(instructed[i], said[i])}  \n{verdicts[i]}\n\n{standing(said[i].cluster)}"
@@ -195,9 +195,9 @@ class Film:
         self._send("now", place.columns(rows), columns)
 
     def _send_spoken(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
-        rows = picture.changes([one.in_time for one in said])
+        rows = picture.changes([one.in_time() for one in said])
         end = "success" if watched.episode.success else "no success"
-        texts = [f"+{i}  {said[i].in_time}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
+        texts = [f"+{i}  {said[i].in_time(self._short)}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
         shades = picture.colours(np.array([said[i].expression[0] for i in rows]))
         shades = np.concatenate([shades, [view.GREEN if watched.episode.success else view.PINK]]).astype(np.uint8)
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)

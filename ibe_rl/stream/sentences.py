@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from collections.abc import Mapping as Dict
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,10 +29,15 @@ def shared_words(words: Sequence[Phrases]) -> int:
     return shared
 
 
+def shortener(words: Sequence[Phrases]) -> Callable[[str], str]:
+    """From a phrase to the same without the words that all of the language begin with."""
+    shared = shared_words(words)
+    return lambda said: said if said == DOES_NOT_KNOW else " ".join(said.split()[shared:])
+
+
 def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
     """Phrases without the words that all of the language begin with."""
-    shared = shared_words(words)
-    return [one if one == DOES_NOT_KNOW else " ".join(one.split()[shared:]) for one in phrases]
+    return [*map(shortener(words), phrases)]
 
 
 def counts(of: Dict[str, int]) -> str:
@@ -112,7 +117,7 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
     number = " ".join(f"{x:+.2f}" for x in explanation.expression)
     return (
         f"Instructor: **{instructed}**  \n"
-        f"Agent: **{explanation.in_time}** ({number}), confidence {explanation.confidence:.0%}"
+        f"Agent: **{explanation.in_time()}** ({number}), confidence {explanation.confidence:.0%}"
     )
 
 

@@ -244,3 +244,14 @@ def test_a_damaged_space_is_refused(wrong: dict[str, Any]):
     for name in values:
         with pytest.raises(ValueError, match=f"the space is damaged: '{name}'"):
             Space.from_dict({key: value for key, value in values.items() if key != name})
+
+
+def test_an_axis_on_which_nothing_moves_is_not_taken():
+    """What is said goes with a speed that never changes; the place, which does, is heard of only beside it."""
+    random = np.random.default_rng(0)
+    speed = random.choice([-1.0, 0.0, 1.0], 400)
+    seen = np.column_stack([speed + random.normal(size=400), random.normal(size=400), speed])
+    told = speed[:, None]
+    assert not rule_axes(seen, told, 0)[:2].any()
+    axes = rule_axes(seen, told, 0, np.array([True, True, False]))
+    assert np.abs(axes[0, 0]) > 0
