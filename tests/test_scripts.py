@@ -263,44 +263,36 @@ def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixt
     call("explain", f"run={run}", "seed=7", "context=right")
     said = capsys.readouterr().out
     assert "right" in said.splitlines()[0]
-    assert "falling" in said
+    assert "straight down" in said  # as the instructor and the agent call it, in short
     assert "came true" in said
     recording = run / "explanations" / "episode_seed7_right.rrd"
     assert recording.is_file()
     assert str(recording) in said
 
 
-def told_in_time(output: str) -> list[str]:
-    """The column of what the agent says."""
-    return [cell for line in output.splitlines()[3:-1] for cell in re.split(" {2,}", line.strip())[2:3]]
+def cells(output: str) -> list[list[str]]:
+    """The table of an episode: its head, and a row for each stretch of steps."""
+    _, head, _, *table, _ = output.splitlines()
+    return [re.split(" {2,}", line.strip()) for line in (head, *table)]
 
 
-def test_explain_tells_what_is_said_of_each_span_of_time(
-    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
+def test_explain_tells_what_is_said_of_each_span_of_time(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=0")
-    wide = capsys.readouterr().out
-    assert "of what it said about its next 20 steps came true" in wide.splitlines()[-1]
-    both = [re.fullmatch("now (falling .+), later (falling .+)", said) for said in told_in_time(wide)]
-    assert any(both)
-    assert not all(both)  # where ten and twenty steps are called the same it is said once
-    assert all(found[1] != found[2] for found in both if found)
-    monkeypatch.setenv("COLUMNS", "80")
-    call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=0")
-    narrow = capsys.readouterr().out
-    assert "…" not in narrow
-    assert max(len(line) for line in narrow.splitlines()[:-1]) <= 110
+    output = capsys.readouterr().out
+    assert "of what it said about its next 20 steps came true" in output.splitlines()[-1]
+    head, *table = cells(output)
+    assert head == ["steps", "is told", "next 10 steps", "next 20 steps", "number", "sure", "true"]
+    assert {row[2] == row[3] for row in table} == {True, False}  # ten and twenty steps have words of their own
+    assert not any(DOES_NOT_KNOW in row for row in table)
+    assert all(line.count("%") == 2 for line in output.splitlines()[3:-1])  # nothing is cut off
+    assert "…" not in output
 
 
-def test_explain_does_not_say_what_the_agent_is_not_sure_of(
-    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
+def test_explain_does_not_say_what_the_agent_is_not_sure_of(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=1")  # which no probability is
-    told = told_in_time(capsys.readouterr().out)
-    assert told
-    assert all(said.endswith(f"later {DOES_NOT_KNOW}") for said in told)  # only twenty steps are calibrated
+    _, *table = cells(capsys.readouterr().out)
+    assert table
+    assert all(row[3] == DOES_NOT_KNOW != row[2] for row in table)  # what it says of ten steps is not calibrated
 
 
 def test_explain_takes_the_newest_run(
