@@ -12,7 +12,9 @@ from by_hand import TASK, config, obey
 from lift import heights, words
 
 from ibe_rl.data import ConfigError
+from ibe_rl.evaluation import refit as module
 from ibe_rl.evaluation.refit import Refits
+from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
 
 Run = Callable[..., Any]
@@ -46,6 +48,25 @@ def test_shuffled_lessons_teach_something_else_each_time(run: Run):
     assert len(means) == len(steps) == 6
     assert len(set(means)) > 1
     assert max(means) < 0.8  # what was told goes with nothing any more
+
+
+def test_a_shuffle_that_teaches_nothing_is_drawn_again_but_not_for_ever(run: Run, monkeypatch: pytest.MonkeyPatch):
+    refits, drawn, steps, real = Refits(run(20), 0), [], [], module.fit_mapping
+
+    def every_third(*given: Any, **more: Any) -> Any:
+        drawn.append(given)
+        if len(drawn) % 3:
+            raise TooLittleDataError("nothing has moved")
+        return real(*given, **more)
+
+    monkeypatch.setattr(module, "fit_mapping", every_third)
+    assert len(refits.shuffled(config(), 5, 2, lambda: steps.append(1))) == len(steps) == 2
+    assert len(drawn) == 6
+    monkeypatch.setattr(module, "MOST_REDRAWN", 2)
+    drawn.clear()
+    with pytest.raises(ConfigError, match=r"^evaluate\.shuffles=2: hardly any of them taught a vocabulary; allowed is"):
+        refits.shuffled(config(), 5, 2, lambda: None)
+    assert len(drawn) == 4
 
 
 def test_all_that_is_held_against_a_vocabulary(run: Run):

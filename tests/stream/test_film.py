@@ -210,13 +210,14 @@ def test_an_agent_that_never_knows_is_not_judged_at_all(tmp_path: Path) -> None:
 
 def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> None:
     said, happened, rows = spoken_in_time(tmp_path)
-    assert said[0].in_time == f"now falling far left, later {said[0].phrase}"
-    assert said[10].in_time == f"now falling far left, later {DOES_NOT_KNOW}"
+    shorten = sentences.shortener(TASK.phrases)
+    assert said[0].in_time() == f"now falling far left, later {said[0].phrase}"
+    assert said[10].in_time() == f"now falling far left, later {DOES_NOT_KNOW}"
     labels = [label for [label] in column(rows["/scene/says"], "Points2D:labels")]
-    assert labels == [f"says: {one.in_time}" for one in said]
+    assert labels == [f"says: {one.in_time(shorten)}" for one in said]
     lines = [line for [line] in column(rows["/log"], "TextLog:text")]
-    starts = picture.changes([one.in_time for one in said])
-    assert lines[: len(starts)] == [f"+{i}  {said[i].in_time}" for i in starts]
+    starts = picture.changes([one.in_time() for one in said])
+    assert lines[: len(starts)] == [f"+{i}  {said[i].in_time(shorten)}" for i in starts]
     at = dict(zip(column(rows["/now"], "watched_step"), column(rows["/now"], "TextDocument:text"), strict=True))
     assert f"Agent: **now falling far left, later {DOES_NOT_KNOW}** (" in at[10][0]
     assert f"said {HORIZON_STEPS} steps ago: {DOES_NOT_KNOW}: it was {happened[10]}" in at[10 + HORIZON_STEPS][0]

@@ -105,7 +105,8 @@ def test_the_log_says_changes_only_and_why_a_refresh_was_skipped(recorder: Recor
     recorder.watched(5000, watched, said, real(watched, refresh))
     recorder.close()
     lines = [line for [line] in column(read(tmp_path / "recording.rrd")["/log"], "TextLog:text")]
-    spoken = [f"+{i}  {said[i].phrase}" for i in picture.changes([one.phrase for one in said])]
+    short = sentences.short([one.phrase for one in said], TASK.phrases)
+    spoken = [f"+{i}  {short[i]}" for i in picture.changes(short)]
     assert lines[0] == "1,000 frames: no new vocabulary, no episode has ended yet"
     assert lines[1] == "5,000 frames: vocabulary learnt anew"
     assert lines[2:-1] == spoken
