@@ -263,7 +263,7 @@ def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixt
     call("explain", f"run={run}", "seed=7", "context=right")
     said = capsys.readouterr().out
     assert "right" in said.splitlines()[0]
-    assert "straight down" in said  # as the instructor and the agent call it, in short
+    assert "to the right" in said
     assert "came true" in said
     recording = run / "explanations" / "episode_seed7_right.rrd"
     assert recording.is_file()
