@@ -18,16 +18,18 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from scipy.stats import trim_mean
 
 from benchmarks.truth_report import draw, insert_tables
+from ibe_rl.data import Array
 from ibe_rl.run_folder import EVALUATION, SUMMARY, write_json
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "truth.json"
 HORIZON = 60
 REPS = 5_000
-Summarise = Callable[[list[float | None]], dict[str, float] | None]
-"""Values of a metric, one a run, to a mean with its interval."""
+Summarise = Callable[[Array], list[dict[str, float]]]
+"""Values ``(runs, metrics)`` to a mean with its interval for each metric."""
 METRICS = (
     *("motion_auc", "motion_auc_disobeyed", "motion_spearman", "vocabulary_loss", "came_true", "came_true_voted"),
     *("observer_error", "ece", "risk_at_80", "risk_all", "size_cv", "size_max"),
@@ -46,7 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
     if not asked.report:
         for run in asked.runs:
             judge(run)
-    together = put_together([read(run) for run in asked.runs], iqm)
+    together = put_together([read(run) for run in asked.runs], interquartile)
     write_json(RESULTS, together)
     draw(together)
     insert_tables(together)
@@ -110,37 +112,33 @@ def _paired(rows: list[dict[str, Any]], minus: str) -> Any:
 
 
 def put_together(runs: list[dict[str, Any]], summarise: Summarise) -> dict[str, Any]:
-    """Interquartile means over the runs of each kind of agent, with 95 % bootstrap intervals."""
+    """Means over the runs of each kind of agent, with intervals; None for a metric that one of the runs lacks."""
     by_agent = defaultdict(list)
     for run in runs:
         by_agent[run["agent"]].append(run)
-    return {
-        "runs": runs,
-        "iqm": {
-            agent: {
-                name: {
-                    metric: summarise([run["values"].get(name, {}).get(metric) for run in several])
-                    for metric in METRICS
-                }
-                for name in several[0]["values"]
-            }
-            for agent, several in by_agent.items()
-        },
-    }
+    return {"runs": runs, "iqm": {agent: _of_agent(several, summarise) for agent, several in by_agent.items()}}
 
 
-def iqm(values: list[float | None]) -> dict[str, float] | None:
-    """Interquartile mean of one value a run, by rliable; None unless every run has it."""
-    if any(value is None for value in values):
-        return None
-    from rliable import library, metrics  # of `make bench`; the tests do without
+def _of_agent(runs: list[dict[str, Any]], summarise: Summarise) -> dict[str, Any]:
+    names = list(runs[0]["values"])
+    every = {(n, metric): [run["values"].get(n, {}).get(metric) for run in runs] for n in names for metric in METRICS}
+    known = {key: values for key, values in every.items() if None not in values}
+    means = summarise(np.array(list(known.values()), float).T)
+    found: dict[str, Any] = {name: dict.fromkeys(METRICS) for name in names}
+    for (name, metric), mean in zip(known, means, strict=True):
+        found[name][metric] = mean
+    return found
 
-    scores = {"it": np.array(values, float)[:, None]}
+
+def interquartile(values: Array) -> list[dict[str, float]]:
+    """Interquartile means of ``(runs, metrics)`` with 95 % intervals by rliable's bootstrap over the runs."""
+    from rliable import library  # of `make bench`; the tests do without
+
     points, intervals = library.get_interval_estimates(
-        scores, lambda x: np.array([metrics.aggregate_iqm(x)]), reps=REPS
+        {"all": values}, lambda sample: trim_mean(sample, 0.25, axis=0), reps=REPS
     )
-    low, high = intervals["it"][:, 0]
-    return {"value": float(points["it"][0]), "low": float(low), "high": float(high)}
+    columns = zip(points["all"], *intervals["all"], strict=True)
+    return [{"value": float(value), "low": float(low), "high": float(high)} for value, low, high in columns]
 
 
 if __name__ == "__main__":

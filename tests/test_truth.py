@@ -8,6 +8,7 @@ import pytest
 
 import benchmarks.truth_report as report
 from benchmarks.truth import METRICS, put_together, read
+from ibe_rl.data import Array
 from ibe_rl.run_folder import write_json
 
 
@@ -15,8 +16,8 @@ def estimate(value: float, low: float | None = None, high: float | None = None) 
     return {"value": value, "low": value - 0.1 if low is None else low, "high": value + 0.1 if high is None else high}
 
 
-def middle(values: list[float | None]) -> dict[str, float] | None:
-    return None if None in values else estimate(float(np.median(values)), min(values), max(values))
+def middle(values: Array) -> list[dict[str, float]]:
+    return [estimate(float(np.median(each)), float(each.min()), float(each.max())) for each in values.T]
 
 
 def age(policy: int, vocabulary: int, auc: float) -> dict[str, Any]:
