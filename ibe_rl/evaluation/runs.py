@@ -15,7 +15,7 @@ from ibe_rl.command_line import load_config
 from ibe_rl.config import TrainConfig, check
 from ibe_rl.data import ConfigError, Task
 from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.explainer import Voice
+from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
@@ -77,6 +77,10 @@ def load_run(folder: Path) -> TrainedRun:
     dimensions = len(saved.mapping.space.mean)
     if dimensions != len(task.state_names):
         raise ConfigError(f"{folder}: its vocabulary is for {dimensions} state dimensions, not {len(task.state_names)}")
+    calibration = _judged_calibration(folder, saved) or saved.calibration
+    if calibration is not None and calibration.names != CONFIDENCE_FEATURES:
+        known = ", ".join(CONFIDENCE_FEATURES)
+        raise ConfigError(f"{folder}: its confidence is made of {', '.join(calibration.names)}; allowed are {known}")
     return TrainedRun(
         folder,
         config,
@@ -87,7 +91,7 @@ def load_run(folder: Path) -> TrainedRun:
         saved.frame,
         saved.horizon_steps,
         saved.spans,
-        _judged_calibration(folder, saved) or saved.calibration,
+        calibration,
     )
 
 

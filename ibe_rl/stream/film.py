@@ -105,7 +105,7 @@ class Film:
         before, (steps, points) = place.columns(np.arange(len(said))), predicted.shape[:2]
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
-        shades = picture.colours(np.array([one.expression[0] for one in said]))
+        shades = _shades(said)
         words = [f"says: {one.in_time(self._short)}" for one in said]
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
 
@@ -198,7 +198,13 @@ class Film:
         rows = picture.changes([one.in_time() for one in said])
         end = "success" if watched.episode.success else "no success"
         texts = [f"+{i}  {said[i].in_time(self._short)}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
-        shades = picture.colours(np.array([said[i].expression[0] for i in rows]))
+        shades = _shades([said[i] for i in rows])
         shades = np.concatenate([shades, [view.GREEN if watched.episode.success else view.PINK]]).astype(np.uint8)
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)
         self._send("log", place.columns([*rows, len(said)]), columns)
+
+
+def _shades(said: Sequence[Explanation]) -> Array:
+    """Colours ``(N, 3)`` of expressions, grey where the agent does not know."""
+    known = np.array([one.known for one in said])[:, None]
+    return np.where(known, picture.colours(np.array([one.expression[0] for one in said])), view.SILENT).astype(np.uint8)

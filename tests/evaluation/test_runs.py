@@ -254,6 +254,14 @@ def test_what_is_no_policy_is_refused(folder: Path, state: Any):
         load_run(folder)
 
 
+def test_a_confidence_made_of_something_else_is_refused(folder: Path):
+    other = sure(1).to_dict() | {"names": ["agreement", "mood"]}
+    write_mapping(folder, 950, mapping_of(-0.2))
+    write_judged(folder, calibration=other)
+    with pytest.raises(ConfigError, match="its confidence is made of agreement, mood; allowed are agreement, purity"):
+        load_run(folder)
+
+
 def test_a_damaged_policy_is_refused(folder: Path):
     (folder / CHECKPOINTS / "policy_000000002000.pt").write_bytes(b"nothing")
     with pytest.raises(ConfigError, match="not a readable checkpoint"):
