@@ -49,6 +49,7 @@ SHOWN = {
     "baseline:another_moment": "another moment's future",
 }
 """Explainers in the order of the report, and what they are called in it."""
+VOCABULARIES = list(SHOWN)[:13]
 COLUMNS = {
     "motion_auc": "`motion_auc`",
     "motion_auc_disobeyed": "disobeyed",
@@ -235,30 +236,27 @@ def _points(axis: Any, together: dict[str, Any], names: list[str], metric: str) 
 
 def _tradeoff(together: dict[str, Any]) -> plt.Figure:
     """Truth of the words against what a listener gains from them."""
-    figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.2), layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.6), layout="constrained", sharey=True)
     for axis, (agent, told) in zip(axes, together["iqm"].items(), strict=False):
-        names = [name for name in SHOWN if name in told and told[name]["came_true"] and told[name]["observer_error"]]
-        for name in names:
-            x, y = told[name]["came_true"]["value"], told[name]["observer_error"]["value"]
-            colour = GREEN if name.endswith(":axis") else GREY if "paper" in name else BLUE
-            axis.plot(x, y, "o", color=colour)
-            axis.annotate(SHOWN[name], (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
-        axis.axhline(told["no_explanation"]["observer_error"]["value"], color=PINK, linestyle="--", linewidth=1)
-        axis.annotate(
-            "no explanation",
-            (0.02, told["no_explanation"]["observer_error"]["value"]),
-            fontsize=7,
-            xycoords=("axes fraction", "data"),
-            xytext=(0, 3),
-            textcoords="offset points",
-            color=PINK,
-        )
-        axis.axhline(0.6 * told["no_explanation"]["observer_error"]["value"], color=PINK, linestyle=":", linewidth=1)
+        for name, marker in zip(VOCABULARIES, "o*sDPX^v<>hp8", strict=True):
+            if name in told and told[name]["observer_error"]:
+                place = [told[name][metric]["value"] for metric in ("came_true", "observer_error")]
+                axis.plot(*place, marker, color=_family(name), markersize=8, label=SHOWN[name], linestyle="none")
+        nothing = told["no_explanation"]["observer_error"]["value"]
+        axis.axhline(nothing, color=PINK, linestyle="--", linewidth=1, label="no explanation")
+        axis.axhline(0.6 * nothing, color=PINK, linestyle=":", linewidth=1, label="40 % less")
         axis.axvline(0.9, color="0.7", linestyle=":", linewidth=1)
         axis.set(title=agent.upper(), xlabel="share of phrases that came true (to the right is better)")
-        axis.margins(x=0.2)
     axes[0].set_ylabel("observer's error, % of the width (down is better)")
+    axes[0].set_ylim(bottom=0)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8)
     return figure
+
+
+def _family(name: str) -> str:
+    if name in ("ibe:axis", "refit:axis"):
+        return GREEN
+    return BLUE if "axis" in name else GREY if "paper" in name else ORANGE
 
 
 def _controls(together: dict[str, Any]) -> plt.Figure:
