@@ -211,7 +211,7 @@ def _truth(together: dict[str, Any]) -> plt.Figure:
         axis.axvline(0.5, color="0.8", linewidth=0.8, zorder=0)
     axes[0].set_yticks(range(len(names)), [SHOWN[name] for name in names])
     axes[0].invert_yaxis()
-    axes[1].legend(loc="lower left", frameon=False)
+    figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 
