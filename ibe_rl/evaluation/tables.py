@@ -16,6 +16,7 @@ SHORT = {
     "motion_auc_hard": "hard",
     "motion_spearman": "rank",
     "came_true": "true",
+    "came_true_voted": "voted",
     "instruction_f1": "F1",
     "brier": "Brier",
     "ece": "ECE",
