@@ -18,7 +18,6 @@ SHORT = {
     "came_true": "true",
     "came_true_voted": "voted",
     "instruction_f1": "F1",
-    "brier": "Brier",
     "ece": "ECE",
     "risk_at_80": "risk80",
     "size_cv": "CV",
