@@ -95,12 +95,19 @@ def read(run: Path) -> dict[str, Any]:
             for row in quality["rows"]
             if row["explainer"] == "baseline:shuffled" and row["horizon_steps"] == HORIZON
         ),
-        "changing_policy": quality["changing_policy"],
+        "changing_policy": _last_policy(quality["changing_policy"]),
     }
 
 
 def _value(estimate: Any) -> float | None:
     return None if estimate is None or isinstance(estimate["value"], list) else estimate["value"]
+
+
+def _last_policy(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What the report tells of the last policy in the vocabularies of all ages."""
+    last = max((row["policy_frame"] for row in rows), default=0)
+    kept = ("vocabulary_frame", "motion_auc", "refreshed_minus_this")
+    return [{key: row[key] for key in kept} for row in rows if row["policy_frame"] == last]
 
 
 def _paired(rows: list[dict[str, Any]], minus: str) -> Any:

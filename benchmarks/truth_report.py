@@ -164,8 +164,7 @@ def _ages(runs: list[dict[str, Any]]) -> str:
         "|---|---|---|---|---|",
     ]
     for run in runs:
-        last = max(row["policy_frame"] for row in run["changing_policy"])
-        ages = [row for row in run["changing_policy"] if row["policy_frame"] == last]
+        ages = run["changing_policy"]
         less = ages[0]["refreshed_minus_this"]
         auc, true = (_signed(less[metric]) for metric in ("motion_auc", "came_true"))
         own, first = (_short(row["motion_auc"]["value"]) for row in (ages[-1], ages[0]))

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array, Task
-from ibe_rl.ibe import ClusterMapping, Transition, Windows, phrase
-from ibe_rl.lessons import best_windows, fit_mapping, fit_windows, read_lessons, told_windows
+from ibe_rl.ibe import ClusterMapping, TooLittleDataError, Transition, Windows, phrase
+from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.run_folder import write_json
@@ -112,10 +113,7 @@ def learn_vocabulary(
     return Refresh(
         frame=log.frames,
         mapping=mapping,
-        spans={
-            n: fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n)
-            for n in sorted({*config.spans_steps} - {config.horizon_steps})
-        },
+        spans=_learn_spans(lessons, config, task, seed, last),
         top=top,
         others=top[:0] if others is None else others,
         episodes_logged=lessons.logged,
@@ -125,6 +123,17 @@ def learn_vocabulary(
         windows_by_context=_count(contexts[top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
     )
+
+
+def _learn_spans(
+    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans
+) -> dict[int, ClusterMapping]:
+    """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
+    found = {}
+    for n in sorted({*config.spans_steps} - {config.horizon_steps}):
+        with suppress(TooLittleDataError):
+            found[n] = fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n)
+    return found
 
 
 def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:

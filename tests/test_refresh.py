@@ -170,6 +170,11 @@ def test_each_span_of_time_has_a_vocabulary_of_its_own(log: TrajectoryLog, tmp_p
     assert {n: each.to_dict() for n, each in loaded.spans.items()} == {n: m.to_dict() for n, m in learnt.spans.items()}
 
 
+def test_a_span_longer_than_every_episode_is_left_out(log: TrajectoryLog):
+    config = better_half(spans_steps=[2, STEPS + 1], window_end="drop")
+    assert list(learn_vocabulary(log, config, TASK, seed=0).spans) == [2]
+
+
 def test_each_span_remembers_its_own(log: TrajectoryLog):
     config = better_half(spans_steps=[2], memory=0.5)
     first = learn_vocabulary(log, config, TASK, seed=0)
