@@ -33,8 +33,7 @@ PARTS: dict[str, Callable[[Plan, Say], Iterator[Figures]]] = {
     "overhead": overhead.run,
     "faults": faults.run,
 }
-NEEDS = {"skill-ppo": ("stable_baselines3", "matplotlib"), "skill-dqn": ("stable_baselines3", "matplotlib")}
-NEEDS |= {"frames": ("stable_baselines3",)}
+NEEDS = dict.fromkeys(("skill-ppo", "skill-dqn", "frames"), ("stable_baselines3",))
 QUICK_OUTPUT = Path("runs/benchmarks-quick")
 console = Console(highlight=False)
 

@@ -60,7 +60,8 @@ def judge(run: Path) -> None:
         if not (run / EVALUATION / made).exists():
             console.print(f"{run.name}: task={task}")
             command = [sys.executable, "explain.py", f"run={run}", f"task={task}", "viewer=off"]
-            subprocess.run(command, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL)  # noqa: S603
+            quiet = {"env": {**os.environ, "OMP_NUM_THREADS": "1"}, "stdout": subprocess.DEVNULL}
+            subprocess.run(command, check=True, **quiet)  # noqa: S603 - our own
 
 
 def read(run: Path) -> dict[str, Any]:

@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from benchmarks.why_facts import facts
+from benchmarks.why_figures import draw
 from benchmarks.why_report import markdown, summarise
 from benchmarks.why_variants import School, Variant, variants
 from ibe_rl.agent import make_agent
@@ -77,8 +77,6 @@ def main(arguments: list[str] | None = None) -> None:
     for name in ("episodes", "seeds", "resamples"):
         if getattr(asked, name) < 1:
             parser.error(f"--{name}={getattr(asked, name)}: allowed is at least 1")
-    if find_spec("matplotlib") is None:
-        parser.error("needs matplotlib, which is not installed; `make bench` installs it")
     if asked.quick:
         asked.episodes, asked.seeds, asked.resamples = 10, 1, 20
     console, start = Console(highlight=False, width=120), time.perf_counter()
@@ -95,8 +93,6 @@ def main(arguments: list[str] | None = None) -> None:
     asked.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(asked.output, found)
     console.print("\n".join(markdown(found)), markup=False, soft_wrap=True)
-    from benchmarks.why_figures import draw  # the tests have no matplotlib
-
     pictures = draw(found, asked.pictures)
     console.print(f"written: {', '.join(str(path) for path in [asked.output, *pictures])}", markup=False)
 

@@ -55,7 +55,7 @@ def explain(moments: Sequence[Moment], policy: Policy, predictor: Predictor, voi
     """
     if not moments:
         return []
-    longest = max(voice.horizon_steps, *voice.spans, 1)
+    longest = max([voice.horizon_steps, *voice.spans])
     futures = [moment for moment in moments for _ in range(voice.futures)]
     paths = predictor.rollout(futures, policy, longest)
     return put_in_words(paths.reshape(len(moments), voice.futures, *paths.shape[1:]), voice)

@@ -22,6 +22,7 @@ from benchmarks.plan import ROOT, Plan, make_plan
 from benchmarks.records import load, replace_part, save, stamp
 from benchmarks.report import cells, document, table
 from benchmarks.why_facts import explained_variance, losses
+from benchmarks.why_figures import draw
 from benchmarks.why_report import markdown, summarise
 from benchmarks.why_variants import renamed
 from ibe_rl.config import MappingConfig
@@ -356,9 +357,6 @@ def test_fallen_run_has_a_column_of_its_own(lift: dict[str, Any]):
 
 
 def test_pictures_are_drawn(lift: dict[str, Any], tmp_path: Path):
-    pytest.importorskip("matplotlib", reason="only `make bench` installs matplotlib")
-    from benchmarks.why_figures import draw
-
     assert [path.stat().st_size > 10_000 for path in draw(lift, tmp_path)] == [True] * 3
 
 

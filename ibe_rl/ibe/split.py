@@ -23,7 +23,7 @@ def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Ar
         counts: ``(W,)`` how often each counts.
         k: the number of clusters.
         how: "kmeans"; "bisecting" (the largest cluster is halved again and again, which balances them); "quantile"
-            (along the first axis, as many in each).
+            (along each axis by itself, as many in each).
         n_init: starts of k-means, the best is kept.
         first: ``(k, P)`` where k-means starts instead; the others begin anew.
         seed: of the starts.
