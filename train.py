@@ -27,7 +27,7 @@ from tensordict import TensorDictBase
 from torchrl import timeit
 
 from ibe_rl.agent import Agent, make_agent
-from ibe_rl.checkpoint import save_latest, save_policy
+from ibe_rl.checkpoint import BETWEEN, save_latest, save_policy
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
 from ibe_rl.config import TrainConfig
@@ -89,6 +89,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, l
         source = owned.enter_context(closing(batches(collector, parts.agent, cfg.collect.overlap)))
     agent, log = parts.agent, parts.log
     refresh_due, evaluation_due = Every(cfg.refresh_every_frames), Every(cfg.eval_every_frames)
+    keeping_due = Every(cfg.keep_policy_every_frames)
     last = False
 
     for batch in timed("collect", source):  # environment → batch
@@ -102,8 +103,12 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, l
         row = training_row(log, losses)
         if refresh_due(log.frames, last):
             row |= refresh_and_explain(cfg, parts)  # episodes → vocabulary → words → rerun
+        keep = keeping_due(log.frames)
         if evaluation_due(log.frames, last):
             row |= evaluate(cfg, parts)
+        elif keep:
+            with timeit("checkpoint"):
+                save_policy(folder / CHECKPOINTS, log.frames, agent.greedy.state_dict(), BETWEEN)
         with timeit("stream"):
             parts.table.write(row | times())
             parts.recorder.batch(log.frames, row)

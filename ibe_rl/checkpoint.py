@@ -12,11 +12,13 @@ from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import write_atomically
 
 LATEST = "latest.pt"
+EVALUATED, BETWEEN = "policy", "between"
+"""What files of policies begin with: kept at an evaluation, or between two."""
 
 
-def save_policy(folder: Path, frames: int, state: dict[str, torch.Tensor]) -> Path:
-    """Keep the greedy policy's weights of an evaluation."""
-    path = folder / f"policy_{frames:012d}.pt"
+def save_policy(folder: Path, frames: int, state: dict[str, torch.Tensor], kind: str = EVALUATED) -> Path:
+    """Keep the greedy policy's weights."""
+    path = folder / f"{kind}_{frames:012d}.pt"
     write_atomically(path, lambda stream: torch.save(state, stream))
     return path
 
@@ -26,9 +28,10 @@ def save_latest(folder: Path, state: dict[str, Any]) -> None:
     write_atomically(folder / LATEST, lambda stream: torch.save(state, stream))
 
 
-def policies(folder: Path) -> dict[int, Path]:
-    """Frames to files of the policies kept, in rising order."""
-    found = {int(match[1]): path for path in folder.glob("*.pt") if (match := re.match(r"policy_(\d+)\.pt", path.name))}
+def policies(folder: Path, *kinds: str) -> dict[int, Path]:
+    """Frames to files of the policies kept, in rising order; without ``kinds`` those of the evaluations."""
+    named = re.compile(rf"(?:{'|'.join(kinds or (EVALUATED,))})_(\d+)\.pt")
+    found = {int(match[1]): path for path in folder.glob("*.pt") if (match := named.match(path.name))}
     return dict(sorted(found.items()))
 
 

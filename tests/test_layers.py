@@ -11,17 +11,17 @@ PACKAGE = "ibe_rl"
 SCRIPTS = ("train", "explain")
 
 LAYERS = (
-    {"data", "scene", "config", "run_folder", "signals", "command_line", "checkpoint"},
+    {"data", "scene", "colours", "config", "run_folder", "signals", "command_line", "checkpoint"},
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development"},
-    {"progress", "stream", "serve", "viewer", "evaluation"},
+    {"progress", "stream", "serve", "viewer", "evaluation", "paper"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
     *(("refresh", "lessons"), ("development", "lessons")),
     *(("development", "refresh"), ("development", "explainer"), ("progress", "stream")),
-    *(("viewer", "serve"), ("viewer", "stream")),
+    *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
+from ibe_rl import colours
 from ibe_rl.data import Array, Task
-from ibe_rl.stream import picture, view
+from ibe_rl.stream import picture
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
@@ -35,11 +36,11 @@ def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) ->
     second = picture.second_dimension(mapping, task.explained, delta)
     up = picture.axis(task, second, delta, symmetric=False)
     log_axes(recording, across, up)
-    shades = picture.colours(mapping.express(delta)[:, 0])
+    shades = colours.of_expressions(mapping.express(delta)[:, 0])
     points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
     recording.log("vocabulary/windows", rr.Points2D(points, colors=shades, radii=size))
     labels = [f"#{name} {value:+.2f}" for name, value in zip(mapping.ids, mapping.expressions[:, 0], strict=True)]
-    log_centres(recording, scatter(across, up, mapping.centre_changes()), picture.lasting(mapping.ids), labels)
+    log_centres(recording, scatter(across, up, mapping.centre_changes()), colours.of_clusters(mapping.ids), labels)
 
 
 def scatter(across: picture.Axis, up: picture.Axis, delta: Array) -> Array:
@@ -53,13 +54,13 @@ def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Ax
     h = HEIGHT
     zero = -h * float(up.place([0.0])[0])
     lines = [[(-1, zero), (1, zero)], [(0, -h), (0, h)], [(-1, -h), (-1, h), (1, h)]]
-    axes = rr.LineStrips2D(lines, colors=[view.AXIS], radii=rr.Radius.ui_points(0.5))
+    axes = rr.LineStrips2D(lines, colors=[colours.AXIS], radii=rr.Radius.ui_points(0.5))
     recording.log("vocabulary/axes", axes)
     marks = [((x, h), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)]
     marks += [((-1.0, -h * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
     marks += [((0.6, h + 0.15), f"→ {across.title}"), ((-0.6, h + 0.15), f"↑ {up.title}")]
     places, labels = zip(*marks, strict=True)
-    dots = rr.Points2D(places, labels=labels, colors=[view.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
+    dots = rr.Points2D(places, labels=labels, colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
     recording.log("vocabulary/marks", dots)
 
 
@@ -81,7 +82,7 @@ def log_expressions(recording: rr.RecordingStream, refresh: Refresh) -> None:
     """
     mapping = refresh.mapping
     for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), mapping.expressions[:, 0].tolist(), strict=True)):
-        colour = picture.lasting(np.array([name]))[0]
+        colour = colours.of_clusters(np.array([name]))[0]
         bar = rr.BarChart([value], abscissa=[rank], widths=[0.9], color=[*colour.tolist(), 255])
         recording.log(f"expression/{name}", bar)
         line = rr.SeriesLines(colors=[colour], names=[f"#{name}"], widths=[2])
@@ -96,7 +97,7 @@ def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> 
     middles, width, *densities = picture.histogram(best, others)
     widths = np.full(len(middles), width, np.float32)
     for name, density, colour in zip(
-        ("best", "others"), picture.cut(densities), (view.GREEN, view.OTHERS), strict=True
+        ("best", "others"), picture.cut(densities), (colours.GREEN, colours.OTHERS), strict=True
     ):
         chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
         recording.log(f"change/{name}", chart)

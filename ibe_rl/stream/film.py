@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from ibe_rl import colours
 from ibe_rl.data import Array, Explanation, Task
 from ibe_rl.ibe import phrase
 from ibe_rl.scene import Watched
@@ -85,7 +86,7 @@ class Film:
         if not given:
             return SILENCE
         words = phrase(instruction, self._task.phrases)
-        self._shades.setdefault(words, picture.colours(instruction[:1])[0])
+        self._shades.setdefault(words, colours.of_expressions(instruction[:1])[0])
         return words
 
     def _send_scene(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
@@ -122,7 +123,7 @@ class Film:
         times = place.columns(np.add(begun, steps_ago))
         height, true = self._task.scene_size[1], [said[i].phrase == real[i] for i in begun]
         paths = picture.flipped(self._task.scene_path(np.stack([said[i].path for i in begun])), height)
-        shades = np.where(np.array(true)[:, None], view.GREEN, view.PINK).astype(np.uint8)
+        shades = np.where(np.array(true)[:, None], colours.GREEN, colours.PINK).astype(np.uint8)
         self._send(entities[0], times, rr.LineStrips2D.columns(strips=picture.thinned(paths), colors=shades))
         words = [sentences.judged(steps_ago, said[i].phrase, real[i]) for i in begun]
         bottom = np.tile(np.array([self._task.scene_size[0] / 2, height], np.float32), (len(begun), 1))
@@ -158,13 +159,13 @@ class Film:
     def _send_lanes(self, place: Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         for one in said:
             self._shades.setdefault(
-                one.said, picture.colours(one.expression[:1])[0] if one.known else np.array(view.SILENT)
+                one.said, colours.of_expressions(one.expression[:1])[0] if one.known else np.array(colours.SILENT)
             )
         words = list(self._shades)
         states = rr.StateConfiguration(
             values=[SILENCE, *words],
             labels=[SILENCE, *sentences.short(words, self._task.phrases)],
-            colors=np.array([view.SILENT, *self._shades.values()], np.uint8),
+            colors=np.array([colours.SILENT, *self._shades.values()], np.uint8),
         )
         for lane, spoken in (("instructor", instructed), ("agent", [one.said for one in said])):
             self._recording.log(f"says/{lane}", states, static=True)
@@ -199,7 +200,7 @@ class Film:
         end = "success" if watched.episode.success else "no success"
         texts = [f"+{i}  {said[i].in_time(self._short)}" for i in rows] + [f"+{len(said)}  end of the episode: {end}"]
         shades = _shades([said[i] for i in rows])
-        shades = np.concatenate([shades, [view.GREEN if watched.episode.success else view.PINK]]).astype(np.uint8)
+        shades = np.concatenate([shades, [colours.GREEN if watched.episode.success else colours.PINK]]).astype(np.uint8)
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)
         self._send("log", place.columns([*rows, len(said)]), columns)
 
@@ -207,4 +208,6 @@ class Film:
 def _shades(said: Sequence[Explanation]) -> Array:
     """Colours ``(N, 3)`` of expressions, grey where the agent does not know."""
     known = np.array([one.known for one in said])[:, None]
-    return np.where(known, picture.colours(np.array([one.expression[0] for one in said])), view.SILENT).astype(np.uint8)
+    return np.where(
+        known, colours.of_expressions(np.array([one.expression[0] for one in said])), colours.SILENT
+    ).astype(np.uint8)

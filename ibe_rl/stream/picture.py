@@ -1,4 +1,4 @@
-"""From episodes, refreshes and explanations to what the view shows of them: coordinates and colours.
+"""From episodes, refreshes and explanations to what the view shows of them: coordinates.
 
 Numpy only; the view draws what this module returns. Scene points have y down, as screens do.
 """
@@ -14,30 +14,11 @@ from ibe_rl.data import Array, Task
 from ibe_rl.ibe import ClusterMapping, Windows
 from ibe_rl.scene import Shape
 
-BLUE, GREY, ORANGE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
-"""Expressions from -1 over 0 to +1, told apart also without red or green."""
-LASTING = (
-    *((230, 100, 140), (90, 190, 250), (250, 200, 60), (150, 120, 240), (80, 210, 160), (250, 140, 70)),
-    *((200, 200, 210), (190, 90, 210), (170, 210, 80), (110, 140, 220), (220, 150, 180), (60, 170, 170)),
-)
-"""Colours of clusters, by their lasting ids."""
 TRAIL_POINTS = 64
 SCATTER_POINTS = 600
 BINS = 41
 TINY = 1e-9
 FEW = 5
-
-
-def colours(values: Array) -> Array:
-    """Numbers ``(N,)`` in [-1, 1] to colours ``(N, 3)`` uint8 from blue over grey to orange."""
-    values = np.clip(np.asarray(values, float), -1, 1)[:, None]
-    ends = np.where(values < 0, BLUE, ORANGE)
-    return (GREY + np.abs(values) * (ends - np.array(GREY))).round().astype(np.uint8)
-
-
-def lasting(ids: Array) -> Array:
-    """Ids ``(k,)`` to colours ``(k, 3)`` uint8 that are theirs for the whole run."""
-    return np.array(LASTING, np.uint8)[np.asarray(ids) % len(LASTING)]
 
 
 def flipped(points: Array, height: float) -> Array:

@@ -23,6 +23,7 @@ import numpy as np
 import rerun as rr
 from rerun.error_utils import strict_mode
 
+from ibe_rl import colours
 from ibe_rl.data import Explanation, Task
 from ibe_rl.scene import Watched
 from ibe_rl.stream import chart, sentences, view
@@ -133,9 +134,9 @@ class Recorder:
             self._shown = refresh.mapping.ids.tolist()
         self._recording.log("now", rr.TextDocument(self._standing(None), media_type="text/markdown"))
         done = "vocabulary learnt anew" if refresh.taken else "vocabulary kept"
-        self._log_line(f"{refresh.frame:,} frames: {done}", view.GREEN)
+        self._log_line(f"{refresh.frame:,} frames: {done}", colours.GREEN)
         for line in (*sentences.moved(refresh), *sentences.transitions(refresh, self._task.phrases)):
-            self._log_line(line, view.PALE)
+            self._log_line(line, colours.PALE)
 
     def skipped(self, frames: int, reason: str) -> None:
         """Say in the log that a refresh was due at ``frames`` and why there was none."""
@@ -145,7 +146,7 @@ class Recorder:
         """Add a line to the log at ``frames``."""
         self._send_curves()
         self._at(frames).set(self._recording)
-        self._log_line(line, view.PINK)
+        self._log_line(line, colours.PINK)
 
     def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.

@@ -9,15 +9,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 
+from ibe_rl.colours import BACKGROUND, EXPLANATION, GREEN, INSTRUCTION, PALE, PINK
 from ibe_rl.data import Task
 from ibe_rl.scene import Shape
 from ibe_rl.stream import picture
 
 FRAMES, WATCHED_STEP = "frames", "watched_step"
-INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
-TRAIL, BLUE, PALE = (150, 140, 200), (96, 165, 250), (190, 190, 200)
-GREEN, PINK, SILENT, OTHERS = (132, 224, 96), (244, 114, 182), (70, 70, 78), (130, 130, 140)
-BACKGROUND, AXIS = (13, 14, 20), (150, 150, 160)
+TRAIL, BLUE = (150, 140, 200), (96, 165, 250)
 FILM_FPS = 50
 """Steps a second when the film plays."""
 WINDOW_STEPS = 320

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from view_data import Rows, column, developed, frames, read, refreshed
 
+from ibe_rl import colours
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
 from ibe_rl.refresh import Refresh
@@ -71,7 +72,7 @@ def test_windows_have_the_colour_of_what_they_express(recorder: Recorder, tmp_pa
     recorder.refresh(refresh)
     recorder.close()
     [windows] = read(tmp_path / "recording.rrd")["/vocabulary/windows"]
-    shades = picture.colours(refresh.mapping.express(picture.sample(refresh.top))[:, 0])
+    shades = colours.of_expressions(refresh.mapping.express(picture.sample(refresh.top))[:, 0])
     drawn = np.array([[colour >> shift & 255 for shift in (24, 16, 8)] for colour in windows["Points2D:colors"]])
     assert np.array_equal(drawn, shades)
 

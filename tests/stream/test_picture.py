@@ -1,4 +1,4 @@
-"""Coordinates and colours."""
+"""Coordinates."""
 
 import numpy as np
 
@@ -31,12 +31,6 @@ def test_labels_keep_the_order_of_their_points_in_two_rows() -> None:
     places = picture.label_rows(np.array([[0.5, 0], [-0.9, 0], [0.4, 1]]), -1.0)
     assert np.argsort(places[:, 0]).tolist() == [1, 2, 0]
     assert places[:, 1].tolist() == [-1.0, -1.0, -1.16]
-
-
-def test_ids_keep_their_colours_and_neighbours_differ() -> None:
-    shades = picture.lasting(np.arange(12))
-    assert len(np.unique(shades, axis=0)) == 12
-    assert np.array_equal(picture.lasting(np.array([12, 3])), shades[[0, 3]])
 
 
 def beside(delta: np.ndarray, centres: np.ndarray, explained: int = 0) -> int:
