@@ -7,6 +7,7 @@ python explain.py run=runs/NAME seed=3 context=left
 python explain.py run=runs/NAME viewer=live      and look at it in the browser
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
+python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor
 from ibe_rl.metrics import happened, phrases_true
+from ibe_rl.paper.experiments import reproduce
 from ibe_rl.play import watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import find_run
@@ -44,7 +46,7 @@ from ibe_rl.stream import SILENCE, Recorder, short
 
 def main(cfg: ExplainConfig) -> None:
     """Do what ``task`` names."""
-    {"episode": explain_episode, "evaluate": evaluate, "compare": compare}[cfg.task](cfg)
+    {"episode": explain_episode, "evaluate": evaluate, "compare": compare, "figures": reproduce}[cfg.task](cfg)
 
 
 def explain_episode(cfg: ExplainConfig) -> None:

@@ -171,7 +171,7 @@ class TrainConfig:
     explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds
     eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
-    keep_policy_every_frames: int | None = setting(25_000, low=1)  # to take agents of any skill from later; None: never
+    keep_policy_every_frames: int | None = setting(10_000, low=1)  # to take agents of any skill from later; None: never
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)
     log: LogConfig = field(default_factory=LogConfig)
@@ -204,11 +204,24 @@ class CompareConfig:
 
 
 @dataclass
+class FiguresConfig:
+    """The paper's experiments, done again with the agents of a run (``task=figures``)."""
+
+    seed: int = setting(0, low=0, high=999)  # another one flies other episodes and draws other futures
+    episodes: int = setting(200, low=10, high=10_000)  # flown again by each of the agents A, B and C
+    checked_episodes: int = setting(100, low=2, high=10_000)  # others, that no vocabulary is learnt from
+    prediction_episodes: int = setting(20, low=2, high=1_000)  # that observers foretell the end of
+    clusterings: int = setting(8, low=1, high=1_000)  # of each vocabulary; rates of words are means over them
+    shuffles: int = setting(20, low=1, high=1_000)  # vocabularies from shuffled instructions
+    resamples: int = setting(1_000, low=20, high=100_000)  # of the episodes, for the intervals
+
+
+@dataclass
 class ExplainConfig:
     """``explain.py``."""
 
     run: str | None = None  # None: the newest below runs/
-    task: str = setting("episode", choices=("episode", "evaluate", "compare"))
+    task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
@@ -216,6 +229,7 @@ class ExplainConfig:
     viewer: ViewerConfig = MISSING
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
     compare: CompareConfig = field(default_factory=CompareConfig)
+    figures: FiguresConfig = field(default_factory=FiguresConfig)
     output: str | None = None  # where the recording goes; None: into the run's folder
 
 

@@ -8,7 +8,8 @@ that the policy reads.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping as Dict
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,7 +17,6 @@ import numpy as np
 Array = np.ndarray
 Policy = Callable[[Array], Array]
 """Observations ``(N, O)`` float32 to actions ``(N,)``, without any exploration."""
-
 
 DOES_NOT_KNOW = "I do not know"
 """What is said where the confidence is too small."""
@@ -214,6 +214,7 @@ class Task:
             None.
         first_contact: states ``(T + 1, S)`` of an episode to the step at which the outcome is known to the eye, such
             as touching the ground; the last one if that never happens; or None.
+        hidden_goal: arguments of the environment with which nobody who looks on can see where the goal is.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
     """
@@ -235,6 +236,7 @@ class Task:
     motion: Callable[[Array], Array] | None = None
     goal_offset: Callable[[Array], Array] | None = None
     first_contact: Callable[[Array], int] | None = None
+    hidden_goal: Dict[str, Any] = field(default_factory=dict)
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
 

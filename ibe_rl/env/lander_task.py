@@ -95,6 +95,7 @@ LANDER_TASK = Task(
     motion=motion,
     goal_offset=goal_offset,
     first_contact=first_contact,
+    hidden_goal={"flat": True, "flags": False},
     scene_path=scene_path,
     scene_size=(WIDTH, HEIGHT),
 )

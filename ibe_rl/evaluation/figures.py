@@ -40,10 +40,11 @@ def draw_all(
     }
     if quality["changing_policy"]:
         drawings["changing_policy.png"] = lambda: changing(quality["changing_policy"], own)
-    return [_save(draw(), folder / name) for name, draw in drawings.items()]
+    return [save(draw(), folder / name) for name, draw in drawings.items()]
 
 
-def _save(figure: Figure, path: Path) -> Path:
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as a PNG file, the same bytes for the same figure."""
     FigureCanvasAgg(figure)
     write_atomically(path, lambda stream: figure.savefig(stream, format="png", dpi=DPI))
     return path

@@ -19,8 +19,8 @@ from ibe_rl.instruct import make_instructor
 from ibe_rl.predict import make_simulator
 
 SEEDS_EACH = 10_000
-"""Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds and three purposes."""
-PURPOSES = ("judged", "held_out", "changing")
+"""Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds for each purpose."""
+PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "foretold")
 PROCESSES = 2
 """That roll out the futures of many moments, unless something else is asked for."""
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ibe_rl.config import EvaluateConfig, MappingConfig
-from ibe_rl.data import ConfigError, Episode, Mapping
+from ibe_rl.data import ConfigError, Episode, Mapping, Task
 from ibe_rl.evaluation.baselines import fit_state_regressor
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
@@ -39,6 +39,36 @@ def open_log(run: TrainedRun) -> TrajectoryLog:
         return TrajectoryLog.open(run.folder / TRAJECTORIES)
     except ValueError as error:
         raise ConfigError(f"run={run.folder}: {error}") from None
+
+
+def fit_shuffled(
+    best: Sequence[Episode],
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    horizon_steps: int,
+    count: int,
+    step: Callable[[], None] = lambda: None,
+) -> list[Mapping]:
+    """Learn ``count`` vocabularies, each from episodes that were given the instructions of others.
+
+    A shuffle that no vocabulary can be learnt from (its axis may be one on which hardly anything moves) is drawn
+    again; if that happens ``MOST_REDRAWN`` times as often as vocabularies are asked for, there are fewer of them.
+    """
+    random = np.random.default_rng(seed)
+    quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
+    found: list[Mapping] = []
+    for _ in range(MOST_REDRAWN * count):
+        lessons = shuffle_instructions(best, heard, random)
+        try:
+            found.append(fit_mapping(*lessons, quick, task, seed, horizon_steps=horizon_steps))
+        except TooLittleDataError:
+            continue
+        step()
+        if len(found) == count:
+            break
+    return found
 
 
 class Refits:
@@ -86,25 +116,16 @@ class Refits:
     ) -> list[Mapping]:
         """``count`` vocabularies, each from episodes that were given the instructions of others.
 
-        A shuffle that no vocabulary can be learnt from (its axis may be one on which hardly anything moves) is drawn
-        again.
-
         Raises:
-            ConfigError: if that happens ``MOST_REDRAWN`` times as often as vocabularies are asked for.
+            ConfigError: if hardly any of them teaches a vocabulary.
         """
-        random, lessons = np.random.default_rng(self._seed), self.lessons(config)
-        quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
-        found: list[Mapping] = []
-        for _ in range(MOST_REDRAWN * count):
-            best, heard = shuffle_instructions(lessons.best, lessons.heard, random)
-            try:
-                found.append(self._fit(quick, horizon_steps, best, heard))
-            except TooLittleDataError:
-                continue
-            step()
-            if len(found) == count:
-                return found
-        raise ConfigError(f"evaluate.shuffles={count}: hardly any of them taught a vocabulary; allowed is a larger log")
+        lessons, task = self.lessons(config), self._run.task
+        found = fit_shuffled(lessons.best, lessons.heard, config, task, self._seed, horizon_steps, count, step)
+        if len(found) < count:
+            raise ConfigError(
+                f"evaluate.shuffles={count}: hardly any of them taught a vocabulary; allowed is a larger log"
+            )
+        return found
 
     def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[Mapping]:
         """``count`` vocabularies with clusters around windows drawn at random."""

@@ -108,14 +108,15 @@ def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
         raise ConfigError(f"{path}: not a readable calibration ({error})") from None
 
 
-def kept_policies(run: TrainedRun) -> dict[int, GreedyPolicy]:
-    """Training frames to the greedy policy that was kept then, oldest first.
+def kept_policies(run: TrainedRun, *kinds: str) -> dict[int, GreedyPolicy]:
+    """Training frames to the greedy policy that was kept then, oldest first; see ``checkpoint.policies``.
 
     Raises:
         ConfigError: if one of them is damaged.
     """
     env = run.make_env()
-    return {frame: _load_policy(path, run.config, env) for frame, path in policies(run.folder / CHECKPOINTS).items()}
+    found = policies(run.folder / CHECKPOINTS, *kinds)
+    return {frame: _load_policy(path, run.config, env) for frame, path in found.items()}
 
 
 def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:

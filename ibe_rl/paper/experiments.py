@@ -1,0 +1,234 @@
+"""``task=figures``: do the paper's experiments again with the agents of one run, and tell what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+
+from ibe_rl.config import ExplainConfig, FiguresConfig
+from ibe_rl.data import Array, ConfigError, Episode
+from ibe_rl.env.make import make_gym
+from ibe_rl.evaluation import load_run, tables
+from ibe_rl.evaluation.flights import PROCESSES
+from ibe_rl.evaluation.moments import SEEN_STEPS
+from ibe_rl.evaluation.refit import fit_shuffled
+from ibe_rl.evaluation.report import make_folders
+from ibe_rl.evaluation.waiting import waiting
+from ibe_rl.ibe import ClusterMapping, TooLittleDataError, cut_windows, phrase
+from ibe_rl.metrics.effect import corrected
+from ibe_rl.metrics.observer import calibrate_observer
+from ibe_rl.paper import moves, words
+from ibe_rl.paper.agents import Skilled
+from ibe_rl.paper.foretelling import CONTACT, END, judged, listen, most_telling, pick
+from ibe_rl.paper.lab import Lab, find_agents, protocol
+from ibe_rl.paper.page import write_report
+from ibe_rl.paper.strips import Told
+from ibe_rl.paper.words import OURS, PAPER
+from ibe_rl.predict import make_simulator
+from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
+
+BINS = 41
+
+
+def reproduce(cfg: ExplainConfig) -> None:
+    """Find agents A, B and C, do the paper's experiments with them, write numbers, figures and the report.
+
+    Raises:
+        ConfigError: if the run lacks what is needed, or its episodes teach no vocabulary.
+    """
+    torch.set_num_threads(1)
+    lab = Lab(load_run(find_run(cfg.run, Path("runs"))), cfg)
+    make_folders(lab.run.folder)
+    say = Console(highlight=False, soft_wrap=True).print
+    agents, screened = find_agents(lab)
+    say(", ".join(f"{one.name}: {one.success.value:.1%} after {one.frame:,} frames" for one in agents))
+    found: dict[str, Any] = {
+        "protocol": protocol(lab),
+        "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
+        "change_label": f"change of {lab.task.state_names[lab.task.explained]} "
+        f"({lab.task.state_units[lab.task.explained]})",
+        "screened": screened,
+        "agents": [agent_json(one) for one in agents],
+        "preliminary": [preliminary(lab, one) for one in agents],
+    }
+    found |= {"expressions": [], "straight": [], "prediction": []}
+    told: dict[str, dict[str, Told]] = {}
+    for agent in agents[1:]:
+        say(f"agent {agent.name}: vocabularies, and {lab.config.prediction_episodes} episodes to be foretold")
+        taught = teach(lab, agent)
+        found["expressions"].append(expressions(lab, agent, taught[0]))
+        checked = lab.fly(agent.policy, lab.seeds("checked", lab.config.checked_episodes))
+        found["straight"].append(straight(lab, agent, taught, checked))
+        told[agent.name] = foretell(lab, agent, taught[0], checked)
+        found["prediction"].append(prediction(agent, told[agent.name], lab.config))
+    correct(found["prediction"])
+    write_json(lab.run.folder / EVALUATION / "paper.json", found)
+    say("drawing")
+    answers, pictures, page = write_report(lab.run.folder / FIGURES, found, told)
+    console = tables.console()
+    for answer in answers:
+        console.print(f"- {answer}")
+    console.print(f"numbers: {lab.run.folder / EVALUATION}/paper.json", soft_wrap=True)
+    console.print(f"figures: {len(pictures)} PNG files in {page.parent}", soft_wrap=True)
+    console.print(f"report:  {page}", soft_wrap=True)
+
+
+def agent_json(agent: Skilled) -> dict[str, Any]:
+    """Which policy it is and how good it is."""
+    return {
+        "name": agent.name,
+        "frame": agent.frame,
+        "wanted": agent.wanted,
+        "episodes": len(agent.episodes),
+        "success": agent.success.to_dict(),
+        "near": agent.near,
+        "return_mean": float(np.mean([episode.total_reward for episode in agent.episodes])),
+        "steps_mean": float(np.mean([len(episode) for episode in agent.episodes])),
+    }
+
+
+def preliminary(lab: Lab, agent: Skilled) -> dict[str, Any]:
+    """The histograms, and the claim tested, for each instruction."""
+    fraction = lab.mappings[PAPER].top_fraction
+    made = moves.moves_of(agent.episodes, lab.task, lab.horizon_steps, fraction)
+    told = {}
+    for value in lab.task.instruction_values:
+        claims = moves.claim(made, value, lab.config.resamples, lab.config.seed)
+        told[str(value)] = moves.histogram(made, value, BINS) | {
+            "claim": {over: moves.as_json(one) for over, one in claims.items()}
+        }
+    return {"agent": agent.name, "told": told}
+
+
+def teach(lab: Lab, agent: Skilled) -> list[dict[str, ClusterMapping]]:
+    """Learn all vocabularies from the agent's episodes, again and again with other starts of the clustering.
+
+    Raises:
+        ConfigError: if the episodes are too few.
+    """
+    found = []
+    with waiting(f"vocabularies of agent {agent.name}", lab.config.clusterings) as step:
+        for number in range(lab.config.clusterings):
+            try:
+                seed = lab.config.seed + number
+                found.append(words.learn(agent.episodes, lab.mappings, lab.task, lab.horizon_steps, seed))
+            except TooLittleDataError as error:
+                raise ConfigError(
+                    f"figures.episodes={lab.config.episodes}: agent {agent.name}'s teach no vocabulary ({error}); "
+                    "allowed are more of them, or a run that learnt more"
+                ) from None
+            step()
+    return found
+
+
+def expressions(lab: Lab, agent: Skilled, taught: dict[str, ClusterMapping]) -> dict[str, Any]:
+    """The clusters of the paper's and of our vocabulary."""
+    limit = {"straight_below": words.straight_below(lab.task.phrases[0])}
+    told = {name: words.vocabulary_json(taught[name]) | limit for name in (PAPER, OURS)}
+    return {"agent": agent.name, "vocabularies": told}
+
+
+def straight(
+    lab: Lab, agent: Skilled, taught: Sequence[dict[str, ClusterMapping]], checked: Sequence[Episode]
+) -> dict[str, Any]:
+    """When movements are called straight, in all vocabularies and on episodes that none was learnt from."""
+    tested = words.call(checked, taught, lab.task, lab.horizon_steps, lab.config.resamples, lab.config.seed)
+    skews = {name: [words.skew(learnt[name]) for learnt in taught] for name in taught[0]}
+    return {
+        "agent": agent.name,
+        "clusterings": len(taught),
+        "small": [[bands * tested.band for bands in words.SMALL]],
+        "by_movement": {name: words.rates_by_movement(tested, name) for name in (PAPER, OURS)},
+        "rates": words.small_rates(tested),
+        "skews": skews,
+    }
+
+
+def foretell(
+    lab: Lab, agent: Skilled, taught: dict[str, ClusterMapping], checked: Sequence[Episode]
+) -> dict[str, Told]:
+    """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
+    config, env = lab.config, lab.run.config.env
+    make_one = partial(make_gym, env.id, {**env.kwargs, **lab.task.hidden_goal})
+    vocabularies = {name: taught[name] for name in (PAPER, OURS)}
+    ours = lab.mappings[OURS]
+    best = words.best_of(agent.episodes, ours)
+    with waiting("vocabularies of shuffled instructions", config.shuffles) as step:
+        lessons = (best, agent.episodes, ours, lab.task, config.seed, lab.horizon_steps)
+        shuffled = fit_shuffled(*lessons, config.shuffles, step)
+    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained]
+    observer = calibrate_observer(change.astype(float), lab.task.explained_band)
+    with waiting(f"agent {agent.name} flies where the goal is hidden", config.prediction_episodes) as step:
+        seeds, count = lab.seeds("foretold", 10_000), config.prediction_episodes
+        shown = pick(
+            make_one(), lab.task, agent.policy, lab.instructor, seeds[: 20 * count], count, lab.horizon_steps, step
+        )
+    if len(shown) < 2:
+        raise ConfigError(
+            f"run={lab.run.folder}: agent {agent.name} hardly ever comes down after at least "
+            f"{SEEN_STEPS + lab.horizon_steps} steps; allowed is a run that learnt more"
+        )
+    predictor_config = replace(lab.cfg.predictor, processes=lab.cfg.predictor.processes or PROCESSES)
+    told = {}
+    with closing(make_simulator(predictor_config, make_one, lab.task.rule, config.seed)) as predictor:
+        for cut in (END, CONTACT):
+            listened = listen(
+                shown,
+                cut,
+                agent.policy,
+                predictor,
+                vocabularies,
+                shuffled,
+                observer,
+                lab.task,
+                lab.horizon_steps,
+                lab.cfg.predictor.futures,
+            )
+            told[cut] = Told(shown, cut, listened, vocabularies, lab.task, lab.horizon_steps)
+    return told
+
+
+def prediction(agent: Skilled, told: dict[str, Told], config: FiguresConfig) -> dict[str, Any]:
+    """How far off the observers are, over all episodes and in each."""
+    cuts = {}
+    for cut, one in told.items():
+        errors = one.listened.errors(one.task.explained_range)
+        means, tests = judged(errors, config.resamples, config.seed)
+        cuts[cut] = {
+            "error": {name: each.to_dict() for name, each in means.items()},
+            "tests": tests,
+            "most_telling": {name: most_telling(errors, name) for name in one.vocabularies},
+            "episodes": [episode_json(one, row, errors) for row in range(len(one.shown))],
+        }
+    return {"agent": agent.name, "cuts": cuts}
+
+
+def episode_json(told: Told, row: int, errors: dict[str, Array]) -> dict[str, Any]:
+    """One episode of the prediction task."""
+    shown, listened = told.shown[row], told.listened
+    return {
+        "seed": shown.seed,
+        "context": shown.watched.episode.context,
+        "success": shown.watched.episode.success,
+        "foretold_at_step": told.last_seen(row),
+        "position": float(listened.position[row]),
+        "landing": float(listened.landing[row]),
+        "said": {name: said[row].tolist() for name, said in listened.said.items()},
+        "expected": {name: float(np.mean(each[:, row])) for name, each in listened.expected.items()},
+        "errors": {name: float(each[row]) for name, each in errors.items()},
+    }
+
+
+def correct(predictions: Sequence[dict[str, Any]]) -> None:
+    """Correct the p of all tests for how many they are."""
+    tests = [test for agent in predictions for cut in agent["cuts"].values() for test in cut["tests"]]
+    for test, p in zip(tests, corrected([test["p"] for test in tests]), strict=True):
+        test["p_corrected"] = p

@@ -1,0 +1,153 @@
+"""The report: all figures as PNG files, and one page that holds them, its tables and its answers."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from ibe_rl.evaluation.figures import save
+from ibe_rl.evaluation.waiting import waiting
+from ibe_rl.paper import charts, strips
+from ibe_rl.paper.answers import CUT_NAMES, answers, table
+from ibe_rl.paper.charts import NAMES
+from ibe_rl.paper.foretelling import CONTACT, END
+from ibe_rl.paper.look import LABELS
+from ibe_rl.paper.strips import Told
+from ibe_rl.paper.words import OURS, PAPER
+from ibe_rl.run_folder import write_atomically
+
+CUTS = (END, CONTACT)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page.
+
+    Attributes:
+        file: name of the PNG file.
+        caption: below it.
+        draw: makes it.
+    """
+
+    file: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+def pictures(found: dict[str, Any], told: dict[str, dict[str, Told]]) -> dict[str, list[Picture]]:
+    """All figures, by the section of the page that they belong to."""
+    return {
+        "agents": [
+            Picture(
+                "agents.png",
+                "Every policy that was tried out, and the three that fly on.",
+                partial(charts.agents, found),
+            )
+        ],
+        "preliminary": [
+            Picture(
+                "moves.png",
+                "The paper's histograms; it shows the first two columns, for A and B.",
+                partial(charts.moves, found),
+            ),
+            Picture("claim.png", "The claim, tested with each episode counted once.", partial(charts.claim, found)),
+        ],
+        "words": [
+            Picture("expressions.png", "The paper's figure of m^i, and ours.", partial(charts.expressions, found))
+        ],
+        "straight": [
+            Picture(
+                "straight.png",
+                "Left: share of movements of each size called straight; shaded: the small ones. Right: the small ones, "
+                "in vocabularies that exchange one half at a time.",
+                partial(charts.straight, found),
+            )
+        ],
+        "prediction": [
+            Picture(
+                "observers.png", "Every observer; all listen in the same fixed way.", partial(charts.errors, found)
+            ),
+            Picture("episodes.png", "The same, episode by episode.", partial(charts.by_episode, found)),
+        ],
+        **{
+            f"strips_{name}": [one for cut in CUTS for one in _strips(found, name, cuts[cut])]
+            for name, cuts in told.items()
+        },
+    }
+
+
+def _strips(found: dict[str, Any], name: str, told: Told) -> list[Picture]:
+    """For both vocabularies the episodes in which the explanation helps and misleads most; then all episodes."""
+    [agent] = [each for each in found["prediction"] if each["agent"] == name]
+    telling, cut = agent["cuts"][told.cut]["most_telling"], CUT_NAMES[told.cut]
+    drawn = []
+    for vocabulary in (PAPER, OURS):
+        for kind, row in zip(("helps", "misleads"), telling[vocabulary], strict=True):
+            title = f"Agent {name}, {cut}, episode {row + 1}: here {NAMES[vocabulary]} {kind} most"
+            draw = partial(strips.strip, told, row, title)
+            drawn.append(Picture(f"strip_{name}_{told.cut}_{vocabulary}_{kind}.png", f"{title}.", draw))
+    title = f"Agent {name}, {cut}: all {len(told.shown)} episodes"
+    return [*drawn, Picture(f"gallery_{name}_{told.cut}.png", f"{title}.", partial(strips.gallery, told, title))]
+
+
+def write_report(
+    folder: Path, found: dict[str, Any], told: dict[str, dict[str, Told]]
+) -> tuple[list[str], list[Path], Path]:
+    """Draw all figures and write the page that holds them.
+
+    Args:
+        folder: where they go.
+        found: what paper.json holds.
+        told: the episodes of the prediction task, by agent and cut.
+
+    Returns:
+        The answers, the PNG files and the page.
+    """
+    sections = pictures(found, told)
+    every = [picture for section in sections.values() for picture in section]
+    with waiting("figures", len(every)) as step:
+        files = []
+        for picture in every:
+            files.append(save(picture.draw(), folder / picture.file))
+            step()
+    encoded = {path.name: base64.b64encode(path.read_bytes()).decode() for path in files}
+    said = answers(found)
+    page = _template().render(
+        found=found,
+        answers=said,
+        table=table(found),
+        sections=sections,
+        encoded=encoded,
+        labels=LABELS,
+        cuts=CUT_NAMES,
+    )
+    write_atomically(folder / "report.html", lambda stream: stream.write(page.encode()))
+    return said, files, folder / "report.html"
+
+
+def _template() -> Any:
+    environment = Environment(
+        loader=PackageLoader("ibe_rl.paper", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = _number
+    return environment.get_template("report.html.jinja")
+
+
+def _number(told: dict[str, Any] | None, digits: int = 2, sign: bool = False) -> str:
+    """A value with its interval."""
+    if told is None or told["value"] is None:
+        return "-"
+    plus = "+" if sign else ""
+    text = f"{told['value']:{plus}.{digits}f}"
+    return text if told["low"] is None else f"{text} [{told['low']:{plus}.{digits}f}, {told['high']:{plus}.{digits}f}]"
