@@ -6,6 +6,7 @@ environment → batch → agent
 python train.py                                  with the defaults, served live
 python train.py agent=dqn seed=3 viewer=file
 python train.py -m seed=0,1,2                    three runs
+python train.py experiment=paper                 train, then the paper's experiments: figures/report.html
 python train.py --cfg job                        every setting
 """
 
@@ -30,7 +31,7 @@ from ibe_rl.agent import Agent, make_agent
 from ibe_rl.checkpoint import BETWEEN, save_latest, save_policy
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
-from ibe_rl.config import TrainConfig
+from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
 from ibe_rl.development import FIGURES, Development, check_development, figures
 from ibe_rl.env.make import make_gym, task_of
@@ -39,6 +40,7 @@ from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
+from ibe_rl.paper.experiments import reproduce
 from ibe_rl.play import play, watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
@@ -257,7 +259,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 
 
 def main(cfg: TrainConfig) -> None:
-    """Refuse what cannot work before anything is made, then train, and say how to look at it again."""
+    """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     env = make_gym(cfg.env.id, cfg.env.kwargs)
     check_development(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
@@ -270,6 +272,8 @@ def main(cfg: TrainConfig) -> None:
             write_json(folder / SUMMARY, summary)
         closing_table(summary)
         say_how_to_open(folder)
+    if cfg.report and not stop:
+        reproduce(ExplainConfig(run=str(folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer))
     if stop and is_sweep():
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
 

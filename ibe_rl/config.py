@@ -172,6 +172,7 @@ class TrainConfig:
     eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
     keep_policy_every_frames: int | None = setting(10_000, low=1)  # to take agents of any skill from later; None: never
+    report: bool = False  # in the end do the paper's experiments with it, as explain.py task=figures
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)
     log: LogConfig = field(default_factory=LogConfig)
