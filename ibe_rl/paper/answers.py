@@ -20,17 +20,28 @@ MIXED = {
 }
 
 
-def answers(found: dict[str, Any]) -> list[str]:
-    """The findings, one sentence or two each, the most important first."""
-    said = [_agents(found), _whole_claim(found), *(_claim(found, value) for value in found["phrases"])]
-    said += [_words(told) for told in found["expressions"]]
-    said += [_small(told) for told in found["straight"]]
-    return said + [_foretold(agent, cut) for agent in found["prediction"] for cut in CUT_NAMES]
+def answers(found: dict[str, Any]) -> dict[str, list[str]]:
+    """The findings in sentences, by section of the report."""
+    return {
+        "agents": [_agents(found)],
+        "preliminary": [_whole_claim(found), *(_claim(found, value) for value in found["phrases"])],
+        "words": [_words(told) for told in found["expressions"]],
+        "straight": [_small(told) for told in found["straight"]],
+        "prediction": [_foretold(agent, cut) for agent in found["prediction"] for cut in CUT_NAMES],
+    }
+
+
+def headlines(found: dict[str, Any]) -> list[str]:
+    """What came out, as far as the paper asked for it: its claim, and the words of its agent B."""
+    [words, *_], [straight, *_] = found["expressions"], found["straight"]
+    [agent, *_] = found["prediction"]
+    foretold = [_foretold(agent, cut) for cut in CUT_NAMES]
+    return [_agents(found), _whole_claim(found), _words(words), _small(straight), *foretold]
 
 
 def table(found: dict[str, Any]) -> list[tuple[str, str, str]]:
     """What, in the paper, here."""
-    paper_success = {"A": "63.3 % (of 30: 19)", "B": "83.3 % (of 30: 25)", "C": "none"}
+    paper_success = {"A": "63.3 %", "B": "83.3 %", "C": "none"}
     rows = [(f"Success of agent {one['name']}", paper_success[one["name"]], _success(one)) for one in found["agents"]]
     about = found["protocol"]
     rows.append(("Kind of agent", "deep Q-learning (Mnih et al., 2015)", about["agent"].upper()))
@@ -69,7 +80,8 @@ def _agents(found: dict[str, Any]) -> str:
 
 def _success(one: dict[str, Any]) -> str:
     told = one["success"]
-    return f"{told['value']:.1%} ({told['low']:.1%} to {told['high']:.1%}, {one['episodes']} fresh episodes)"
+    low, high = (f"{100 * told[end]:.1f}" for end in ("low", "high"))
+    return f"{100 * told['value']:.1f} % ({low} to {high}, {one['episodes']} fresh episodes)"
 
 
 def _whole_claim(found: dict[str, Any]) -> str:
@@ -132,7 +144,9 @@ def _small(told: dict[str, Any]) -> str:
     missed = {name: (_missed(rate, "left"), _missed(rate, "right")) for name, rate in rates.items()}
     if any(side is None for sides in missed.values() for side in sides):
         return f"Agent {told['agent']}: too few small movements to say when they are called straight."
-    parts = "; ".join(f"{MIXED[name]} {left:.0%} and {right:.0%}" for name, (left, right) in missed.items())
+    parts = "; ".join(
+        f"{MIXED[name]} {100 * left:.0f} and {100 * right:.0f} %" for name, (left, right) in missed.items()
+    )
     total = {name: sum(sides) / 2 for name, sides in missed.items()}
     minmax, split = total[PAPER] - total[SIGNS], total[SIGNS] - total[OURS]
     return (
@@ -144,7 +158,7 @@ def _small(told: dict[str, Any]) -> str:
 def _causes(share: float) -> str:
     if abs(share) < SMALL_PART:
         return "causes none"
-    return f"{'causes' if share > 0 else 'saves'} {abs(share):.0%}"
+    return f"{'causes' if share > 0 else 'saves'} {100 * abs(share):.0f} %"
 
 
 def _missed(rate: dict[str, Any], side: str) -> Any:
@@ -191,4 +205,4 @@ def _name(name: str) -> str:
 
 
 def _percent(told: dict[str, Any]) -> str:
-    return "never moved so" if told["value"] is None else f"{told['value']:.0%}"
+    return "never moved so" if told["value"] is None else f"{100 * told['value']:.0f} %"

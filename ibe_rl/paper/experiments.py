@@ -27,6 +27,7 @@ from ibe_rl.metrics.effect import corrected
 from ibe_rl.metrics.observer import calibrate_observer
 from ibe_rl.paper import moves, words
 from ibe_rl.paper.agents import Skilled
+from ibe_rl.paper.answers import headlines
 from ibe_rl.paper.foretelling import CONTACT, END, judged, listen, most_telling, pick
 from ibe_rl.paper.lab import Lab, find_agents, protocol
 from ibe_rl.paper.page import write_report
@@ -49,7 +50,7 @@ def reproduce(cfg: ExplainConfig) -> None:
     make_folders(lab.run.folder)
     say = Console(highlight=False, soft_wrap=True).print
     agents, screened = find_agents(lab)
-    say(", ".join(f"{one.name}: {one.success.value:.1%} after {one.frame:,} frames" for one in agents))
+    say(", ".join(f"{one.name}: {100 * one.success.value:.1f} % after {one.frame:,} frames" for one in agents))
     found: dict[str, Any] = {
         "protocol": protocol(lab),
         "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
@@ -72,10 +73,10 @@ def reproduce(cfg: ExplainConfig) -> None:
     correct(found["prediction"])
     write_json(lab.run.folder / EVALUATION / "paper.json", found)
     say("drawing")
-    answers, pictures, page = write_report(lab.run.folder / FIGURES, found, told)
+    pictures, page = write_report(lab.run.folder / FIGURES, found, told)
     console = tables.console()
-    for answer in answers:
-        console.print(f"- {answer}")
+    for line in headlines(found):
+        console.print(f"- {line}")
     console.print(f"numbers: {lab.run.folder / EVALUATION}/paper.json", soft_wrap=True)
     console.print(f"figures: {len(pictures)} PNG files in {page.parent}", soft_wrap=True)
     console.print(f"report:  {page}", soft_wrap=True)

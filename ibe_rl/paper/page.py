@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from ibe_rl.evaluation.figures import save
 from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.paper import charts, strips
-from ibe_rl.paper.answers import CUT_NAMES, answers, table
+from ibe_rl.paper.answers import CUT_NAMES, answers, headlines, table
 from ibe_rl.paper.charts import NAMES
 from ibe_rl.paper.foretelling import CONTACT, END
-from ibe_rl.paper.look import LABELS
+from ibe_rl.paper.look import LABELS, VARIANTS
 from ibe_rl.paper.strips import Told
 from ibe_rl.paper.words import OURS, PAPER
 from ibe_rl.run_folder import write_atomically
@@ -97,9 +97,7 @@ def _strips(found: dict[str, Any], name: str, told: Told) -> list[Picture]:
     return [*drawn, Picture(f"gallery_{name}_{told.cut}.png", f"{title}.", partial(strips.gallery, told, title))]
 
 
-def write_report(
-    folder: Path, found: dict[str, Any], told: dict[str, dict[str, Told]]
-) -> tuple[list[str], list[Path], Path]:
+def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, Told]]) -> tuple[list[Path], Path]:
     """Draw all figures and write the page that holds them.
 
     Args:
@@ -108,28 +106,31 @@ def write_report(
         told: the episodes of the prediction task, by agent and cut.
 
     Returns:
-        The answers, the PNG files and the page.
+        The PNG files and the page.
     """
     sections = pictures(found, told)
     every = [picture for section in sections.values() for picture in section]
+    first = f"strip_{found['prediction'][0]['agent']}_{CONTACT}_{OURS}_helps.png"
     with waiting("figures", len(every)) as step:
         files = []
         for picture in every:
             files.append(save(picture.draw(), folder / picture.file))
             step()
     encoded = {path.name: base64.b64encode(path.read_bytes()).decode() for path in files}
-    said = answers(found)
     page = _template().render(
         found=found,
-        answers=said,
+        first=next(picture for picture in every if picture.file == first),
+        headlines=headlines(found),
+        answers=answers(found),
         table=table(found),
         sections=sections,
         encoded=encoded,
         labels=LABELS,
+        variants=VARIANTS,
         cuts=CUT_NAMES,
     )
     write_atomically(folder / "report.html", lambda stream: stream.write(page.encode()))
-    return said, files, folder / "report.html"
+    return files, folder / "report.html"
 
 
 def _template() -> Any:
