@@ -49,7 +49,7 @@ class Skilled:
     @property
     def near(self) -> bool:
         """Whether it is as good as the paper's, up to 8 points; C always is."""
-        return self.wanted is None or abs(self.success.value - self.wanted) <= NEAR
+        return self.wanted is None or round(abs(self.success.value - self.wanted), 9) <= NEAR
 
 
 def screen(
