@@ -1,11 +1,14 @@
 """Scripts as a user runs them, and the processes that they start."""
 
+import importlib
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 from view_data import eventually
+
+from ibe_rl.command_line import run_script
 
 ROOT = Path(__file__).parent.parent
 SMALL = [
@@ -20,6 +23,16 @@ SMALL = [
     "agent.hidden=[16]",
     "log.capacity_frames=10000",
 ]
+
+
+def call(script: str, *arguments: str) -> None:
+    """Run a script in this process, the way its ``__main__`` does."""
+    before = sys.argv
+    sys.argv = [f"{script}.py", *arguments]
+    try:
+        run_script(importlib.import_module(script).main, ROOT / "configs", script)
+    finally:
+        sys.argv = before
 
 
 def children(pid: int) -> list[int]:

@@ -18,13 +18,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from processes import ROOT, SMALL, assert_whole, start
+from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
 from view_data import column, frames, read
 
-import explain
 import train
-from ibe_rl.command_line import load_config, run_script
+from ibe_rl.command_line import load_config
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import DOES_NOT_KNOW
 from ibe_rl.development import FIGURES, PROBE_WINDOWS
@@ -42,16 +41,6 @@ SUMMARY_KEYS = {
 
 
 TWO_SPANS = ["mapping.spans_steps=[10]"]
-
-
-def call(script: str, *arguments: str) -> None:
-    """Run a script in this process, the way its ``__main__`` does."""
-    before = sys.argv
-    sys.argv = [f"{script}.py", *arguments]
-    try:
-        run_script({"train": train.main, "explain": explain.main}[script], ROOT / "configs", script)
-    finally:
-        sys.argv = before
 
 
 def rows(folder: Path) -> list[dict[str, str]]:

@@ -24,7 +24,7 @@ from ibe_rl.evaluation.report import make_folders
 from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, cut_windows, phrase
 from ibe_rl.metrics.effect import corrected
-from ibe_rl.metrics.observer import calibrate_observer
+from ibe_rl.metrics.observer import Observer, calibrate_observer
 from ibe_rl.paper import moves, words
 from ibe_rl.paper.agents import Skilled
 from ibe_rl.paper.answers import headlines
@@ -158,6 +158,7 @@ def foretell(
 ) -> dict[str, Told]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
     config, env = lab.config, lab.run.config.env
+    observer = typical(lab, agent, checked)
     make_one = partial(make_gym, env.id, {**env.kwargs, **lab.task.hidden_goal})
     vocabularies = {name: taught[name] for name in (PAPER, OURS)}
     ours = lab.mappings[OURS]
@@ -165,8 +166,6 @@ def foretell(
     with waiting("vocabularies of shuffled instructions", config.shuffles) as step:
         lessons = (best, agent.episodes, ours, lab.task, config.seed, lab.horizon_steps)
         shuffled = fit_shuffled(*lessons, config.shuffles, step)
-    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained]
-    observer = calibrate_observer(change.astype(float), lab.task.explained_band)
     with waiting(f"agent {agent.name} flies where the goal is hidden", config.prediction_episodes) as step:
         seeds, count = lab.seeds("foretold", 10_000), config.prediction_episodes
         shown = pick(
@@ -195,6 +194,22 @@ def foretell(
             )
             told[cut] = Told(shown, cut, listened, vocabularies, lab.task, lab.horizon_steps)
     return told
+
+
+def typical(lab: Lab, agent: Skilled, checked: Sequence[Episode]) -> Observer:
+    """An observer that knows how far the agent typically goes.
+
+    Raises:
+        ConfigError: if it never goes anywhere.
+    """
+    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained]
+    observer = calibrate_observer(change.astype(float), lab.task.explained_band)
+    if np.isnan(observer.typical):
+        raise ConfigError(
+            f"run={lab.run.folder}: agent {agent.name} never goes to a side within {lab.horizon_steps} steps; "
+            "allowed is a run that does, or one with a longer mapping.horizon_steps"
+        )
+    return observer
 
 
 def prediction(agent: Skilled, told: dict[str, Told], config: FiguresConfig) -> dict[str, Any]:
