@@ -17,7 +17,7 @@ from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.paper import charts, strips
 from ibe_rl.paper.answers import CUT_NAMES, answers, headlines, table
 from ibe_rl.paper.charts import NAMES
-from ibe_rl.paper.foretelling import CONTACT, END
+from ibe_rl.paper.foretelling import CONTACT, END, NOTHING
 from ibe_rl.paper.look import LABELS, VARIANTS
 from ibe_rl.paper.strips import Told
 from ibe_rl.paper.words import OURS, PAPER
@@ -84,17 +84,32 @@ def pictures(found: dict[str, Any], told: dict[str, dict[str, Told]]) -> dict[st
 
 
 def _strips(found: dict[str, Any], name: str, told: Told) -> list[Picture]:
-    """For both vocabularies the episodes in which the explanation helps and misleads most; then all episodes."""
+    """The episodes in which an explanation helps and misleads most, for both vocabularies; then all episodes."""
     [agent] = [each for each in found["prediction"] if each["agent"] == name]
-    telling, cut = agent["cuts"][told.cut]["most_telling"], CUT_NAMES[told.cut]
+    cut = CUT_NAMES[told.cut]
     drawn = []
-    for vocabulary in (PAPER, OURS):
-        for kind, row in zip(("helps", "misleads"), telling[vocabulary], strict=True):
-            title = f"Agent {name}, {cut}, episode {row + 1}: here {NAMES[vocabulary]} {kind} most"
-            draw = partial(strips.strip, told, row, title)
-            drawn.append(Picture(f"strip_{name}_{told.cut}_{vocabulary}_{kind}.png", f"{title}.", draw))
+    for row, told_of_it in _most_telling(agent["cuts"][told.cut]).items():
+        title = f"Agent {name}, {cut}, episode {row + 1}: here {' and '.join(told_of_it)}"
+        drawn.append(Picture(strip_file(name, told.cut, row), f"{title}.", partial(strips.strip, told, row, title)))
     title = f"Agent {name}, {cut}: all {len(told.shown)} episodes"
     return [*drawn, Picture(f"gallery_{name}_{told.cut}.png", f"{title}.", partial(strips.gallery, told, title))]
+
+
+def strip_file(agent: str, cut: str, row: int) -> str:
+    """The name of the file of one episode."""
+    return f"strip_{agent}_{cut}_{row + 1:02d}.png"
+
+
+def _most_telling(judged: dict[str, Any]) -> dict[int, list[str]]:
+    """Episodes to what they are the extreme of."""
+    found: dict[int, list[str]] = {}
+    for vocabulary in (OURS, PAPER):
+        best, worst = judged["most_telling"][vocabulary]
+        for row, much, little in ((best, "helps most", "misleads least"), (worst, "helps least", "misleads most")):
+            errors = judged["episodes"][row]["errors"]
+            helps = errors[vocabulary] < errors[NOTHING]
+            found.setdefault(row, []).append(f"{NAMES[vocabulary]} {much if helps else little}")
+    return found
 
 
 def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, Told]]) -> tuple[list[Path], Path]:
@@ -110,7 +125,8 @@ def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, 
     """
     sections = pictures(found, told)
     every = [picture for section in sections.values() for picture in section]
-    first = f"strip_{found['prediction'][0]['agent']}_{CONTACT}_{OURS}_helps.png"
+    agent = found["prediction"][0]
+    first = strip_file(agent["agent"], CONTACT, agent["cuts"][CONTACT]["most_telling"][OURS][0])
     with waiting("figures", len(every)) as step:
         files = []
         for picture in every:
