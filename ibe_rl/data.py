@@ -209,12 +209,10 @@ class Task:
         max_episode_steps: where the environment cuts an episode off.
         explained_range: how far that dimension reaches; errors in it are told in percent of this.
         motion: states ``(..., S)`` to the change ``(...)`` of the explained dimension in one step, if the present
-            motion simply goes on; or None. Only used to judge explanations, as the next two.
-        goal_offset: states ``(..., S)`` to how far ``(...)`` the goal lies above the explained dimension, signed; or
-            None.
-        first_contact: states ``(T + 1, S)`` of an episode to the step at which the outcome is known to the eye, such
-            as touching the ground; the last one if that never happens; or None.
-        hidden_goal: arguments of the environment with which nobody who looks on can see where the goal is.
+            motion simply goes on. This and the next three, each may be None, only serve to judge explanations.
+        goal_offset: states ``(..., S)`` to how far ``(...)`` the goal lies above the explained dimension, signed.
+        first_contact: states ``(T + 1, S)`` of an episode to the step at which the outcome is known to the eye.
+        hidden_goal: arguments of the environment with which nobody can see where the goal is; or empty.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
     """

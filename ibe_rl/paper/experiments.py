@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
 from rich.console import Console
 
 from ibe_rl.config import ExplainConfig, FiguresConfig
-from ibe_rl.data import Array, ConfigError, Episode
+from ibe_rl.data import Array, ConfigError, Episode, Mapping
 from ibe_rl.env.make import make_gym
 from ibe_rl.evaluation import load_run, tables
 from ibe_rl.evaluation.flights import PROCESSES
@@ -28,7 +29,7 @@ from ibe_rl.metrics.observer import Observer, calibrate_observer
 from ibe_rl.paper import moves, words
 from ibe_rl.paper.agents import Skilled
 from ibe_rl.paper.answers import headlines
-from ibe_rl.paper.foretelling import CONTACT, END, judged, listen, most_telling, pick
+from ibe_rl.paper.foretelling import CONTACT, END, Shown, judged, listen, most_telling, pick
 from ibe_rl.paper.lab import Lab, find_agents, protocol
 from ibe_rl.paper.page import write_report
 from ibe_rl.paper.strips import Told
@@ -37,6 +38,8 @@ from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
 
 BINS = 41
+TRIES = 10
+"""How many episodes are flown at most for each that observers foretell."""
 
 
 def reproduce(cfg: ExplainConfig) -> None:
@@ -49,28 +52,7 @@ def reproduce(cfg: ExplainConfig) -> None:
     lab = Lab(load_run(find_run(cfg.run, Path("runs"))), cfg)
     make_folders(lab.run.folder)
     say = Console(highlight=False, soft_wrap=True).print
-    agents, screened = find_agents(lab)
-    say(", ".join(f"{one.name}: {100 * one.success.value:.1f} % after {one.frame:,} frames" for one in agents))
-    found: dict[str, Any] = {
-        "protocol": protocol(lab),
-        "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
-        "change_label": f"change of {lab.task.state_names[lab.task.explained]} "
-        f"({lab.task.state_units[lab.task.explained]})",
-        "screened": screened,
-        "agents": [agent_json(one) for one in agents],
-        "preliminary": [preliminary(lab, one) for one in agents],
-    }
-    found |= {"expressions": [], "straight": [], "prediction": []}
-    told: dict[str, dict[str, Told]] = {}
-    for agent in agents[1:]:
-        say(f"agent {agent.name}: vocabularies, and {lab.config.prediction_episodes} episodes to be foretold")
-        taught = teach(lab, agent)
-        found["expressions"].append(expressions(lab, agent, taught[0]))
-        checked = lab.fly(agent.policy, lab.seeds("checked", lab.config.checked_episodes))
-        found["straight"].append(straight(lab, agent, taught, checked))
-        told[agent.name] = foretell(lab, agent, taught[0], checked)
-        found["prediction"].append(prediction(agent, told[agent.name], lab.config))
-    correct(found["prediction"])
+    found, told = experiment(lab, say)
     write_json(lab.run.folder / EVALUATION / "paper.json", found)
     say("drawing")
     pictures, page = write_report(lab.run.folder / FIGURES, found, told)
@@ -80,6 +62,32 @@ def reproduce(cfg: ExplainConfig) -> None:
     console.print(f"numbers: {lab.run.folder / EVALUATION}/paper.json", soft_wrap=True)
     console.print(f"figures: {len(pictures)} PNG files in {page.parent}", soft_wrap=True)
     console.print(f"report:  {page}", soft_wrap=True)
+
+
+def experiment(lab: Lab, say: Callable[[str], None]) -> tuple[dict[str, Any], dict[str, dict[str, Told]]]:
+    """Do them all; returns what paper.json holds, and the episodes of the prediction task by agent and cut."""
+    agents, screened = find_agents(lab)
+    say(", ".join(f"{one.name}: {100 * one.success.value:.1f} % after {one.frame:,} frames" for one in agents))
+    name, unit = lab.task.state_names[lab.task.explained], lab.task.state_units[lab.task.explained]
+    found: dict[str, Any] = {
+        "protocol": protocol(lab),
+        "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
+        "change_label": f"change of {name} ({unit})",
+        "screened": screened,
+        "agents": [agent_json(one) for one in agents],
+        "preliminary": [preliminary(lab, one) for one in agents],
+        **{part: [] for part in ("expressions", "straight", "prediction")},
+    }
+    told = {}
+    for agent in agents[1:]:
+        say(f"agent {agent.name}: vocabularies, and {lab.config.prediction_episodes} episodes to be foretold")
+        taught, checked = teach(lab, agent), lab.fly(agent.policy, lab.seeds("checked", lab.config.checked_episodes))
+        told[agent.name] = foretell(lab, agent, taught[0], checked)
+        found["expressions"].append(expressions(lab, agent, taught[0]))
+        found["straight"].append(straight(lab, agent, taught, checked))
+        found["prediction"].append(prediction(agent, told[agent.name], lab.config))
+    correct(found["prediction"])
+    return found, told
 
 
 def agent_json(agent: Skilled) -> dict[str, Any]:
@@ -157,43 +165,55 @@ def foretell(
     lab: Lab, agent: Skilled, taught: dict[str, ClusterMapping], checked: Sequence[Episode]
 ) -> dict[str, Told]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
-    config, env = lab.config, lab.run.config.env
-    observer = typical(lab, agent, checked)
+    env, predictor_config = lab.run.config.env, lab.cfg.predictor
     make_one = partial(make_gym, env.id, {**env.kwargs, **lab.task.hidden_goal})
     vocabularies = {name: taught[name] for name in (PAPER, OURS)}
-    ours = lab.mappings[OURS]
+    told_by = vocabularies, learn_shuffled(lab, agent), typical(lab, agent, checked)
+    shown = hidden_flights(lab, agent, make_one())
+    workers = replace(predictor_config, processes=predictor_config.processes or PROCESSES)
+    horizon_steps, told = lab.horizon_steps, {}
+    with closing(make_simulator(workers, make_one, lab.task.rule, lab.config.seed)) as predictor:
+        for cut in (END, CONTACT):
+            about = shown, cut, agent.policy, predictor
+            listened = listen(*about, *told_by, lab.task, horizon_steps, predictor_config.futures)
+            told[cut] = Told(shown, cut, listened, vocabularies, lab.task, horizon_steps)
+    return told
+
+
+def learn_shuffled(lab: Lab, agent: Skilled) -> list[Mapping]:
+    """Vocabularies that cannot be right.
+
+    Raises:
+        ConfigError: if none can be learnt.
+    """
+    ours, config = lab.mappings[OURS], lab.config
     best = words.best_of(agent.episodes, ours)
     with waiting("vocabularies of shuffled instructions", config.shuffles) as step:
-        lessons = (best, agent.episodes, ours, lab.task, config.seed, lab.horizon_steps)
-        shuffled = fit_shuffled(*lessons, config.shuffles, step)
-    with waiting(f"agent {agent.name} flies where the goal is hidden", config.prediction_episodes) as step:
-        seeds, count = lab.seeds("foretold", 10_000), config.prediction_episodes
-        shown = pick(
-            make_one(), lab.task, agent.policy, lab.instructor, seeds[: 20 * count], count, lab.horizon_steps, step
+        settings = ours, lab.task, config.seed, lab.horizon_steps, config.shuffles
+        found = fit_shuffled(best, agent.episodes, *settings, step)
+    if not found:
+        raise ConfigError(
+            f"figures.shuffles={config.shuffles}: none of them taught a vocabulary; allowed are more figures.episodes"
         )
+    return found
+
+
+def hidden_flights(lab: Lab, agent: Skilled, env: gymnasium.Env[Any, Any]) -> list[Shown]:
+    """Episodes in which the goal cannot be seen.
+
+    Raises:
+        ConfigError: if the agent hardly ever comes down.
+    """
+    count, steps = lab.config.prediction_episodes, lab.horizon_steps
+    with waiting(f"agent {agent.name} flies where the goal is hidden", count) as step:
+        seeds = lab.seeds("foretold", TRIES * count)
+        shown = pick(env, lab.task, agent.policy, lab.instructor, seeds, count, steps, step)
     if len(shown) < 2:
         raise ConfigError(
-            f"run={lab.run.folder}: agent {agent.name} hardly ever comes down after at least "
-            f"{SEEN_STEPS + lab.horizon_steps} steps; allowed is a run that learnt more"
+            f"run={lab.run.folder}: agent {agent.name} hardly ever comes down after at least {SEEN_STEPS + steps} "
+            "steps; allowed is a run that learnt more"
         )
-    predictor_config = replace(lab.cfg.predictor, processes=lab.cfg.predictor.processes or PROCESSES)
-    told = {}
-    with closing(make_simulator(predictor_config, make_one, lab.task.rule, config.seed)) as predictor:
-        for cut in (END, CONTACT):
-            listened = listen(
-                shown,
-                cut,
-                agent.policy,
-                predictor,
-                vocabularies,
-                shuffled,
-                observer,
-                lab.task,
-                lab.horizon_steps,
-                lab.cfg.predictor.futures,
-            )
-            told[cut] = Told(shown, cut, listened, vocabularies, lab.task, lab.horizon_steps)
-    return told
+    return shown
 
 
 def typical(lab: Lab, agent: Skilled, checked: Sequence[Episode]) -> Observer:

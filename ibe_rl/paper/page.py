@@ -132,6 +132,8 @@ def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, 
         for picture in every:
             files.append(save(picture.draw(), folder / picture.file))
             step()
+    for old in {*folder.glob("strip_*.png")} - {*files}:  # of a report before, with other episodes
+        old.unlink()
     encoded = {path.name: base64.b64encode(path.read_bytes()).decode() for path in files}
     page = _template().render(
         found=found,
