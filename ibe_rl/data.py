@@ -211,7 +211,7 @@ class Task:
         motion: states ``(..., S)`` to the change ``(...)`` of the explained dimension in one step, if the present
             motion simply goes on. This and the next three, each may be None, only serve to judge explanations.
         goal_offset: states ``(..., S)`` to how far ``(...)`` the goal lies above the explained dimension, signed.
-        first_contact: states ``(T + 1, S)`` of an episode to the step at which the outcome is known to the eye.
+        first_contact: states ``(T + 1, S)`` of an episode to the step at which the eye knows the outcome, or the last.
         hidden_goal: arguments of the environment with which nobody can see where the goal is; or empty.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
