@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from ibe_rl.checkpoint import LATEST, load, policies, save_latest, save_policy
+from ibe_rl.checkpoint import BETWEEN, EVALUATED, LATEST, load, policies, save_latest, save_policy
 from ibe_rl.data import ConfigError
 
 STATE = {"weight": torch.arange(6.0).reshape(2, 3), "n_averaged": torch.tensor(3)}
@@ -36,6 +36,14 @@ def test_policies_are_kept_side_by_side_in_rising_order(tmp_path: Path):
     (tmp_path / "policy_5.pt.partial").touch()
     assert list(policies(tmp_path).items()) == sorted(paths.items())
     assert policies(tmp_path / "none") == {}
+
+
+def test_policies_kept_between_evaluations_are_only_seen_by_who_asks_for_them(tmp_path: Path):
+    evaluated = {frames: save_policy(tmp_path, frames, STATE) for frames in (3_000, 1_000)}
+    between = {frames: save_policy(tmp_path, frames, STATE, BETWEEN) for frames in (20_000, 2_000)}
+    assert policies(tmp_path) == policies(tmp_path, EVALUATED) == evaluated
+    assert list(policies(tmp_path, BETWEEN).items()) == sorted(between.items())
+    assert list(policies(tmp_path, EVALUATED, BETWEEN).items()) == sorted((evaluated | between).items())
 
 
 def test_the_full_state_replaces_the_one_before(tmp_path: Path):

@@ -74,7 +74,7 @@ def table(found: dict[str, Any]) -> list[tuple[str, str, str]]:
 def _agents(found: dict[str, Any]) -> str:
     told = [f"{one['name']} after {one['frame']:,} frames: {_success(one)}" for one in found["agents"]]
     far = [one["name"] for one in found["agents"] if not one["near"]]
-    note = f" Not within 8 points of the paper's: {' and '.join(far)}; this run kept no policy that is." if far else ""
+    note = f" Not within 8 points of the paper's: {' and '.join(far)}; the search found none nearer." if far else ""
     return f"Agents of this run: {'; '.join(told)}.{note}"
 
 

@@ -13,7 +13,7 @@ from lift import heights, words
 
 from ibe_rl.data import ConfigError
 from ibe_rl.evaluation import refit as module
-from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.refit import Refits, fit_shuffled
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
 
@@ -67,6 +67,36 @@ def test_a_shuffle_that_teaches_nothing_is_drawn_again_but_not_for_ever(run: Run
     with pytest.raises(ConfigError, match=r"^evaluate\.shuffles=2: hardly any of them taught a vocabulary; allowed is"):
         refits.shuffled(config(), 5, 2, lambda: None)
     assert len(drawn) == 4
+
+
+def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    log, taught, steps = TrajectoryLog(tmp_path, 2_000, TASK.contexts), [], []
+    for _ in range(20):
+        obey(log)
+    episodes, real = log.read(range(60)), module.fit_mapping
+
+    def heard(best: Any, *more: Any, **others: Any) -> Any:
+        taught.append(best)
+        return real(best, *more, **others)
+
+    monkeypatch.setattr(module, "fit_mapping", heard)
+    several = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3, lambda: steps.append(1))
+    assert len(several) == len(steps) == 3
+    told = [[float(episode.instructions[0, 0]) for episode in episodes] for episodes in (episodes, *taught)]
+    assert all(sorted(each) == sorted(told[0]) for each in told)
+    assert len({tuple(each) for each in told}) == len(told)
+    for shuffled in taught:
+        for one, other in zip(shuffled, episodes, strict=True):
+            np.testing.assert_array_equal(one.states, other.states)
+    again = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3)
+    assert [mapping.to_dict() for mapping in again] == [mapping.to_dict() for mapping in several]  # type: ignore[attr-defined]
+
+
+def test_episodes_that_teach_nothing_give_fewer_vocabularies_of_shuffled_ones(tmp_path: Path):
+    log, steps = TrajectoryLog(tmp_path, 2_000, TASK.contexts), []
+    obey(log)
+    episodes = log.read(range(3))
+    assert fit_shuffled(episodes, episodes, config(), TASK, 0, 50, 2, lambda: steps.append(1)) == steps == []
 
 
 def test_all_that_is_held_against_a_vocabulary(run: Run):
