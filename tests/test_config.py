@@ -52,7 +52,7 @@ def test_every_root_composes(root: str):
     assert isinstance(composed(root), {"train": TrainConfig, "explain": ExplainConfig}[root])
 
 
-@pytest.mark.parametrize(("group", "name"), CHOICES)
+@pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] != "experiment"])
 def test_every_choice_composes(group: str, name: str):
     chosen = getattr(composed("train", f"{group}={name}"), group)
     told = getattr(chosen, "kind", getattr(chosen, "mode", None))
@@ -60,6 +60,19 @@ def test_every_choice_composes(group: str, name: str):
         assert told in (name, None)
     if group in ("predictor", "viewer"):
         assert getattr(composed("explain", f"{group}={name}"), group) == chosen
+
+
+@pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "experiment"])
+def test_every_experiment_composes_and_what_is_said_beside_it_wins(name: str):
+    assert composed("train") != composed("train", f"experiment={name}")
+    for agent in ("dqn", "ppo"):
+        assert composed("train", f"experiment={name}", f"agent={agent}").agent.kind == agent
+
+
+def test_the_papers_experiment_trains_its_kind_of_agent_and_reports():
+    cfg = composed("train", "experiment=paper")
+    assert (cfg.agent.kind, cfg.report) == ("dqn", True)
+    assert not composed("train").report
 
 
 def test_every_kind_has_a_file():
