@@ -28,20 +28,21 @@ def agents(found: dict[str, Any]) -> Figure:
     frames = np.array([each["frame"] for each in tried]) / 1000
     sizes = [8 + each["episodes"] / 4 for each in tried]
     axis.scatter(frames, [100 * each["success"] for each in tried], s=sizes, color=OTHERS, label="tried out, to choose")
-    for each, marker in zip(found["agents"], "osD", strict=True):
+    beside = ((-20, 5), (-5, 12), (11, 5))  # apart from each other, should it be one policy
+    for each, marker, offset in zip(found["agents"], "osD", beside, strict=True):
         told, frame = each["success"], each["frame"] / 1000
         axis.vlines(frame, 100 * told["low"], 100 * told["high"], color=GREEN, linewidth=2)
         label = f"{each['name']}, flown again: {100 * told['value']:.1f} %"
         axis.plot([frame], [100 * told["value"]], marker, color=GREEN, markersize=9, label=label, markeredgecolor=INK)
         axis.annotate(
-            each["name"], (frame, 100 * told["value"]), (11, 5), textcoords="offset points", weight="bold", fontsize=12
+            each["name"], (frame, 100 * told["value"]), offset, textcoords="offset points", weight="bold", fontsize=12
         )
         if each["wanted"]:
             axis.axhline(100 * each["wanted"], color=YELLOW, linewidth=0.9, linestyle=":")
             text = f"the paper's agent {each['name']}: {100 * each['wanted']:.1f} %"
             axis.text(frames[0], 100 * each["wanted"] + 1.2, text, color=YELLOW, fontsize=8)
     axis.set(xlabel="training frames (thousand)", ylabel="greedy success (%)", ylim=(-3, 103))
-    axis.legend(loc="lower right")
+    figure.legend(loc="outside lower center", ncols=4)
     figure.suptitle("Agents A, B and C among the policies that the run kept (95 % intervals)")
     return figure
 
@@ -77,8 +78,8 @@ def _histogram(axis: Axes, told: dict[str, Any]) -> None:
             axis.axvline(told[name]["mean"], color=colour, linewidth=2, linestyle=line, label=f"mean, {KINDS[name]}")
     axis.axvline(0, color=FAINT, linewidth=0.8, linestyle=":")
     top = 1.25 * told["shown_to"]
-    axis.set_ylim(0, top)
-    if max(told["best"]["density"] + told["others"]["density"]) > top:
+    axis.set_ylim(0, top or None)
+    if 0 < top < max(told["best"]["density"] + told["others"]["density"]):
         axis.text(0.02, 0.97, "peak cut", transform=axis.transAxes, va="top", fontsize=8, color=FAINT)
 
 
