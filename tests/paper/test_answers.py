@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from ibe_rl.paper.answers import answers, table
+from ibe_rl.paper.answers import answers, headlines, table
 from ibe_rl.paper.foretelling import CONTACT, END, NOTHING, SHUFFLED, STAYS
 from ibe_rl.paper.words import MINMAX, OURS, PAPER, SIGNS
 
@@ -92,9 +92,14 @@ def found(**changes: Any) -> dict[str, Any]:
     } | changes
 
 
+def every(of: dict[str, Any]) -> list[str]:
+    """All answers, one section after the other."""
+    return [answer for section in answers(of).values() for answer in section]
+
+
 def said(beginning: str, **changes: Any) -> str:
     """The one sentence that begins so."""
-    [one] = [answer for answer in answers(found(**changes)) if answer.startswith(beginning)]
+    [one] = [answer for answer in every(found(**changes)) if answer.startswith(beginning)]
     return one
 
 
@@ -112,15 +117,25 @@ def with_rates(**changed: dict[str, Any]) -> list[dict[str, Any]]:
 def test_every_experiment_has_its_answers():
     starts = ["Agents", "Does it hold", *(f"Told “{words}”" for words in PHRASES.values()), "The clusters", "Small"]
     starts += ["Simulated", "Simulated"]
-    given = answers(found())
+    given = every(found())
     assert len(given) == len(starts)
     assert all(one.startswith(start) for one, start in zip(given, starts, strict=True))
+    assert answers(found()).keys() == {"agents", "preliminary", "words", "straight", "prediction"}
+
+
+def test_headlines_are_answers_and_of_the_papers_agent():
+    two = found()
+    two["prediction"].append({**two["prediction"][0], "agent": "C"})
+    heads = headlines(two)
+    assert set(heads) <= set(every(two))
+    assert [head.split()[0] for head in heads] == ["Agents", "Does", "The", "Small", "Simulated", "Simulated"]
+    assert not any("agent C" in head for head in heads)
 
 
 def test_agents_are_told_with_frames_success_and_interval():
     assert said("Agents") == (
-        "Agents of this run: A after 1,234,567 frames: 62.0% (60.0% to 64.0%, 200 fresh episodes); "
-        "B after 2,000,000 frames: 84.0% (82.0% to 86.0%, 200 fresh episodes)."
+        "Agents of this run: A after 1,234,567 frames: 62.0 % (60.0 to 64.0, 200 fresh episodes); "
+        "B after 2,000,000 frames: 84.0 % (82.0 to 86.0, 200 fresh episodes)."
     )
 
 
@@ -168,34 +183,34 @@ def test_how_clusters_lean():
 def test_small_movements_that_are_missed_and_why():
     """Straight or the wrong way: the paper's 60 % and 30 %, with signs 30 % and 10 %, ours 2 % each."""
     small = said("Small")
-    assert "the paper's vocabulary 60% and 30%" in small
-    assert "signs kept instead of min-max 30% and 10%" in small
-    assert "our split with mean instructions and min-max 11% and 13%" in small
-    assert "our default 2% and 2%" in small
-    assert "min-max causes 25%, the paper's split causes 18% to be missed" in small  # 45 - 20, 20 - 2 %
+    assert "the paper's vocabulary 60 and 30 %" in small
+    assert "signs kept instead of min-max 30 and 10 %" in small
+    assert "our split with mean instructions and min-max 11 and 13 %" in small
+    assert "our default 2 and 2 %" in small
+    assert "min-max causes 25 %, the paper's split causes 18 % to be missed" in small  # 45 - 20, 20 - 2 %
 
 
 @pytest.mark.parametrize(
     ("signs", "paper", "minmax"),
-    [(0.3, 0.31, "causes none"), (0.3, 0.29, "causes none"), (0.3, 0.2, "saves 10%"), (0.3, 0.4, "causes 10%")],
+    [(0.3, 0.31, "causes none"), (0.3, 0.29, "causes none"), (0.3, 0.2, "saves 10 %"), (0.3, 0.4, "causes 10 %")],
 )
 def test_a_cause_is_named_only_where_there_is_one(signs: float, paper: float, minmax: str):
     changed = {SIGNS: rates(signs, signs), PAPER: rates(paper, paper)}
     small = said("Small", straight=with_rates(**changed))
-    assert f"min-max {minmax}, the paper's split causes 28% to be missed" in small
+    assert f"min-max {minmax}, the paper's split causes 28 % to be missed" in small
 
 
 @pytest.mark.parametrize("unknown", [rates(None, 0.2), rates(0.2, None), rates(None, None)])
 @pytest.mark.parametrize("name", [PAPER, SIGNS, MINMAX, OURS])
 def test_an_unknown_rate_is_said_to_be_unknown(name: str, unknown: dict[str, Any]):
-    [small] = [one for one in answers(found(straight=with_rates(**{name: unknown}))) if "small movements" in one]
+    [small] = [one for one in every(found(straight=with_rates(**{name: unknown}))) if "small movements" in one]
     assert small == "Agent B: too few small movements to say when they are called straight."
 
 
 def test_the_table_says_where_nothing_moved():
-    assert row("Small movements to the left") == "the paper's vocabulary 50%; the default 2%"
+    assert row("Small movements to the left") == "the paper's vocabulary 50 %; the default 2 %"
     nowhere = with_rates(**{PAPER: rates(None, 0.1), OURS: rates(0.04, 0.1)})
-    assert row("Small", straight=nowhere) == "the paper's vocabulary never moved so; the default 4%"
+    assert row("Small", straight=nowhere) == "the paper's vocabulary never moved so; the default 4 %"
 
 
 def test_how_far_observers_are_off_at_each_cut():
@@ -229,7 +244,7 @@ def test_significant_is_a_corrected_p_below_five_in_a_hundred(p: float, sure: bo
 
 
 def test_the_table_tells_the_protocol_and_the_success():
-    assert row("Success of agent A") == "62.0% (60.0% to 64.0%, 200 fresh episodes)"
+    assert row("Success of agent A") == "62.0 % (60.0 to 64.0, 200 fresh episodes)"
     assert row("Kind of agent") == "DQN"
     assert row("Steps n, clusters k") == "45, 6"
     assert "no people" in row("Who foretells")
