@@ -131,7 +131,9 @@ def test_movements_are_called_what_the_nearest_cluster_is():
 def test_straight_is_what_the_words_call_so(said: float, straight: float):
     assert straight_below(TASK.phrases[0]) == 0.3
     assert straight_below(Phrases("", "", "", ((0.15, ""), (0.4, "")))) == 0.15
-    assert heard([2.0], on_a_line([0, 1], [said, said])).called[OURS].straight.tolist() == [straight]
+    called = heard([2.0], on_a_line([0, 1], [said, said])).called[OURS]
+    assert called.straight.tolist() == [straight]
+    assert called.wrong.tolist() == [said <= -0.3]  # what is straight is not the wrong way, whatever its sign
 
 
 def test_what_is_called_is_a_mean_over_the_clusterings():
