@@ -20,6 +20,7 @@ from processes import ROOT, SMALL, call
 from view_data import needed
 from viewers import BROWSER_FLAGS
 
+import train
 from ibe_rl.command_line import load_config
 from ibe_rl.config import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
 from ibe_rl.data import ConfigError, Episode
@@ -313,6 +314,22 @@ def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: Lab, agen
     still = Lab(replace(opened.run, task=replace(opened.task, explained_band=9.0)), opened.cfg)
     with pytest.raises(ConfigError, match=r"^run=.*: agent C never goes to a side within 20 steps; allowed is a run"):
         experiments.typical(still, agent, agent.episodes)
+
+
+def test_training_can_go_on_to_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[ExplainConfig] = []
+
+    def reproduce(settings: ExplainConfig) -> None:
+        assert (Path(str(settings.run)) / "summary.json").is_file()
+        asked.append(settings)
+
+    monkeypatch.setattr(train, "reproduce", reproduce)
+    call("train", *SMALL, f"run_dir={tmp_path / 'without'}", "viewer=off")
+    assert not asked
+    call("train", *SMALL, f"run_dir={tmp_path / 'run'}", "viewer=off", "report=true", "predictor.futures=2")
+    [settings] = asked
+    assert (settings.run, settings.task) == (str(tmp_path / "run"), "figures")
+    assert settings.predictor.futures == 2
 
 
 def test_a_browser_shows_the_page_without_a_network(run: Path) -> None:

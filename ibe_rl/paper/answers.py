@@ -179,10 +179,9 @@ def _foretold(agent: dict[str, Any], cut: str) -> str:
 
 def _versus(told: dict[str, Any], name: str) -> str:
     test = next(each for each in told["tests"] if (each["explainer"], each["minus"]) == (name, NOTHING))
-    sure = "significantly " if test["p_corrected"] < SURE else ""
     better = "better" if test["difference"]["value"] < 0 else "worse"
     count = test["better_episodes"] + test["worse_episodes"]
-    verdict = f"{sure}{better}" if sure else f"{better}, not significantly"
+    verdict = f"significantly {better}" if test["p_corrected"] < SURE else f"{better}, not significantly"
     return (
         f"{_name(name)} is {verdict} (better in {test['better_episodes']} of {count} episodes, "
         f"corrected p {test['p_corrected']:.3f})"

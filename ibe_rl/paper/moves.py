@@ -57,7 +57,7 @@ def moves_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fr
 def histogram(moves: Moves, told: float, bins: int) -> dict[str, Any]:
     """The densities of the changes after one instruction, best and other episodes over the same bins, for paper.json.
 
-    ``shown_to`` is the highest density beside the highest peak, so that one peak need not hide the rest.
+    ``shown_to`` is the third highest density, so that a peak over two bins need not hide the rest.
     """
     groups = {"best": moves.changes(told, best=True), "others": moves.changes(told, best=False)}
     limit = float(np.quantile(np.abs(moves.change), 0.995)) if len(moves.change) else 0.0
