@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,27 +14,17 @@ from shutil import which
 from typing import Any, NoReturn
 
 import pytest
+from few import FEW
 from matplotlib.image import imread
-from processes import ROOT, SMALL, call
+from processes import SMALL, call
 from view_data import needed
 from viewers import BROWSER_FLAGS
 
 import train
-from ibe_rl.command_line import load_config
-from ibe_rl.config import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
-from ibe_rl.data import ConfigError, Episode
-from ibe_rl.evaluation import load_run
+from ibe_rl.config import ExplainConfig
 from ibe_rl.paper import agents, experiments, lab
-from ibe_rl.paper.agents import Skilled
 from ibe_rl.paper.answers import answers, headlines, table
-from ibe_rl.paper.lab import Lab
-from ibe_rl.run_folder import CONFIG
 
-FEW = [
-    *("task=figures", "figures.episodes=20", "figures.checked_episodes=8", "figures.prediction_episodes=3"),
-    *("figures.clusterings=2", "figures.shuffles=2", "figures.resamples=20"),
-    *("predictor.processes=1", "predictor.futures=2"),
-]
 SECTIONS = {"protocol", "phrases", "change_label", "screened", "agents"}
 SECTIONS |= {"preliminary", "expressions", "straight", "prediction"}
 CHARTS = {"agents", "moves", "claim", "expressions", "straight", "observers", "episodes"}
@@ -59,18 +48,6 @@ def few_flights() -> Iterator[None]:
         patch.setattr(agents, "EPISODES", (4, 6, 8))
         patch.setattr(lab, "EPISODES", (4, 6, 8))
         yield
-
-
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small run with two policies that hardly learnt anything and two that can land: the demo's."""
-    folder = tmp_path_factory.mktemp("trained") / "run"
-    small = [setting for setting in SMALL if not setting.startswith("agent.hidden")]  # the demo's network
-    call("train", *small, f"run_dir={folder}", "viewer=off")
-    [skilled] = (ROOT / "demo" / "checkpoints").glob("policy_*.pt")
-    for name in ("between_000000004608.pt", "policy_000000009216.pt"):
-        shutil.copy(skilled, folder / "checkpoints" / name)
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -230,90 +207,6 @@ def test_another_seed_flies_other_episodes(
         assert seeds[1] < other["protocol"]["seeds"][purpose][0]
     for section in ("agents", "preliminary", "expressions", "straight", "prediction"):
         assert first[section] != other[section], section
-
-
-@pytest.mark.parametrize(
-    ("setting", "expected"),
-    [
-        ("figures.episodes=9", "at least 10 and at most 10000"),
-        ("figures.episodes=10001", "at least 10 and at most 10000"),
-        ("figures.checked_episodes=1", "at least 2"),
-        ("figures.prediction_episodes=1", "at least 2"),
-        ("figures.clusterings=0", "at least 1"),
-        ("figures.shuffles=0", "at least 1"),
-        ("figures.resamples=19", "at least 20"),
-        ("figures.seed=1000", "at least 0 and at most 999"),
-    ],
-)
-def test_settings_out_of_their_limits_are_refused(trained: Path, setting: str, expected: str) -> None:
-    with pytest.raises(SystemExit, match=f"^error: {setting}: allowed is .*{expected}[^\n]*$"):
-        call("explain", f"run={trained}", *FEW, setting)
-    assert not (trained / "figures").exists()
-
-
-@pytest.mark.parametrize(
-    ("lacks", "expected"),
-    [("policy_*.pt", "it has no policy yet"), ("0*.json", "it has no vocabulary from before its policy")],
-)
-def test_a_run_that_lacks_something_is_refused(trained: Path, lacks: str, expected: str, tmp_path: Path) -> None:
-    shutil.copytree(trained, tmp_path / "run", ignore=shutil.ignore_patterns(lacks))
-    with pytest.raises(SystemExit, match=f"^error: run=.*: {expected}[^\n]*$"):
-        call("explain", f"run={tmp_path / 'run'}", *FEW)
-    assert not (tmp_path / "run" / "figures").exists()
-
-
-def test_a_folder_that_cannot_be_written_is_refused(trained: Path, tmp_path: Path) -> None:
-    shutil.copytree(trained, tmp_path / "run")
-    (tmp_path / "run" / "figures").write_text("not a folder")
-    with pytest.raises(SystemExit, match=r"^error: run=.*: allowed is a folder that can be written to [^\n]*$"):
-        call("explain", f"run={tmp_path / 'run'}", *FEW)
-
-
-@pytest.fixture
-def opened(trained: Path) -> Lab:
-    """The run with its settings, as the script has them."""
-    settings = ExplainConfig(predictor=PredictorConfig(), viewer=ViewerConfig())
-    settings.figures.shuffles = settings.figures.clusterings = 1
-    made = Lab(load_run(trained), settings)
-    own = load_config(trained / CONFIG, TrainConfig).mapping
-    made.__dict__["mappings"] = {"paper": MappingConfig(kind="paper"), "default": own}  # which only the script reads
-    return made
-
-
-@pytest.fixture
-def agent(opened: Lab) -> Skilled:
-    return Skilled("C", None, 9216, opened.run.policy, opened.fly(opened.run.policy, range(4)))
-
-
-@pytest.mark.parametrize("lacks", ["motion", "first_contact", "scene_path"])
-def test_an_environment_that_does_not_declare_enough_is_refused(opened: Lab, lacks: str) -> None:
-    poorer = replace(opened.run, task=replace(opened.task, **{lacks: None}))
-    with pytest.raises(ConfigError, match=f"task=figures: .* does not declare {lacks}; allowed is one that does"):
-        Lab(poorer, opened.cfg)
-
-
-def test_episodes_that_teach_no_vocabulary_end_in_one_clear_error(opened: Lab, agent: Skilled) -> None:
-    long = agent.episodes[0]
-    short = Episode(
-        long.states[:3], long.actions[:2], long.rewards[:2], long.instructions[:2], long.given[:2], True, False, "left"
-    )
-    with pytest.raises(ConfigError, match=r"figures.episodes=200: agent C's teach no vocabulary .*allowed are more"):
-        experiments.teach(opened, replace(agent, episodes=[short]))
-
-
-def test_an_agent_that_never_comes_down_cannot_be_foretold(
-    opened: Lab, agent: Skilled, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    [taught] = experiments.teach(opened, agent)
-    monkeypatch.setattr(experiments, "pick", lambda *_: [])
-    with pytest.raises(ConfigError, match=r"^run=.*: agent C hardly ever comes down after at least 40 steps; allowed"):
-        experiments.foretell(opened, agent, taught, agent.episodes)
-
-
-def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: Lab, agent: Skilled) -> None:
-    still = Lab(replace(opened.run, task=replace(opened.task, explained_band=9.0)), opened.cfg)
-    with pytest.raises(ConfigError, match=r"^run=.*: agent C never goes to a side within 20 steps; allowed is a run"):
-        experiments.typical(still, agent, agent.episodes)
 
 
 def test_training_can_go_on_to_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
