@@ -12,6 +12,16 @@ SURE = 0.05
 """A corrected p below this is called significant."""
 SMALL_PART = 0.03
 """Of the small movements; what changes less of them is called nothing."""
+IN_PAPER = {"A": "63.3 %", "B": "83.3 %", "C": "none"}
+CLAIMED = {
+    -1.0: "“distributed to the left side more”, above all for A; seen, not tested",
+    0.0: "“follow the instruction more often”; seen, not tested",
+}
+TESTED = {
+    END: "of 20 episodes one significantly better, one significantly worse; the others not told",
+    CONTACT: "not done",
+}
+"""What the paper says."""
 MIXED = {
     PAPER: "the paper's vocabulary",
     SIGNS: "its split, signs kept instead of min-max",
@@ -41,34 +51,39 @@ def headlines(found: dict[str, Any]) -> list[str]:
 
 def table(found: dict[str, Any]) -> list[tuple[str, str, str]]:
     """What, in the paper, here."""
-    paper_success = {"A": "63.3 %", "B": "83.3 %", "C": "none"}
-    rows = [(f"Success of agent {one['name']}", paper_success[one["name"]], _success(one)) for one in found["agents"]]
     about = found["protocol"]
-    rows.append(("Kind of agent", "deep Q-learning (Mnih et al., 2015)", about["agent"].upper()))
-    rows.append(("Steps n, clusters k", "60, 8", f"{about['horizon_steps']}, {about['n_clusters']}"))
-    in_paper = {
-        -1.0: "“distributed to the left side more”, above all for A; seen, not tested",
-        0.0: "“follow the instruction more often”; seen, not tested",
-        1.0: "not shown",
-    }
-    for value, words in found["phrases"].items():
-        here = "; ".join(_superiority(agent, value) for agent in found["preliminary"])
-        rows.append(
-            (f"Told “{words}”: do the best episodes follow more?", in_paper.get(float(value), "not shown"), here)
-        )
-    for told in found["expressions"]:
-        here = "; ".join(f"{_name(name)} {_lean(one)}" for name, one in told["vocabularies"].items())
-        rows.append((f"Do the clusters lean to a side? (agent {told['agent']})", "“skewed to the right”", here))
-    for told in found["straight"]:
-        here = "; ".join(f"{_name(name)} {_percent(told['rates'][name]['straight_left'])}" for name in (PAPER, OURS))
-        rows.append((f"Small movements to the left called straight (agent {told['agent']})", "one episode, seen", here))
-    rows.append(("Who foretells", "nine students, five of them with explanations", "simulated observers, no people"))
-    for agent in found["prediction"]:
-        rows += [
-            (f"Does the explanation help? (agent {agent['agent']}, {CUT_NAMES[cut]})", _tested(cut), _here(agent, cut))
-            for cut in CUT_NAMES
-        ]
-    return rows
+    return [
+        *((f"Success of agent {one['name']}", IN_PAPER[one["name"]], _success(one)) for one in found["agents"]),
+        ("Kind of agent", "deep Q-learning (Mnih et al., 2015)", about["agent"].upper()),
+        ("Steps n, clusters k", "60, 8", f"{about['horizon_steps']}, {about['n_clusters']}"),
+        *(_claim_row(found, value) for value in found["phrases"]),
+        *(_words_row(told) for told in found["expressions"]),
+        *(_small_row(told) for told in found["straight"]),
+        ("Who foretells", "nine students, five of them with explanations", "simulated observers, no people"),
+        *(_foretold_row(agent, cut) for agent in found["prediction"] for cut in CUT_NAMES),
+    ]
+
+
+def _claim_row(found: dict[str, Any], value: str) -> tuple[str, str, str]:
+    here = "; ".join(_superiority(agent, value) for agent in found["preliminary"])
+    what = f"Told “{found['phrases'][value]}”: do the best episodes follow more?"
+    return what, CLAIMED.get(float(value), "not shown"), here
+
+
+def _words_row(told: dict[str, Any]) -> tuple[str, str, str]:
+    here = "; ".join(f"{_name(name)} {_lean(one)}" for name, one in told["vocabularies"].items())
+    return f"Do the clusters lean to a side? (agent {told['agent']})", "“skewed to the right”", here
+
+
+def _small_row(told: dict[str, Any]) -> tuple[str, str, str]:
+    here = "; ".join(f"{_name(name)} {_percent(told['rates'][name]['straight_left'])}" for name in (PAPER, OURS))
+    return f"Small movements to the left called straight (agent {told['agent']})", "one episode, seen", here
+
+
+def _foretold_row(agent: dict[str, Any], cut: str) -> tuple[str, str, str]:
+    told = agent["cuts"][cut]
+    what = f"Does the explanation help? (agent {agent['agent']}, {CUT_NAMES[cut]})"
+    return what, TESTED[cut], f"{_versus(told, PAPER)}; {_versus(told, OURS)}"
 
 
 def _agents(found: dict[str, Any]) -> str:
@@ -90,8 +105,8 @@ def _whole_claim(found: dict[str, Any]) -> str:
     stays = [value for value in found["phrases"] if not float(value)]
     same = f"among episodes with the same {found['protocol']['context']}"
     return (
-        "Does it hold here that high-score episodes follow the instruction more? Told to go to a side: "
-        f"{_count(found, ways, 'all')}; {same} {_count(found, ways, 'within')}. Told to go straight down: "
+        "That high-score episodes follow the instruction more holds here: told to go to a side, "
+        f"{_count(found, ways, 'all')}; {same} {_count(found, ways, 'within')}. Told to go straight down, "
         f"{_count(found, stays, 'all')}; {same} {_count(found, stays, 'within')}."
     )
 
@@ -99,7 +114,9 @@ def _whole_claim(found: dict[str, Any]) -> str:
 def _count(found: dict[str, Any], values: list[str], over: str) -> str:
     claims = [agent["told"][value]["claim"][over] for agent in found["preliminary"] for value in values]
     verdicts = [claim["holds"] for claim in claims if claim]
-    return f"yes in {verdicts.count('yes')} of {len(verdicts)} tests, the reverse in {verdicts.count('no')}"
+    yes, tests = verdicts.count("yes"), len(verdicts)
+    often = "never" if not yes else "always" if yes == tests else "mostly" if yes > tests / 2 else "sometimes"
+    return f"{often} ({yes} of {tests} tests, the reverse in {verdicts.count('no')})"
 
 
 def _claim(found: dict[str, Any], value: str) -> str:
@@ -186,17 +203,6 @@ def _versus(told: dict[str, Any], name: str) -> str:
         f"{_name(name)} is {verdict} (better in {test['better_episodes']} of {count} episodes, "
         f"corrected p {test['p_corrected']:.3f})"
     )
-
-
-def _tested(cut: str) -> str:
-    if cut == CONTACT:
-        return "not done"
-    return "of 20 episodes one significantly better, one significantly worse; the others not told"
-
-
-def _here(agent: dict[str, Any], cut: str) -> str:
-    told = agent["cuts"][cut]
-    return f"{_versus(told, PAPER)}; {_versus(told, OURS)}"
 
 
 def _name(name: str) -> str:

@@ -115,7 +115,7 @@ def with_rates(**changed: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def test_every_experiment_has_its_answers():
-    starts = ["Agents", "Does it hold", *(f"Told “{words}”" for words in PHRASES.values()), "The clusters", "Small"]
+    starts = ["Agents", "That high-score", *(f"Told “{words}”" for words in PHRASES.values()), "The clusters", "Small"]
     starts += ["Simulated", "Simulated"]
     given = every(found())
     assert len(given) == len(starts)
@@ -128,7 +128,7 @@ def test_headlines_are_answers_and_of_the_papers_agent():
     two["prediction"].append({**two["prediction"][0], "agent": "C"})
     heads = headlines(two)
     assert set(heads) <= set(every(two))
-    assert [head.split()[0] for head in heads] == ["Agents", "Does", "The", "Small", "Simulated", "Simulated"]
+    assert [head.split()[0] for head in heads] == ["Agents", "That", "The", "Small", "Simulated", "Simulated"]
     assert not any("agent C" in head for head in heads)
 
 
@@ -147,12 +147,18 @@ def test_who_is_not_near_is_named(far: str, names: str):
 
 def test_how_often_the_papers_claim_holds():
     """To a side: A yes and yes, B open and never told; within: A yes and open, of B nothing."""
-    assert said("Does it hold") == (
-        "Does it hold here that high-score episodes follow the instruction more? Told to go to a side: "
-        "yes in 2 of 3 tests, the reverse in 0; among episodes with the same floor yes in 1 of 2 tests, the reverse "
-        "in 0. Told to go straight down: yes in 0 of 2 tests, the reverse in 1; among episodes with the same floor "
-        "yes in 1 of 2 tests, the reverse in 1."
+    assert said("That high-score") == (
+        "That high-score episodes follow the instruction more holds here: told to go to a side, mostly (2 of 3 tests, "
+        "the reverse in 0); among episodes with the same floor sometimes (1 of 2 tests, the reverse in 0). Told to go "
+        "straight down, never (0 of 2 tests, the reverse in 1); among episodes with the same floor sometimes (1 of 2 "
+        "tests, the reverse in 1)."
     )
+
+
+def test_a_claim_that_always_holds():
+    yes = claimed("yes", 0.9)
+    both = [preliminary(name, left=(yes, yes), staying=(yes, yes), right=(yes, yes)) for name in "AB"]
+    assert said("That high-score", preliminary=both).count("always") == 4
 
 
 def test_the_claim_of_each_instruction():
@@ -167,7 +173,7 @@ def test_the_claim_of_each_instruction():
 
 def test_without_any_claim_nothing_is_claimed():
     nobody = [preliminary(name, left=(None, None), staying=(None, None), right=(None, None)) for name in "AB"]
-    assert said("Does it hold", preliminary=nobody).count("yes in 0 of 0 tests, the reverse in 0") == 4
+    assert said("That high-score", preliminary=nobody).count("never (0 of 0 tests, the reverse in 0)") == 4
     for words in PHRASES.values():
         both = "A: never told so in both groups; B: never told so in both groups."
         assert said(f"Told “{words}”", preliminary=nobody).endswith(both)
