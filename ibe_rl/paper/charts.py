@@ -162,7 +162,7 @@ def _signed(value: float) -> str:
 def straight(found: dict[str, Any]) -> Figure:
     """When small movements are called straight, and which half of the mapping makes it so."""
     told = found["straight"]
-    figure, rows = grid(len(told), 2, 11, 3.6 * len(told) + 0.7, width_ratios=[1.25, 1])
+    figure, rows = grid(len(told), 2, 11, 3.6 * len(told) + 1.0, width_ratios=[1.25, 1])
     for (left, right), agent in zip(rows, told, strict=True):
         for name in (PAPER, OURS):
             _rates(left, agent["by_movement"][name], name)
@@ -173,8 +173,9 @@ def straight(found: dict[str, Any]) -> Figure:
         _small(right, agent["rates"])
     rows[0][0].set_title("What really happened, and how often it is called straight")
     rows[0][1].set_title("Small movements not called what they are")
-    rows[0][0].legend(loc="upper left")
-    rows[0][1].legend(loc="lower right")
+    both = [axis.get_legend_handles_labels() for axis in rows[0]]
+    handles, labels = ([one for each in both for one in each[part]] for part in (0, 1))
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     figure.suptitle("The paper's failed episode: min-max or the split? (95 % intervals over episodes)")
     return figure
 

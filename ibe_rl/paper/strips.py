@@ -159,6 +159,7 @@ def _guesses(axis: Axes, told: Told, row: int, size: float = 8) -> None:
     step = LINE_APART * told.task.scene_size[1]
     for number, name in enumerate((*GUESSES, TRUE_FUTURE)):
         x, y = told.place(row, float(told.listened.expected[name][0, row]))
+        x = min(max(x, 0.0), told.task.scene_size[0])  # what lies outside is shown at the edge
         below = y - (1.6 + number) * step
         axis.plot([x, x], [below, y], color=SHADES[name], linewidth=1, linestyle=":")
         bigger = 1.5 if name == TRUE_FUTURE else 1.0
