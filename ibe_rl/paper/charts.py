@@ -173,9 +173,10 @@ def straight(found: dict[str, Any]) -> Figure:
         _small(right, agent["rates"])
     rows[0][0].set_title("What really happened, and how often it is called straight")
     rows[0][1].set_title("Small movements not called what they are")
-    both = [axis.get_legend_handles_labels() for axis in rows[0]]
-    handles, labels = ([one for each in both for one in each[part]] for part in (0, 1))
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    entries = {
+        label: handle for axis in rows[0] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=3)
     figure.suptitle("The paper's failed episode: min-max or the split? (95 % intervals over episodes)")
     return figure
 
