@@ -14,10 +14,11 @@ from ibe_rl.metrics.effect import share
 PAPER_SUCCESS = {"A": 19 / 30, "B": 25 / 30}
 """Of the paper's agents: 63.3 % and 83.3 %."""
 NEAR = 0.08
-COARSE, STAYING = 40, 4
-"""How many policies, evenly spaced, all fly; and how many stay in the race for each agent after each round."""
-EPISODES = (30, 80, 300)
-"""That a policy has flown after the first, the second and the last round."""
+COARSE = 40
+"""How many policies fly in the first round, evenly spaced."""
+EPISODES = (30, 80, 200, 500)
+STAYING = (4, 6, 3, 1)
+"""How many episodes a policy has flown after each round, and how many policies then stay in the race for an agent."""
 
 Fly = Callable[[Policy, Sequence[int]], list[Episode]]
 """Flies a whole greedy episode for each seed."""
@@ -57,8 +58,8 @@ def screen(
 ) -> tuple[dict[str, int], dict[int, list[bool]]]:
     """Find the policies whose success is nearest to that of the paper's agents.
 
-    Some evenly spaced ones fly a few episodes, the nearest of them and all around these some more, and the nearest of
-    those some more again.
+    Some evenly spaced ones fly a few episodes, the nearest of them and all around these some more, and so on with
+    fewer and fewer.
 
     Args:
         policies: training frames to policies, in rising order.
@@ -73,20 +74,22 @@ def screen(
     stride = -(-len(frames) // COARSE)
     tried: dict[int, list[bool]] = {frame: [] for frame in frames}
 
-    def race(entered: Sequence[int], episodes: int, wanted: float) -> list[int]:
-        for frame in entered:
-            more = seeds[len(tried[frame]) : episodes]
+    def race(entered: Sequence[int], number: int, wanted: float) -> list[int]:
+        for frame in sorted(entered):
+            more = seeds[len(tried[frame]) : EPISODES[number]]
             if more:
                 tried[frame] += [episode.success for episode in fly(policies[frame], more)]
                 step()
-        return sorted(entered, key=lambda frame: abs(float(np.mean(tried[frame])) - wanted))[:STAYING]
+        nearest = sorted(sorted(entered), key=lambda frame: abs(float(np.mean(tried[frame])) - wanted))
+        return nearest[: STAYING[number]]
 
     chosen = {}
     for name, wanted in PAPER_SUCCESS.items():
-        near = race(frames[::stride], EPISODES[0], wanted)
-        around = {near_by for frame in near for near_by in _around(frames, frame, stride - 1)}
-        finalists = race(sorted(around), EPISODES[1], wanted)
-        chosen[name] = race(sorted(finalists), EPISODES[2], wanted)[0]
+        near = race(frames[::stride], 0, wanted)
+        left = [*{near_by for frame in near for near_by in _around(frames, frame, stride - 1)}]
+        for number in range(1, len(EPISODES)):
+            left = race(left, number, wanted)
+        [chosen[name]] = left
     return chosen, {frame: flown for frame, flown in tried.items() if flown}
 
 
@@ -98,4 +101,4 @@ def _around(frames: Sequence[int], frame: int, reach: int) -> Sequence[int]:
 def most_flights(policies: int) -> int:
     """How often ``screen`` calls ``fly`` at most."""
     stride = -(-policies // COARSE)
-    return min(policies, COARSE) + len(PAPER_SUCCESS) * STAYING * 2 * stride
+    return min(policies, COARSE) + len(PAPER_SUCCESS) * (2 * stride * STAYING[0] + sum(STAYING[1:]))

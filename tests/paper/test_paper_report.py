@@ -45,8 +45,8 @@ def read(folder: Path) -> Any:
 def few_flights() -> Iterator[None]:
     """A policy flies a handful of episodes to be chosen, where it would be hundreds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(agents, "EPISODES", (4, 6, 8))
-        patch.setattr(lab, "EPISODES", (4, 6, 8))
+        patch.setattr(agents, "EPISODES", (4, 6, 8, 10))
+        patch.setattr(lab, "EPISODES", (4, 6, 8, 10))
         yield
 
 
