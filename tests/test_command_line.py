@@ -45,10 +45,10 @@ def test_a_run_of_a_sweep_is_named_after_what_differs(
 
 
 def test_a_sweep_in_a_config_file_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    (tmp_path / "experiment").mkdir()
+    (tmp_path / "sweep").mkdir()
     lines = ["# @package _global_", "hydra:", "  sweeper:", "    params:", "      seed: 4,5"]
-    (tmp_path / "experiment" / "mine.yaml").write_text("\n".join(lines))
-    given = ["-m", "--config-dir", str(tmp_path), "+experiment=mine", "agent=ppo,dqn", f"run_dir={tmp_path}"]
+    (tmp_path / "sweep" / "mine.yaml").write_text("\n".join(lines))
+    given = ["-m", "--config-dir", str(tmp_path), "+sweep=mine", "agent=ppo,dqn", f"run_dir={tmp_path}"]
     assert set(names(monkeypatch, *given)) == {f"seed={s}, agent={a}" for s in (4, 5) for a in ("ppo", "dqn")}
 
 

@@ -64,7 +64,8 @@ def screen(
     Args:
         policies: training frames to policies, in rising order.
         fly: flies them.
-        seeds: as many as the last round asks for, the same for all.
+        seeds: at least as many as the last round asks for. Each policy flies others, as far as there are enough: were
+            they the same for all and a little harder than most, then all would be found less skilled than they are.
         step: called after each flight.
 
     Returns:
@@ -76,7 +77,8 @@ def screen(
 
     def race(entered: Sequence[int], number: int, wanted: float) -> list[int]:
         for frame in sorted(entered):
-            more = seeds[len(tried[frame]) : EPISODES[number]]
+            first = frames.index(frame) * EPISODES[-1] % (len(seeds) - EPISODES[-1] + 1)
+            more = seeds[first + len(tried[frame]) : first + EPISODES[number]]
             if more:
                 tried[frame] += [episode.success for episode in fly(policies[frame], more)]
                 step()

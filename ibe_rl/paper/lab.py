@@ -14,12 +14,12 @@ from ibe_rl.command_line import choices
 from ibe_rl.config import ExplainConfig, FiguresConfig, MappingConfig
 from ibe_rl.data import ConfigError, Episode, Instructor, Policy, Task
 from ibe_rl.evaluation import TrainedRun
-from ibe_rl.evaluation.flights import seeds_for
+from ibe_rl.evaluation.flights import SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
 from ibe_rl.evaluation.runs import kept_policies
 from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.instruct import make_instructor
-from ibe_rl.paper.agents import EPISODES, PAPER_SUCCESS, Skilled, most_flights, screen
+from ibe_rl.paper.agents import PAPER_SUCCESS, Skilled, most_flights, screen
 from ibe_rl.paper.words import PAPER, variants
 from ibe_rl.play import play
 
@@ -89,7 +89,7 @@ def find_agents(lab: Lab) -> tuple[list[Skilled], list[dict[str, Any]]]:
     """The agents, flown again on fresh seeds; and how good all policies were that they were chosen from."""
     policies: dict[int, Policy] = dict(kept_policies(lab.run, EVALUATED, BETWEEN))
     with waiting(f"looking for A and B among {len(policies)} policies", most_flights(len(policies))) as step:
-        chosen, tried = screen(policies, lab.fly, lab.seeds("screened", EPISODES[-1]), step)
+        chosen, tried = screen(policies, lab.fly, lab.seeds("screened", SEEDS_EACH), step)
     chosen["C"] = lab.run.policy_frame
     agents, seeds = [], lab.seeds("flown", lab.config.episodes)
     with waiting("A, B and C fly again", len(chosen)) as step:
@@ -104,7 +104,7 @@ def find_agents(lab: Lab) -> tuple[list[Skilled], list[dict[str, Any]]]:
 def protocol(lab: Lab) -> dict[str, Any]:
     """What the numbers stand on."""
     config, run = lab.config, lab.run
-    counts = {"screened": EPISODES[-1], "flown": config.episodes, "checked": config.checked_episodes}
+    counts = {"screened": SEEDS_EACH, "flown": config.episodes, "checked": config.checked_episodes}
     return {
         "run": run.folder.name,
         "agent": run.config.agent.kind,

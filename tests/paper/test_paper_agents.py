@@ -92,6 +92,14 @@ def test_each_flies_the_first_seeds_once_and_not_more_than_the_last_round_asks_f
     assert all(len(tried[frame]) == EPISODES[-1] for frame in chosen.values())
 
 
+def test_where_there_are_enough_seeds_each_policy_flies_its_own():
+    policies, field, seeds = policies_of(curve(12, 0)), Airfield(), range(10_000)
+    screen(policies, field.fly, seeds)
+    flown = [field.seeds_of(policy) for policy in policies.values()]
+    assert len({seed for each in flown for seed in each}) == sum(len(each) for each in flown)
+    assert {seed for each in flown for seed in each} <= {*seeds}
+
+
 @pytest.mark.parametrize("count", [1, 3, 40, 41, 200])
 def test_there_are_no_more_flights_than_said(count: int):
     most = most_flights(count)

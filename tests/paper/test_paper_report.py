@@ -22,7 +22,7 @@ from viewers import BROWSER_FLAGS
 
 import train
 from ibe_rl.config import ExplainConfig
-from ibe_rl.paper import agents, experiments, lab
+from ibe_rl.paper import agents, experiments
 from ibe_rl.paper.answers import answers, headlines, table
 
 SECTIONS = {"protocol", "phrases", "change_label", "screened", "agents"}
@@ -46,7 +46,6 @@ def few_flights() -> Iterator[None]:
     """A policy flies a handful of episodes to be chosen, where it would be hundreds."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(agents, "EPISODES", (4, 6, 8, 10))
-        patch.setattr(lab, "EPISODES", (4, 6, 8, 10))
         yield
 
 
