@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +16,16 @@ PAPER_SUCCESS = {"A": 19 / 30, "B": 25 / 30}
 NEAR = 0.08
 COARSE = 40
 """How many policies fly in the first round, evenly spaced."""
-EPISODES = (30, 80, 200, 500)
-STAYING = (4, 6, 3, 1)
+EPISODES = (20, 60, 80, 200, 500)
+STAYING = (14, 3, 5, 3, 1)
 """How many episodes a policy has flown after each round, and how many policies then stay in the race for an agent."""
+WIDENED = 2
+"""Before this round all policies around those that are left join."""
 
 Fly = Callable[[Policy, Sequence[int]], list[Episode]]
 """Flies a whole greedy episode for each seed."""
+FlyAll = Callable[..., Iterable[list[Episode]]]
+"""Calls such a function for many policies and their seeds, as ``map`` does."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,11 @@ class Skilled:
 
 
 def screen(
-    policies: dict[int, Policy], fly: Fly, seeds: Sequence[int], step: Callable[[], None] = lambda: None
+    policies: dict[int, Policy],
+    fly: Fly,
+    seeds: Sequence[int],
+    step: Callable[[], None] = lambda: None,
+    fly_all: FlyAll = map,
 ) -> tuple[dict[str, int], dict[int, list[bool]]]:
     """Find the policies whose success is nearest to that of the paper's agents.
 
@@ -67,6 +75,7 @@ def screen(
         seeds: at least as many as the last round asks for. Each policy flies others, as far as there are enough: were
             they the same for all and a little harder than most, then all would be found less skilled than they are.
         step: called after each flight.
+        fly_all: calls ``fly`` for many policies and their seeds; it may use other processes.
 
     Returns:
         Names of agents to frames, the earliest of equals; and for each policy which of its episodes succeeded.
@@ -76,20 +85,24 @@ def screen(
     tried: dict[int, list[bool]] = {frame: [] for frame in frames}
 
     def race(entered: Sequence[int], number: int, wanted: float) -> list[int]:
-        for frame in sorted(entered):
-            first = frames.index(frame) * EPISODES[-1] % (len(seeds) - EPISODES[-1] + 1)
-            more = seeds[first + len(tried[frame]) : first + EPISODES[number]]
-            if more:
-                tried[frame] += [episode.success for episode in fly(policies[frame], more)]
-                step()
+        due = [frame for frame in sorted(entered) if len(tried[frame]) < EPISODES[number]]
+        firsts = [frames.index(frame) * EPISODES[-1] % (len(seeds) - EPISODES[-1] + 1) for frame in due]
+        more = [
+            seeds[first + len(tried[frame]) : first + EPISODES[number]]
+            for frame, first in zip(due, firsts, strict=True)
+        ]
+        for frame, flown in zip(due, fly_all(fly, [policies[frame] for frame in due], more), strict=True):
+            tried[frame] += [episode.success for episode in flown]
+            step()
         nearest = sorted(sorted(entered), key=lambda frame: abs(float(np.mean(tried[frame])) - wanted))
         return nearest[: STAYING[number]]
 
     chosen = {}
     for name, wanted in PAPER_SUCCESS.items():
-        near = race(frames[::stride], 0, wanted)
-        left = [*{near_by for frame in near for near_by in _around(frames, frame, stride - 1)}]
-        for number in range(1, len(EPISODES)):
+        left = frames[::stride]
+        for number in range(len(EPISODES)):
+            if number == WIDENED:
+                left = [*{near_by for frame in left for near_by in _around(frames, frame, stride - 1)}]
             left = race(left, number, wanted)
         [chosen[name]] = left
     return chosen, {frame: flown for frame, flown in tried.items() if flown}
@@ -103,4 +116,4 @@ def _around(frames: Sequence[int], frame: int, reach: int) -> Sequence[int]:
 def most_flights(policies: int) -> int:
     """How often ``screen`` calls ``fly`` at most."""
     stride = -(-policies // COARSE)
-    return min(policies, COARSE) + len(PAPER_SUCCESS) * (2 * stride * STAYING[0] + sum(STAYING[1:]))
+    return min(policies, COARSE) + len(PAPER_SUCCESS) * (2 * stride * STAYING[WIDENED - 1] + sum(STAYING))

@@ -2,29 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import multiprocessing
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import gymnasium
 import numpy as np
+import torch
+from threadpoolctl import threadpool_limits
 
 from ibe_rl.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.command_line import choices
-from ibe_rl.config import ExplainConfig, FiguresConfig, MappingConfig
+from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, MappingConfig
 from ibe_rl.data import ConfigError, Episode, Instructor, Policy, Task
+from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.evaluation import TrainedRun
-from ibe_rl.evaluation.flights import SEEDS_EACH, seeds_for
+from ibe_rl.evaluation.flights import PROCESSES, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
 from ibe_rl.evaluation.runs import kept_policies
 from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.instruct import make_instructor
-from ibe_rl.paper.agents import PAPER_SUCCESS, Skilled, most_flights, screen
+from ibe_rl.paper.agents import PAPER_SUCCESS, Fly, FlyAll, Skilled, most_flights, screen
 from ibe_rl.paper.words import PAPER, variants
 from ibe_rl.play import play
+from ibe_rl.signals import interrupts_stay_here, script_stays_here
 
 DEFAULT_MAPPING = "axis"
 """Held against the paper's where the run itself speaks in the paper's."""
+
+
+class Airfield:
+    """Environments to fly in, made when they are first needed; it can be sent to other processes.
+
+    Args:
+        env: which environments.
+        instructor: kind of the instructor.
+    """
+
+    def __init__(self, env: EnvConfig, instructor: str):
+        self._env, self._instructor = env, instructor
+        self._envs: list[gymnasium.Env[Any, Any]] = []
+
+    def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
+        """Fly a greedy episode for each seed."""
+        while len(self._envs) < min(AT_ONCE, len(seeds)):
+            self._envs.append(make_gym(self._env.id, self._env.kwargs))
+        return play(self._envs, policy, make_instructor(self._instructor, task_of(self._envs[0])), seeds)
+
+
+@contextmanager
+def flying_together(airfield: Airfield, processes: int) -> Iterator[tuple[Fly, FlyAll]]:
+    """What ``screen`` flies with, in this process or shared between others."""
+    if processes == 1:
+        yield airfield.fly, map
+        return
+
+    def fly_all(*each: Any) -> Iterator[list[Episode]]:
+        with interrupts_stay_here(), script_stays_here():
+            return workers.map(*each)
+
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, spawn, _keep, (airfield,)) as workers:
+        yield _fly, fly_all
+
+
+_kept: list[Airfield] = []
+"""The airfield of a process that flies for another one."""
+
+
+def _keep(airfield: Airfield) -> None:
+    threadpool_limits(1)
+    torch.set_num_threads(1)
+    _kept[:] = [airfield]
+
+
+def _fly(policy: Policy, seeds: Sequence[int]) -> list[Episode]:
+    return _kept[0].fly(policy, seeds)
 
 
 @dataclass(frozen=True)
@@ -68,8 +125,9 @@ class Lab:
         return variants(known["paper"], known[DEFAULT_MAPPING] if own.kind == "paper" else own)
 
     @cached_property
-    def _envs(self) -> list[Any]:
-        return [self.run.make_env() for _ in range(AT_ONCE)]
+    def airfield(self) -> Airfield:
+        """Where whole episodes are flown."""
+        return Airfield(self.run.config.env, self.run.config.instructor.kind)
 
     @property
     def instructor(self) -> Instructor:
@@ -82,14 +140,16 @@ class Lab:
 
     def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
         """Fly a greedy episode for each seed."""
-        return play(self._envs, policy, self.instructor, seeds)
+        return self.airfield.fly(policy, seeds)
 
 
 def find_agents(lab: Lab) -> tuple[list[Skilled], list[dict[str, Any]]]:
     """The agents, flown again on fresh seeds; and how good all policies were that they were chosen from."""
     policies: dict[int, Policy] = dict(kept_policies(lab.run, EVALUATED, BETWEEN))
-    with waiting(f"looking for A and B among {len(policies)} policies", most_flights(len(policies))) as step:
-        chosen, tried = screen(policies, lab.fly, lab.seeds("screened", SEEDS_EACH), step)
+    title, most = f"looking for A and B among {len(policies)} policies", most_flights(len(policies))
+    processes = lab.cfg.predictor.processes or PROCESSES
+    with waiting(title, most) as step, flying_together(lab.airfield, processes) as (fly, fly_all):
+        chosen, tried = screen(policies, fly, lab.seeds("screened", SEEDS_EACH), step, fly_all)
     chosen["C"] = lab.run.policy_frame
     agents, seeds = [], lab.seeds("flown", lab.config.episodes)
     with waiting("A, B and C fly again", len(chosen)) as step:
