@@ -80,32 +80,54 @@ def screen(
     Returns:
         Names of agents to frames, the earliest of equals; and for each policy which of its episodes succeeded.
     """
-    frames = list(policies)
-    stride = -(-len(frames) // COARSE)
-    tried: dict[int, list[bool]] = {frame: [] for frame in frames}
-
-    def race(entered: Sequence[int], number: int, wanted: float) -> list[int]:
-        due = [frame for frame in sorted(entered) if len(tried[frame]) < EPISODES[number]]
-        firsts = [frames.index(frame) * EPISODES[-1] % (len(seeds) - EPISODES[-1] + 1) for frame in due]
-        more = [
-            seeds[first + len(tried[frame]) : first + EPISODES[number]]
-            for frame, first in zip(due, firsts, strict=True)
-        ]
-        for frame, flown in zip(due, fly_all(fly, [policies[frame] for frame in due], more), strict=True):
-            tried[frame] += [episode.success for episode in flown]
-            step()
-        nearest = sorted(sorted(entered), key=lambda frame: abs(float(np.mean(tried[frame])) - wanted))
-        return nearest[: STAYING[number]]
-
-    chosen = {}
+    race = _Race(policies, fly, seeds, step, fly_all)
+    frames, stride, chosen = list(policies), _stride(len(policies)), {}
     for name, wanted in PAPER_SUCCESS.items():
         left = frames[::stride]
         for number in range(len(EPISODES)):
             if number == WIDENED:
                 left = [*{near_by for frame in left for near_by in _around(frames, frame, stride - 1)}]
-            left = race(left, number, wanted)
+            left = race.run(left, number, wanted)
         [chosen[name]] = left
-    return chosen, {frame: flown for frame, flown in tried.items() if flown}
+    return chosen, {frame: flown for frame, flown in race.tried.items() if flown}
+
+
+class _Race:
+    """What each policy has flown so far; the arguments are those of ``screen``."""
+
+    def __init__(
+        self,
+        policies: dict[int, Policy],
+        fly: Fly,
+        seeds: Sequence[int],
+        step: Callable[[], None],
+        fly_all: FlyAll,
+    ):
+        self._policies, self._fly, self._seeds, self._step, self._fly_all = policies, fly, seeds, step, fly_all
+        spare = len(seeds) - EPISODES[-1] + 1
+        self._first = {frame: place * EPISODES[-1] % spare for place, frame in enumerate(policies)}
+        self.tried: dict[int, list[bool]] = {frame: [] for frame in policies}
+
+    def run(self, entered: Sequence[int], number: int, wanted: float) -> list[int]:
+        """Let policies fly as much as they have to in a round; returns those that stay, the nearest first."""
+        due = [frame for frame in sorted(entered) if len(self.tried[frame]) < EPISODES[number]]
+        flights = self._fly_all(
+            self._fly, [self._policies[frame] for frame in due], [self._more(frame, EPISODES[number]) for frame in due]
+        )
+        for frame, flown in zip(due, flights, strict=True):
+            self.tried[frame] += [episode.success for episode in flown]
+            self._step()
+        nearest = sorted(sorted(entered), key=lambda frame: abs(float(np.mean(self.tried[frame])) - wanted))
+        return nearest[: STAYING[number]]
+
+    def _more(self, frame: int, episodes: int) -> Sequence[int]:
+        """The seeds that a policy has not flown yet."""
+        first = self._first[frame]
+        return self._seeds[first + len(self.tried[frame]) : first + episodes]
+
+
+def _stride(policies: int) -> int:
+    return -(-policies // COARSE)
 
 
 def _around(frames: Sequence[int], frame: int, reach: int) -> Sequence[int]:
@@ -115,5 +137,5 @@ def _around(frames: Sequence[int], frame: int, reach: int) -> Sequence[int]:
 
 def most_flights(policies: int) -> int:
     """How often ``screen`` calls ``fly`` at most."""
-    stride = -(-policies // COARSE)
-    return min(policies, COARSE) + len(PAPER_SUCCESS) * (2 * stride * STAYING[WIDENED - 1] + sum(STAYING))
+    around = 2 * _stride(policies) * STAYING[WIDENED - 1]
+    return min(policies, COARSE) + len(PAPER_SUCCESS) * (around + sum(STAYING))
