@@ -66,8 +66,11 @@ def flying_together(airfield: Airfield, processes: int) -> Iterator[tuple[Fly, F
             return workers.map(*each)
 
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, spawn, _keep, (airfield,)) as workers:
+    workers = ProcessPoolExecutor(processes, spawn, _keep, (airfield,))
+    try:
         yield _fly, fly_all
+    finally:
+        workers.shutdown(cancel_futures=True)  # at Ctrl-C nobody waits for flights that have not begun
 
 
 _kept: list[Airfield] = []
