@@ -222,7 +222,7 @@ def test_the_table_says_where_nothing_moved():
 def test_how_far_observers_are_off_at_each_cut():
     end = said("Simulated observers of agent B, cut at the end")
     assert "are 5.0 % of the width off without explanation (9.1 % if they expect it straight down)" in end
-    assert "6.2 % with the paper's vocabulary, 1.6 % with the default, 12.3 % with shuffled ones" in end
+    assert "6.2 % with the paper's vocabulary, 1.6 % with the default, 12.3 % if instructions were shuffled" in end
     contact = said("Simulated observers of agent B, cut at first contact")
     assert "are 7.0 % of" in contact
     assert "7.3 % with the paper's vocabulary, 6.4 % with the default" in contact
