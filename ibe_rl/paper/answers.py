@@ -189,8 +189,8 @@ def _foretold(agent: dict[str, Any], cut: str) -> str:
     return (
         f"Simulated observers of agent {agent['agent']}, {CUT_NAMES[cut]}, are {error[NOTHING]:.1f} % of the width off "
         f"without explanation ({error[STAYS]:.1f} % if they expect it straight down), {error[PAPER]:.1f} % with the "
-        f"paper's vocabulary, {error[OURS]:.1f} % with the default, {error[SHUFFLED]:.1f} % if instructions were shuffled. "
-        f"Beside none {_versus(told, PAPER)}; {_versus(told, OURS)}."
+        f"paper's vocabulary, {error[OURS]:.1f} % with the default, {error[SHUFFLED]:.1f} % if instructions were "
+        f"shuffled. Beside none {_versus(told, PAPER)}; {_versus(told, OURS)}."
     )
 
 
