@@ -41,6 +41,7 @@ from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
 from ibe_rl.paper.experiments import reproduce
+from ibe_rl.paper.lab import check_report
 from ibe_rl.play import play, watch
 from ibe_rl.predict import make_simulator
 from ibe_rl.progress import TrainingProgress, closing_table, recent_mean
@@ -262,6 +263,7 @@ def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     env = make_gym(cfg.env.id, cfg.env.kwargs)
     check_development(cfg, task_of(env))
+    check_report(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     folder = create_run_folder(output_folder(cfg.run_dir))
     save_config(cfg, folder / ".hydra")

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.command_line import choices
-from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, MappingConfig
+from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, MappingConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Instructor, Policy, Task
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.evaluation import TrainedRun
@@ -33,6 +33,31 @@ from ibe_rl.signals import interrupts_stay_here, script_stays_here
 
 DEFAULT_MAPPING = "axis"
 """Held against the paper's where the run itself speaks in the paper's."""
+
+
+def check_task(task: Task) -> None:
+    """Refuse an environment that the experiments cannot be done in.
+
+    Raises:
+        ConfigError: naming what it does not declare.
+    """
+    missing = [name for name in ("motion", "first_contact", "scene_path") if getattr(task, name) is None]
+    if missing:
+        raise ConfigError(f"task=figures: {task.name} does not declare {', '.join(missing)}; allowed is one that does")
+
+
+def check_report(cfg: TrainConfig, task: Task) -> None:
+    """Refuse, before the training, what its report would have to refuse after it.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if not cfg.report:
+        return
+    check_task(task)
+    if cfg.refresh_every_frames is None or cfg.instructor.kind == "silent":
+        key = "instructor=silent" if cfg.refresh_every_frames else "refresh_every_frames=null"
+        raise ConfigError(f"report=true with {key}: allowed is a training that learns a vocabulary")
 
 
 class Airfield:
@@ -99,12 +124,7 @@ class Lab:
     cfg: ExplainConfig
 
     def __post_init__(self) -> None:
-        task = self.run.task
-        missing = [name for name in ("motion", "first_contact", "scene_path") if getattr(task, name) is None]
-        if missing:
-            raise ConfigError(
-                f"task=figures: {task.name} does not declare {', '.join(missing)}; allowed is one that does"
-            )
+        check_task(self.run.task)
 
     @property
     def config(self) -> FiguresConfig:

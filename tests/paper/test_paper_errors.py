@@ -16,7 +16,7 @@ from ibe_rl.data import ConfigError, Episode
 from ibe_rl.evaluation import load_run
 from ibe_rl.paper import experiments
 from ibe_rl.paper.agents import Skilled
-from ibe_rl.paper.lab import Lab
+from ibe_rl.paper.lab import Lab, check_report
 from ibe_rl.run_folder import CONFIG
 
 
@@ -110,3 +110,17 @@ def test_shuffled_instructions_that_teach_nothing_end_in_one_clear_error(
     monkeypatch.setattr(experiments, "fit_shuffled", lambda *_: [])
     with pytest.raises(ConfigError, match=r"^figures.shuffles=1: none of them taught a vocabulary; allowed are more"):
         experiments.learn_shuffled(opened, agent)
+
+
+@pytest.mark.parametrize("setting", ["refresh_every_frames=null", "instructor=silent"])
+def test_a_report_that_could_not_be_made_is_refused_before_the_training(setting: str, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=f"^error: report=true with {setting}: allowed is a training that learns"):
+        call("train", f"run_dir={tmp_path / 'run'}", "viewer=off", "report=true", setting)
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_environment_without_a_report_is_refused_before_the_training(opened: Lab) -> None:
+    poorer, config = replace(opened.task, motion=None), load_config(opened.run.folder / CONFIG, TrainConfig)
+    check_report(config, poorer)  # which asks for none
+    with pytest.raises(ConfigError, match="does not declare motion"):
+        check_report(replace(config, report=True), poorer)
