@@ -37,7 +37,6 @@ from ibe_rl.paper.words import OURS, PAPER
 from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
 
-BINS = 41
 TRIES = 10
 """How many episodes are flown at most for each that observers foretell."""
 
@@ -111,7 +110,7 @@ def preliminary(lab: Lab, agent: Skilled) -> dict[str, Any]:
     told = {}
     for value in lab.task.instruction_values:
         claims = moves.claim(made, value, lab.config.resamples, lab.config.seed)
-        told[str(value)] = moves.histogram(made, value, BINS) | {
+        told[str(value)] = moves.histogram(made, value) | {
             "claim": {over: moves.as_json(one) for over, one in claims.items()}
         }
     return {"agent": agent.name, "told": told}

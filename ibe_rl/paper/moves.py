@@ -11,6 +11,7 @@ import numpy as np
 from ibe_rl.data import Array, Episode, Task
 from ibe_rl.ibe import cut_windows, top_episodes
 from ibe_rl.metrics.effect import Effect, Groups, effect
+from ibe_rl.metrics.histogram import BINS, bin_edges, densities
 
 
 @dataclass(frozen=True)
@@ -54,25 +55,18 @@ def moves_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fr
     )
 
 
-def histogram(moves: Moves, told: float, bins: int) -> dict[str, Any]:
+def histogram(moves: Moves, told: float, bins: int = BINS) -> dict[str, Any]:
     """The densities of the changes after one instruction, best and other episodes over the same bins, for paper.json.
 
     ``shown_to`` is the third highest density, so that a peak over two bins need not hide the rest.
     """
     groups = {"best": moves.changes(told, best=True), "others": moves.changes(told, best=False)}
-    limit = float(np.quantile(np.abs(moves.change), 0.995)) if len(moves.change) else 0.0
-    edges = np.linspace(-1, 1, bins + 1) * (limit or 1.0)
-    densities = {
-        name: np.histogram(values, edges)[0] / max(1, len(values)) / (edges[1] - edges[0])
-        for name, values in groups.items()
-    }
-    found: dict[str, Any] = {
-        "edges": edges.tolist(),
-        "shown_to": float(np.sort(np.max([*densities.values()], axis=0))[-3]),
-    }
-    for name, values in groups.items():
+    edges = bin_edges(moves.change, bins)
+    both = densities([*groups.values()], edges)
+    found: dict[str, Any] = {"edges": edges.tolist(), "shown_to": float(np.sort(np.max(both, axis=0))[-3])}
+    for (name, values), density in zip(groups.items(), both, strict=True):
         mean = float(np.mean(values)) if len(values) else None
-        found[name] = {"windows": len(values), "mean": mean, "density": densities[name].tolist()}
+        found[name] = {"windows": len(values), "mean": mean, "density": density.tolist()}
     return found
 
 

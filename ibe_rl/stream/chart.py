@@ -10,6 +10,7 @@ import rerun as rr
 
 from ibe_rl import colours
 from ibe_rl.data import Array, Task
+from ibe_rl.metrics.histogram import bin_edges, densities
 from ibe_rl.stream import picture
 
 if TYPE_CHECKING:
@@ -94,10 +95,9 @@ def log_expressions(recording: rr.RecordingStream, refresh: Refresh) -> None:
 def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
     """Draw how the explained dimension changed in the best and in other episodes (the paper's histograms)."""
     best, others = (windows.delta[:, task.explained] for windows in (refresh.top, refresh.others))
-    middles, width, *densities = picture.histogram(best, others)
-    widths = np.full(len(middles), width, np.float32)
-    for name, density, colour in zip(
-        ("best", "others"), picture.cut(densities), (colours.GREEN, colours.OTHERS), strict=True
-    ):
+    edges = bin_edges(np.concatenate([best, others]))
+    middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges).astype(np.float32)
+    drawn = picture.cut(densities([best, others], edges))
+    for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.OTHERS), strict=True):
         chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
         recording.log(f"change/{name}", chart)

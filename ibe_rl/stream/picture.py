@@ -16,7 +16,6 @@ from ibe_rl.scene import Shape
 
 TRAIL_POINTS = 64
 SCATTER_POINTS = 600
-BINS = 41
 TINY = 1e-9
 FEW = 5
 
@@ -129,24 +128,6 @@ def sample(windows: Windows, count: int = SCATTER_POINTS) -> Array:
     """Changes ``(<= count, S)`` of evenly spaced windows."""
     rows = np.linspace(0, len(windows) - 1, min(count, len(windows))).astype(int)
     return windows.delta[rows]
-
-
-def histogram(best: Array, others: Array) -> tuple[Array, float, Array, Array]:
-    """Densities of two sets of changes over the same bins.
-
-    Args:
-        best: ``(W,)`` changes in the best episodes.
-        others: ``(V,)`` changes in other episodes.
-
-    Returns:
-        middles ``(B,)`` of the bins, their width, and both densities ``(B,)``, 0 everywhere without data.
-    """
-    both = np.concatenate([best, others])
-    limit = float(np.quantile(np.abs(both), 0.995)) if len(both) else 0.0
-    edges = np.linspace(-1, 1, BINS + 1) * (limit or 1.0)
-    width = edges[1] - edges[0]
-    densities = [np.histogram(values, edges)[0] / max(1, len(values)) / width for values in (best, others)]
-    return (edges[:-1] + edges[1:]) / 2, float(width), densities[0], densities[1]
 
 
 def cut(densities: Sequence[Array]) -> list[Array]:

@@ -89,7 +89,7 @@ def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Pa
         for one, other in zip(shuffled, episodes, strict=True):
             np.testing.assert_array_equal(one.states, other.states)
     again = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3)
-    assert [mapping.to_dict() for mapping in again] == [mapping.to_dict() for mapping in several]  # type: ignore[attr-defined]
+    assert [mapping.to_dict() for mapping in again] == [mapping.to_dict() for mapping in several]
 
 
 def test_episodes_that_teach_nothing_give_fewer_vocabularies_of_shuffled_ones(tmp_path: Path):

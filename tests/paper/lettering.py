@@ -19,7 +19,7 @@ def drawn(figure: Figure) -> list[tuple[str, Bbox]]:
 
     def note(text: Text, renderer: object, *rest: object, **more: object) -> None:
         seen.append(text)
-        plain(text, renderer, *rest, **more)  # type: ignore[arg-type]
+        plain(text, renderer, *rest, **more)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", note)

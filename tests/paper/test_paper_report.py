@@ -191,7 +191,7 @@ def test_the_same_seeds_give_the_same_bytes_and_need_no_log(
     assert f"report: {again / 'figures' / 'report.html'}" in said
 
 
-def without_drawing(folder: Path, found: Any, told: Any) -> tuple[list[Path], Path]:  # noqa: ARG001
+def without_drawing(folder: Path, found: Any, told: Any) -> tuple[list[Path], Path]:  # noqa: ARG001 - called as write_report is
     return [], folder / "report.html"
 
 

@@ -10,6 +10,7 @@ from view_data import Rows, column, developed, frames, read, refreshed
 from ibe_rl import colours
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
+from ibe_rl.metrics.histogram import bin_edges, densities
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import Recorder, picture
 
@@ -79,12 +80,13 @@ def test_windows_have_the_colour_of_what_they_express(recorder: Recorder, tmp_pa
 
 def test_the_densities_are_those_of_the_explained_dimension(rows: Rows) -> None:
     refresh = developed()[0]
-    middles, width, best, others = picture.histogram(refresh.top.delta[:, 0], refresh.others.delta[:, 0])
+    groups = [refresh.top.delta[:, 0], refresh.others.delta[:, 0]]
+    edges = bin_edges(np.concatenate(groups))
+    best, others = densities(groups, edges)
     for name, density, drawn in zip(("best", "others"), (best, others), picture.cut([best, others]), strict=True):
         [tensor] = rows[f"/change/{name}"][0]["BarChart:values"]
         assert np.allclose(tensor["buffer"], drawn)
-        assert 0.95 < density.sum() * width <= 1
-    assert len(middles) == len(best)
+        assert 0.95 < density.sum() * (edges[1] - edges[0]) <= 1
 
 
 def test_clusters_are_drawn_in_the_two_dimensions_that_tell_them_apart(recorder: Recorder, tmp_path: Path) -> None:
