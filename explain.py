@@ -33,7 +33,7 @@ from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
-from ibe_rl.instruct import make_instructor
+from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.metrics import happened, phrases_true
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.play import watch
@@ -69,7 +69,7 @@ def explain_episode(cfg: ExplainConfig) -> None:
 
 def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
     """Fly the episode, then explain its every step."""
-    instructor = make_instructor(run.config.instructor.kind, run.task)
+    instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
     with closing(make_simulator(cfg.predictor, run.make_env, run.task.rule, cfg.seed)) as predictor:

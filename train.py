@@ -37,7 +37,7 @@ from ibe_rl.development import FIGURES, Development, check_development, figures
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.instruct import make_instructor
+from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
 from ibe_rl.paper.experiments import reproduce
@@ -87,7 +87,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, l
     timeit.erase()
     with timeit("setup"):
         parts = build(cfg, folder, owned)
-        collector = make_collector(parts.agent, cfg.env, cfg.collect, parts.task, cfg.instructor.kind, cfg.seed)
+        collector = make_collector(parts.agent, cfg.env, cfg.collect, parts.task, cfg.instructor, cfg.seed)
         owned.callback(collector.shutdown)
         source = owned.enter_context(closing(batches(collector, parts.agent, cfg.collect.overlap)))
     agent, log = parts.agent, parts.log
@@ -159,7 +159,7 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
     return Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames),
-        instructor=make_instructor(cfg.instructor.kind, task),
+        instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
         predictor=owned.enter_context(closing(make_simulator(cfg.predictor, make_one, task.rule, cfg.seed))),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         recorder=recorder,

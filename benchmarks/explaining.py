@@ -18,7 +18,7 @@ from ibe_rl.data import Moment, observe
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
-from ibe_rl.instruct import make_instructor
+from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.play import watch
 from ibe_rl.predict import make_simulator
 
@@ -48,7 +48,7 @@ def rates(moments: int, live_moments: int) -> dict[str, float]:
 
 def watched_moments(run: TrainedRun, count: int) -> list[Moment]:
     """Moments of watched episodes, evenly spaced over as many episodes as hold four times what is asked for."""
-    instructor = make_instructor(run.config.instructor.kind, run.task)
+    instructor = make_instructor(stand_in(run.config.instructor), run.task)
     env, seed, found = run.make_env(), 0, list[Moment]()
     while len(found) < 4 * count:
         found += watch(env, run.policy, instructor, seed).moments

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.plan import ROOT
-from ibe_rl.config import MappingConfig
+from ibe_rl.config import InstructorConfig, MappingConfig
 from ibe_rl.data import Array, Episode, Policy
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
@@ -58,7 +58,7 @@ def fly(frames: int) -> list[Episode]:
 def fly_with(policy: Policy, frames: int) -> list[Episode]:
     """Episodes of a policy, ten at a time, until there are enough frames."""
     envs = [make_gym(LANDER_ID, {}) for _ in range(10)]
-    instructor, episodes = make_instructor("oracle", LANDER_TASK), list[Episode]()
+    instructor, episodes = make_instructor(InstructorConfig("oracle"), LANDER_TASK), list[Episode]()
     while sum(map(len, episodes)) < frames:
         episodes += play(envs, policy, instructor, range(len(episodes), len(episodes) + len(envs)))
     return episodes

@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from benchmarks.levels import Point, reached
 from ibe_rl.collect import EVALUATION_SEED, Every
-from ibe_rl.config import AgentConfig
+from ibe_rl.config import AgentConfig, InstructorConfig
 from ibe_rl.data import Array, observe
 from ibe_rl.env import LANDER_ID
 from ibe_rl.env.make import make_gym, task_of
@@ -134,7 +134,7 @@ class Judge(BaseCallback):
     def evaluate(self) -> None:
         """Fly the deterministic policy, as ``train.py`` does with ours."""
         begun, before = time.perf_counter(), self.seconds()
-        instructor = make_instructor("oracle", task_of(self._envs[0]))
+        instructor = make_instructor(InstructorConfig("oracle"), task_of(self._envs[0]))
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + self._episodes)
         flown = play(self._envs, self._act, instructor, seeds)
         self._evaluating += time.perf_counter() - begun

@@ -12,7 +12,7 @@ import torch
 
 from ibe_rl.agent import make_agent
 from ibe_rl.collect import batches, make_collector
-from ibe_rl.config import CollectConfig, EnvConfig, PPOConfig
+from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig, PPOConfig
 from ibe_rl.env import LANDER_ID
 from ibe_rl.env.make import make_gym, task_of
 
@@ -29,7 +29,7 @@ def collect(settings: dict[str, int], count: int) -> float:
     env = make_gym(LANDER_ID, {})
     task = task_of(env)
     agent = make_agent(PPOConfig(), task.observation_size, env.action_space, total_frames=1_000_000)
-    collector = make_collector(agent, EnvConfig(LANDER_ID), CollectConfig(**settings), task, "oracle", seed=0)
+    collector = make_collector(agent, EnvConfig(LANDER_ID), CollectConfig(**settings), task, InstructorConfig(), seed=0)
     endless = batches(collector, agent, overlap=False)
     next(endless)
     start = time.perf_counter()

@@ -27,11 +27,12 @@ from benchmarks.why_variants import School, Variant, variants
 from ibe_rl.agent import make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config
-from ibe_rl.config import MappingConfig, TrainConfig, check
+from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Task
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
-from ibe_rl.instruct import make_instructor
+from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.limits import check
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import episode_weights, motion_scores
 from ibe_rl.play import play
@@ -127,7 +128,7 @@ def fly(folder: Path, episodes: int) -> Flown:
     task = task_of(envs[0])
     agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))
-    instructor = make_instructor(config.instructor.kind, task)
+    instructor = make_instructor(stand_in(config.instructor), task)
     flights = play(envs, agent.greedy, instructor, range(FIRST_SEED, FIRST_SEED + episodes))
     base = MappingConfig(horizon_steps=config.mapping.horizon_steps)
     return landed(folder.resolve().name, log, base, task, flights)

@@ -13,7 +13,7 @@ from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
-from ibe_rl.config import CollectConfig, EnvConfig
+from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.data import Array, Task
 from ibe_rl.env.make import make_env
 from ibe_rl.instruct import make_instructor
@@ -27,20 +27,23 @@ JUDGING_SEED = 2_050_000_000
 """Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
-def env_of_worker(worker: int, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int) -> EnvBase:
+def env_of_worker(
+    worker: int, env: EnvConfig, collect: CollectConfig, task: Task, instructor: InstructorConfig, seed: int
+) -> EnvBase:
     """Make a worker's environments; runs in the worker's own process."""
     torch.set_num_threads(1)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     torch.manual_seed(first)  # the exploring policy draws from this one
-    return make_env(env.id, env.kwargs, collect.envs_per_process, make_instructor(kind, task), first)
+    return make_env(env.id, env.kwargs, collect.envs_per_process, make_instructor(instructor, task, first), first)
 
 
 def make_collector(
-    agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, kind: str, seed: int
+    agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, instructor: InstructorConfig, seed: int
 ) -> BaseCollector:
-    """Make the collector; ``kind`` is the instructor's."""
+    """Make the collector; each of its processes has an instructor of its own."""
     rows = collect.processes * collect.envs_per_process
-    factories = [partial(env_of_worker, worker, env, collect, task, kind, seed) for worker in range(collect.processes)]
+    workers = range(collect.processes)
+    factories = [partial(env_of_worker, worker, env, collect, task, instructor, seed) for worker in workers]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     apart = collect.processes > 1 or collect.overlap
     with interrupts_stay_here(), script_stays_here():

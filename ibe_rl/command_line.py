@@ -22,6 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl import config as schemas
 from ibe_rl.data import ConfigError
+from ibe_rl.limits import check
 from ibe_rl.run_folder import NOT_IN_NAMES
 
 
@@ -43,7 +44,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         nonlocal started
         try:
             values = OmegaConf.to_object(composed)
-            schemas.check(values)
+            check(values)
             started = True
             with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
                 script(values)
@@ -121,7 +122,8 @@ def load_config(path: Path, schema: type) -> Any:
     try:
         saved = OmegaConf.load(path)
         agent = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig}[saved.agent.kind]
-        typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent())), saved)
+        instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
+        typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent(), instructor=instructor())), saved)
         return OmegaConf.to_object(typed)
     except (OmegaConfBaseException, yaml.YAMLError, AttributeError, KeyError, OSError, ValueError) as error:
         raise ConfigError(f"{path}: not the config of a run of this version ({one_line(error)})") from None

@@ -1,29 +1,22 @@
 """Every setting: its name, type, default, limits and meaning. The files in configs/ only pick and override.
 
-A field's metadata holds its limits; ``check`` refuses what is outside before anything is built. See all
+A field's metadata holds its limits; ``ibe_rl.limits.check`` refuses what is outside before anything is built. See all
 values of a run with ``python train.py --cfg job``.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
-from ibe_rl.data import ConfigError
+from ibe_rl.limits import TINY, setting
 
 MAX_SEED = 9_999
-TINY = 1e-9
-"""The lower limit of what must be above 0."""
-
-
-def setting(default: Any, *, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()) -> Any:
-    """A field with limits; ``low`` and ``high`` are themselves allowed."""
-    return field(default=default, metadata={"low": low, "high": high, "choices": tuple(choices)})
+OTHERS = ("oracle", "silent", "habits")
+"""Who can instruct beside a person; ``habits`` does as the person would, going by what they said so far."""
 
 
 @dataclass
@@ -102,6 +95,42 @@ class InstructorConfig:
     """Who instructs: ``oracle`` follows the environment's rule at every step, ``silent`` never says anything."""
 
     kind: str = setting("oracle", choices=("oracle", "silent"))
+
+
+@dataclass
+class FlawedConfig(InstructorConfig):
+    """The oracle with the flaws of a person; whether it is wrong or away is drawn anew for each spell of time."""
+
+    kind: str = setting("flawed", choices=("flawed",))
+    wrong: float = setting(0.0, low=0.0, high=1.0)  # share of the time in which it says another value
+    late_steps: int = setting(0, low=0, high=1_000)  # it says what was right so many steps ago; until then nothing
+    present: float = setting(1.0, low=0.0, high=1.0)  # share of the time in which it says anything
+    spell_steps: int = setting(25, low=1)  # 1: drawn at every step
+
+
+@dataclass
+class RecordedConfig(InstructorConfig):
+    """A person's session once more, in the first environment; see ``HumanConfig``."""
+
+    kind: str = setting("recorded", choices=("recorded",))
+    recording: str = MISSING  # the folder of the run in which the person taught
+    others: str = setting("oracle", choices=OTHERS)  # who instructs the other environments
+
+
+@dataclass
+class HumanConfig(InstructorConfig):
+    """A person, in a browser, instructs the first environment; all of them step at the pace of its clock."""
+
+    kind: str = setting("human", choices=("human",))
+    others: str = setting("oracle", choices=OTHERS)  # who instructs the other environments
+    hold_steps: int | None = setting(0, low=0)  # what was said last holds on for so long; None: until the episode ends
+    speed: float | None = setting(1.0, low=0.05, high=1_000.0)  # at the start, in times of real time; None: unthrottled
+    host: str = "127.0.0.1"  # that the page is served on; whoever can reach it can instruct
+    port: int | None = setting(None, low=1, high=65535)  # None: 8765, or a free one
+
+
+INSTRUCTORS = {"flawed": FlawedConfig, "recorded": RecordedConfig, "human": HumanConfig}
+"""The kinds of instructor with settings of their own."""
 
 
 @dataclass
@@ -244,6 +273,9 @@ def register() -> None:
         "agent/ppo_schema": PPOConfig,
         "agent/dqn_schema": DQNConfig,
         "instructor/schema": InstructorConfig,
+        "instructor/flawed_schema": FlawedConfig,
+        "instructor/recorded_schema": RecordedConfig,
+        "instructor/human_schema": HumanConfig,
         "mapping/schema": MappingConfig,
         "predictor/schema": PredictorConfig,
         "viewer/schema": ViewerConfig,
@@ -251,43 +283,3 @@ def register() -> None:
     for path, node in groups.items():
         group, name = path.split("/")
         store.store(group=group, name=name, node=node)
-
-
-def check(config: Any) -> None:
-    """Refuse values outside their limits, and settings that nothing reads.
-
-    Raises:
-        ConfigError: naming the key, the value and what is allowed.
-    """
-    for key, value, limits in _settings(config, ""):
-        allowed = _allowed(limits) if limits else ""
-        if value is not None and allowed and not _fits(value, limits):
-            raise ConfigError(f"{key}={value}: allowed is {allowed}")
-
-
-def _settings(config: Any, prefix: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    known = [item.name for item in fields(config)]
-    for added in vars(config).keys() - set(known):  # what `+key=value` has put there
-        raise ConfigError(f"{prefix}{added}={getattr(config, added)}: no such setting; allowed are {', '.join(known)}")
-    for item in fields(config):
-        value = getattr(config, item.name)
-        if is_dataclass(value):
-            yield from _settings(value, f"{prefix}{item.name}.")
-        else:
-            yield f"{prefix}{item.name}", value, dict(item.metadata)
-
-
-def _fits(value: Any, limits: dict[str, Any]) -> bool:
-    if limits["choices"]:
-        return value in limits["choices"]
-    low, high = limits["low"], limits["high"]
-    return math.isfinite(value) and (low is None or value >= low) and (high is None or value <= high)
-
-
-def _allowed(limits: dict[str, Any]) -> str:
-    if limits.get("choices"):
-        return "one of " + ", ".join(limits["choices"])
-    low = limits.get("low")
-    parts = [] if low is None else ["above 0" if low == TINY else f"at least {low:g}"]
-    parts += [f"at most {limits['high']:g}"] if limits.get("high") is not None else []
-    return " and ".join(parts)

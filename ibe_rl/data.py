@@ -255,11 +255,13 @@ class Instructor(Protocol):
     def reset(self, rows: Array) -> None:
         """Begin a new episode in the rows that are True of ``(N,)`` bool; its length says how many agents there are."""
 
-    def instruct(self, states: Array) -> tuple[Array, Array]:
-        """Give each of ``N`` agents its instruction.
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
+        """Give agents their instruction, once for each of their steps.
 
         Args:
             states: ``(N, S)``.
+            rows: ``(N,)`` bool, who is to be instructed; what is said to the others is not read, and their time
+                stands still.
 
         Returns:
             instructions ``(N, d)`` float32, 0 where silent, and given ``(N, 1)`` float32, 0 or 1.

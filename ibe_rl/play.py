@@ -100,8 +100,9 @@ def _fly(
 def _step_all(flights: Sequence[_Flight], policy: Policy, instructor: Instructor) -> None:
     """Step those that are not done; the instructor sees all rows, so that each keeps its place."""
     states = np.array([flight.states[-1] for flight in flights])
-    instruction, given = instructor.instruct(states)
-    rows = [row for row, flight in enumerate(flights) if not flight.done]
+    flying = np.array([not flight.done for flight in flights])
+    instruction, given = instructor.instruct(states, flying)
+    rows = np.flatnonzero(flying).tolist()
     actions = policy(observe(states[rows], instruction[rows], given[rows]))
     for row, action in zip(rows, actions, strict=True):
         flights[row].step(action, instruction[row], bool(given[row, 0]))

@@ -15,7 +15,7 @@ from torchrl.collectors import Collector
 from ibe_rl import collect
 from ibe_rl.agent import Agent, make_agent
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, env_of_worker, make_collector, steps_of
-from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, TrainConfig
+from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, InstructorConfig, TrainConfig
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.log import TrajectoryLog
@@ -45,7 +45,7 @@ def always(agent: Any, action: int) -> None:
 def gather(processes: int, overlap: bool = False) -> list[TensorDictBase]:
     """Batches of an agent that learns to fire the main engine while it has the second one: 2 before, 2 after."""
     agent = make_dqn()
-    collector = make_collector(agent, ENV, sizes(processes, overlap), LANDER_TASK, "oracle", seed=3)
+    collector = make_collector(agent, ENV, sizes(processes, overlap), LANDER_TASK, InstructorConfig(), seed=3)
     try:
         with closing(batches(collector, agent, overlap)) as source:
             gathered = [next(source).clone(), next(source).clone()]
@@ -111,7 +111,7 @@ def test_the_rows_of_a_process_are_the_same_collected_alone(two: list[TensorDict
     """So the same seed gives the same batches, whichever process is faster."""
     for worker in range(2):
         agent = make_dqn()
-        factory = partial(env_of_worker, worker, ENV, sizes(2), LANDER_TASK, "oracle", 3)
+        factory = partial(env_of_worker, worker, ENV, sizes(2), LANDER_TASK, InstructorConfig(), 3)
         sizes_: dict[str, Any] = {"frames_per_batch": 2 * STEPS, "total_frames": -1}
         alone = Collector(factory, agent.policy, auto_register_policy_transforms=False, **sizes_)
         for batch, expected in zip(alone, two[:2], strict=False):
@@ -161,7 +161,7 @@ def seeds_of(seed: int, config: CollectConfig, monkeypatch: pytest.MonkeyPatch) 
         collect, "make_env", lambda _id, _kwargs, count, _instructor, first: range(first, first + count)
     )
     for worker in range(config.processes):
-        seeds: Any = env_of_worker(worker, ENV, config, LANDER_TASK, "oracle", seed)
+        seeds: Any = env_of_worker(worker, ENV, config, LANDER_TASK, InstructorConfig(), seed)
         yield seeds
 
 

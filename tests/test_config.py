@@ -24,12 +24,12 @@ from ibe_rl.config import (
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
-    check,
 )
 from ibe_rl.data import ConfigError
 from ibe_rl.env.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.lessons import PASSED_ON, check_mapping
+from ibe_rl.limits import check
 
 ROOT = Path(__file__).parent.parent
 CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))

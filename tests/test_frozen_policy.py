@@ -9,6 +9,7 @@ from omegaconf import OmegaConf
 
 import ibe_rl.config as schemas
 from benchmarks.refilling import steps_of_episode
+from ibe_rl.config import InstructorConfig
 from ibe_rl.data import Episode
 from ibe_rl.development import Development
 from ibe_rl.evaluation import TrainedRun, load_run
@@ -39,7 +40,7 @@ def run() -> TrainedRun:
 def logs(run: TrainedRun, tmp_path_factory: pytest.TempPathFactory) -> list[TrajectoryLog]:
     """Ten logs, each of fresh episodes of the demo's policy."""
     envs = [run.make_env() for _ in range(64)]
-    instructor = make_instructor("oracle", run.task)
+    instructor = make_instructor(InstructorConfig("oracle"), run.task)
     firsts = range(FIRST_SEED, FIRST_SEED + REFRESHES * EPISODES, EPISODES)
     flown = [play(envs, run.policy, instructor, range(first, first + EPISODES)) for first in firsts]
     return [logged(tmp_path_factory.mktemp("log"), run.task.contexts, episodes) for episodes in flown]

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ibe_rl.config import InstructorConfig
 from ibe_rl.data import Array, Episode, Task
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
@@ -23,7 +24,7 @@ def swing(observations: Array) -> Array:
 
 
 def fly(seeds: list[int], at_once: int) -> list[Episode]:
-    return play(make(at_once), swing, make_instructor("oracle", LANDER_TASK), seeds)
+    return play(make(at_once), swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), seeds)
 
 
 def assert_same(one: Episode, other: Episode) -> None:
@@ -61,7 +62,7 @@ def test_an_episode_is_what_the_environment_said():
 
 def test_an_episode_that_is_cut_off_is_not_terminated():
     env = make_gym(LANDER_ID, {"max_episode_steps": 20})
-    [episode] = play([env], swing, make_instructor("silent", LANDER_TASK), [0])
+    [episode] = play([env], swing, make_instructor(InstructorConfig("silent"), LANDER_TASK), [0])
     assert (len(episode), episode.terminated, episode.success) == (20, False, False)
     assert not episode.given.any()
     assert not episode.instructions.any()
@@ -73,13 +74,15 @@ class Row:
     def __init__(self) -> None:
         self.resets: list[int] = []
         self.counts: list[int] = []
+        self.asked = 0
 
     def reset(self, rows: Array) -> None:
         assert rows.all()
         self.resets.append(len(rows))
 
-    def instruct(self, states: Array) -> tuple[Array, Array]:
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         self.counts.append(len(states))
+        self.asked += int(rows.sum())
         return np.arange(len(states), dtype=np.float32)[:, None] / 10, np.ones((len(states), 1), np.float32)
 
 
@@ -89,6 +92,7 @@ def test_each_row_keeps_its_place_before_the_instructor():
     assert instructor.resets == [3, 2]
     first, second = (max(len(episode) for episode in part) for part in (episodes[:3], episodes[3:]))
     assert instructor.counts == [3] * first + [2] * second
+    assert instructor.asked == sum(len(episode) for episode in episodes)  # not those that have ended
     for row, episode in zip((0, 1, 2, 0, 1), episodes, strict=True):
         assert (episode.instructions == np.float32(row / 10)).all()
 
@@ -100,7 +104,7 @@ def test_the_policy_reads_what_the_instructor_said():
         seen.append(observations)
         return swing(observations)
 
-    [episode] = play(make(1), noting, make_instructor("oracle", LANDER_TASK), [2])
+    [episode] = play(make(1), noting, make_instructor(InstructorConfig("oracle"), LANDER_TASK), [2])
     told = np.concatenate(seen)
     np.testing.assert_array_equal(told[:, :9], episode.states[:-1])
     np.testing.assert_array_equal(told[:, 9:10], episode.instructions)
@@ -110,7 +114,7 @@ def test_the_policy_reads_what_the_instructor_said():
 
 @pytest.mark.parametrize("context", [None, "left", "right"])
 def test_watching_an_episode_is_flying_it(context: str | None):
-    watched = watch(make(1)[0], swing, make_instructor("oracle", LANDER_TASK), 7, context)
+    watched = watch(make(1)[0], swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 7, context)
     if context is None:
         assert_same(watched.episode, fly([7], 1)[0])
     else:
@@ -119,7 +123,7 @@ def test_watching_an_episode_is_flying_it(context: str | None):
 
 def test_a_watched_episode_has_a_moment_for_each_step_and_a_drawing_for_each_state():
     env = make(1)[0]
-    watched = watch(env, swing, make_instructor("oracle", LANDER_TASK), 7, "left")
+    watched = watch(env, swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 7, "left")
     episode, steps = watched.episode, len(watched.episode)
     assert len(watched.moments) == steps
     assert len(watched.figures) == steps + 1
@@ -163,7 +167,7 @@ class Counter:
 
 
 def test_what_cannot_be_drawn_can_be_watched():
-    instructor, env = make_instructor("oracle", Counter.task), Counter()
+    instructor, env = make_instructor(InstructorConfig("oracle"), Counter.task), Counter()
     watched = watch(env, lambda observations: np.zeros(len(observations), int), instructor, 4)
     assert (watched.background, list(watched.figures)) == ([], [[]] * 4)
     assert [moment.snapshot for moment in watched.moments] == [0, 1, 2]
@@ -173,7 +177,7 @@ def test_what_cannot_be_drawn_can_be_watched():
 
 @pytest.mark.parametrize("at_once", [1, 2])
 def test_moments_are_kept_with_each_episode(at_once: int):
-    instructor = make_instructor("oracle", LANDER_TASK)
+    instructor = make_instructor(InstructorConfig("oracle"), LANDER_TASK)
     flown = list(play_moments(make(at_once), swing, instructor, [7, 3, 11]))
     for (episode, moments), alone in zip(flown, fly([7, 3, 11], 1), strict=True):
         assert_same(episode, alone)

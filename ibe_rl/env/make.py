@@ -13,7 +13,7 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.data import ConfigError, Instructor, Task, observe
+from ibe_rl.data import Array, ConfigError, Instructor, Task, observe
 
 
 def make_gym(env_id: str, kwargs: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
@@ -59,6 +59,7 @@ class InstructedEnvs(EnvBase):
         super().__init__(batch_size=[len(games)])
         self._games, self._instructor, self._task = games, instructor, task_of(games[0])
         self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
+        self._said = np.zeros((len(games), self._task.instruction_size + 1), np.float32)
         self._declare()
 
     def _declare(self) -> None:
@@ -93,7 +94,7 @@ class InstructedEnvs(EnvBase):
             self._states[row], _ = self._games[row].reset()
         self._instructor.reset(rows)
         no = torch.zeros(len(self._games), 1, dtype=torch.bool)
-        return TensorDict(self._seen() | {"success": no}, self.batch_size)
+        return TensorDict(self._seen(rows) | {"success": no}, self.batch_size)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
@@ -103,7 +104,7 @@ class InstructedEnvs(EnvBase):
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
         success = [info[self._task.success_key] for info in infos]
-        entries = self._seen() | {
+        entries = self._seen(~np.array(terminated)) | {
             "reward": torch.tensor(rewards, dtype=torch.float32).unsqueeze(-1),
             "terminated": ended[0],
             "truncated": ended[1],
@@ -112,10 +113,15 @@ class InstructedEnvs(EnvBase):
         }
         return TensorDict(entries, self.batch_size)
 
-    def _seen(self) -> dict[str, torch.Tensor]:
-        """What the policy and IBE read of the present states, in memory of its own."""
-        instruction, given = self._instructor.instruct(self._states)
-        observation = torch.from_numpy(observe(self._states, instruction, given))
+    def _seen(self, asked: Array) -> dict[str, torch.Tensor]:
+        """What the policy and IBE read of the present states, in memory of its own.
+
+        Only the rows ``(N,)`` that are ``asked`` for get a new instruction: the others had theirs for this state, or
+        have ended where nobody acts any more.
+        """
+        instruction, given = self._instructor.instruct(self._states, asked)
+        self._said = np.where(asked[:, None], np.concatenate([instruction, given], axis=1), self._said)
+        observation = torch.from_numpy(observe(self._states, self._said[:, :-1], self._said[:, -1:]))
         state_end = self._states.shape[1]
         return {
             "observation": observation,

@@ -15,7 +15,7 @@ from ibe_rl.data import ConfigError, Policy, Predictor
 from ibe_rl.env.make import make_gym
 from ibe_rl.evaluation.moments import Moments, Plan, gather
 from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.instruct import make_instructor
+from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.predict import make_simulator
 
 SEEDS_EACH = 10_000
@@ -57,7 +57,7 @@ class Flying:
     def gather(self, purpose: str, episodes: int, plan: Plan, title: str, policy: Policy | None = None) -> Moments:
         """Fly episodes for a purpose, with the run's last policy or another one, and predict."""
         run, seeds = self.run, seeds_for(purpose, self.cfg.evaluate.seed, episodes)
-        instructor = make_instructor(run.config.instructor.kind, run.task)
+        instructor = make_instructor(stand_in(run.config.instructor), run.task)
         return gather(run.make_env, run.task, policy or run.policy, instructor, self.predictor, seeds, plan, title)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ibe_rl.config import HumanConfig, InstructorConfig, RecordedConfig
 from ibe_rl.data import Array, ConfigError, Instructor, Task
 
 
@@ -18,9 +19,9 @@ class Oracle:
     def reset(self, rows: Array) -> None:
         """Nothing to forget."""
 
-    def instruct(self, states: Array) -> tuple[Array, Array]:
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.data.Instructor``."""
-        return self._rule(states), np.ones((len(states), 1), np.float32)
+        return self._rule(states), np.ones((len(rows), 1), np.float32)
 
 
 class Silent:
@@ -32,19 +33,31 @@ class Silent:
     def reset(self, rows: Array) -> None:
         """Nothing to forget."""
 
-    def instruct(self, states: Array) -> tuple[Array, Array]:
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.data.Instructor``."""
-        return np.zeros((len(states), self._size), np.float32), np.zeros((len(states), 1), np.float32)
+        return np.zeros((len(states), self._size), np.float32), np.zeros((len(rows), 1), np.float32)
 
 
-def make_instructor(kind: str, task: Task) -> Instructor:
-    """Make the instructor called ``kind`` for an environment's task.
+def make_instructor(config: InstructorConfig, task: Task, seed: int = 0) -> Instructor:
+    """Make the instructor that ``config`` asks for.
+
+    Args:
+        config: one of the kinds.
+        task: of the environment.
+        seed: of the draws of those that draw.
 
     Raises:
         ConfigError: for an unknown kind.
     """
-    if kind == "oracle":
+    if config.kind == "oracle":
         return Oracle(task.rule)
-    if kind == "silent":
+    if config.kind == "silent":
         return Silent(task.instruction_size)
-    raise ConfigError(f"instructor.kind={kind}: allowed is one of oracle, silent")
+    raise ConfigError(f"instructor.kind={config.kind}: allowed is one of oracle, silent")
+
+
+def stand_in(config: InstructorConfig) -> InstructorConfig:
+    """Who instructs where no person can be: in evaluations, and in whatever is flown after the training."""
+    if isinstance(config, HumanConfig | RecordedConfig):
+        return InstructorConfig("silent" if config.others == "silent" else "oracle")
+    return config

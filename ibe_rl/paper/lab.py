@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.command_line import choices
-from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, MappingConfig, TrainConfig
+from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Instructor, Policy, Task
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.evaluation import TrainedRun
@@ -25,7 +25,7 @@ from ibe_rl.evaluation.flights import PROCESSES, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
 from ibe_rl.evaluation.runs import kept_policies
 from ibe_rl.evaluation.waiting import waiting
-from ibe_rl.instruct import make_instructor
+from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.paper.agents import PAPER_SUCCESS, Fly, FlyAll, Skilled, most_flights, screen
 from ibe_rl.paper.words import PAPER, variants
 from ibe_rl.play import play
@@ -65,10 +65,10 @@ class Airfield:
 
     Args:
         env: which environments.
-        instructor: kind of the instructor.
+        instructor: who instructs there.
     """
 
-    def __init__(self, env: EnvConfig, instructor: str):
+    def __init__(self, env: EnvConfig, instructor: InstructorConfig):
         self._env, self._instructor = env, instructor
         self._envs: list[gymnasium.Env[Any, Any]] = []
 
@@ -150,12 +150,12 @@ class Lab:
     @cached_property
     def airfield(self) -> Airfield:
         """Where whole episodes are flown."""
-        return Airfield(self.run.config.env, self.run.config.instructor.kind)
+        return Airfield(self.run.config.env, stand_in(self.run.config.instructor))
 
     @property
     def instructor(self) -> Instructor:
         """One that begins anew."""
-        return make_instructor(self.run.config.instructor.kind, self.task)
+        return make_instructor(stand_in(self.run.config.instructor), self.task)
 
     def seeds(self, purpose: str, count: int) -> range:
         """Of episodes that are flown for nothing else."""

@@ -10,6 +10,7 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 from tensordict import TensorDictBase
 from torchrl.envs.utils import check_env_specs, step_mdp
 
+from ibe_rl.config import InstructorConfig
 from ibe_rl.data import Array, ConfigError, observe
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_env, make_gym, task_of
@@ -19,7 +20,7 @@ ROWS, STEPS, SEED = 3, 500, 100
 
 
 def make(kind: str = "oracle", count: int = ROWS, **kwargs: Any) -> Any:
-    return make_env(LANDER_ID, kwargs, count, make_instructor(kind, LANDER_TASK), SEED)
+    return make_env(LANDER_ID, kwargs, count, make_instructor(InstructorConfig(kind), LANDER_TASK), SEED)
 
 
 def pilot(tensordict: TensorDictBase) -> TensorDictBase:
@@ -116,11 +117,13 @@ class Noting:
 
     def __init__(self) -> None:
         self.resets: list[Array] = []
+        self.asked: list[Array] = []
 
     def reset(self, rows: Array) -> None:
         self.resets.append(rows.copy())
 
-    def instruct(self, states: Array) -> tuple[Array, Array]:
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
+        self.asked.append(rows.copy())
         count = np.sum(self.resets, axis=0, dtype=np.float32)[:, None] / 10
         return count.astype(np.float32), np.ones((len(states), 1), np.float32)
 
@@ -136,6 +139,17 @@ def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
     np.testing.assert_array_equal(instructor.resets, [np.ones(ROWS, bool), *ended])
     episodes = 1 + torch.cat([torch.zeros(ROWS, 1), done.cumsum(dim=1)], dim=1)
     torch.testing.assert_close(data["instruction"][..., 0], episodes / 10)
+
+
+def test_each_row_is_asked_once_for_each_of_its_steps():
+    """Neither again because another row begins anew, nor where the game is over."""
+    instructor = Noting()
+    env = make_env(LANDER_ID, {}, ROWS, instructor, SEED)
+    torch.manual_seed(0)
+    data = env.rollout(200, break_when_any_done=False)
+    over = int(data["next", "terminated"][:, -1].sum())
+    assert data["next", "terminated"][:, :-1].any()
+    assert np.sum(instructor.asked) == 200 * ROWS + ROWS - over
 
 
 def test_a_step_leaves_what_was_returned_before_alone():

@@ -9,7 +9,7 @@ import pytest
 from ibe_rl.agent import make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.collect import JUDGING_SEED
-from ibe_rl.config import PPOConfig
+from ibe_rl.config import InstructorConfig, PPOConfig
 from ibe_rl.data import Episode
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
@@ -36,7 +36,7 @@ def policy() -> Any:
 
 
 def flown(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
-    instructor = make_instructor(kind, LANDER_TASK)
+    instructor = make_instructor(InstructorConfig(kind), LANDER_TASK)
     return gather(make, LANDER_TASK, policy, instructor, Simulator(make, LANDER_TASK.rule), SEEDS, plan)
 
 
@@ -47,7 +47,7 @@ def moments(policy: Any) -> Moments:
 
 @pytest.fixture(scope="module")
 def episodes(policy: Any) -> list[Episode]:
-    return play([make()], policy, make_instructor("oracle", LANDER_TASK), SEEDS)
+    return play([make()], policy, make_instructor(InstructorConfig("oracle"), LANDER_TASK), SEEDS)
 
 
 def test_moments_are_those_of_the_episodes(moments: Moments, episodes: list[Episode]):

@@ -25,14 +25,14 @@ def states(count: int) -> Array:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_keeps_the_protocol(kind: str):
-    instructor: Instructor = make_instructor(kind, LANDER_TASK)
+    instructor: Instructor = make_instructor(InstructorConfig(kind), LANDER_TASK)
     for name in ("reset", "instruct"):
         asked, has = getattr(Instructor, name), getattr(type(instructor), name)
         assert list(inspect.signature(has).parameters) == list(inspect.signature(asked).parameters)
     for count in (1, 50, 3):
         instructor.reset(np.ones(count, bool))
         for step in range(20):
-            instruction, given = instructor.instruct(states(count))
+            instruction, given = instructor.instruct(states(count), np.ones(count, bool))
             assert instruction.shape == (count, LANDER_TASK.instruction_size)
             assert given.shape == (count, 1)
             assert instruction.dtype == given.dtype == np.float32
@@ -43,21 +43,25 @@ def test_every_kind_keeps_the_protocol(kind: str):
 
 
 def test_the_oracle_follows_the_rule_at_every_step():
-    instruction, given = make_instructor("oracle", LANDER_TASK).instruct(states(50))
+    instruction, given = make_instructor(InstructorConfig("oracle"), LANDER_TASK).instruct(
+        states(50), np.ones(50, bool)
+    )
     np.testing.assert_array_equal(instruction, LANDER_TASK.rule(states(50)))
     assert (given == 1).all()
     assert set(instruction[:, 0]) == set(LANDER_TASK.instruction_values)
 
 
 def test_the_silent_one_says_nothing():
-    instruction, given = make_instructor("silent", LANDER_TASK).instruct(states(50))
+    instruction, given = make_instructor(InstructorConfig("silent"), LANDER_TASK).instruct(
+        states(50), np.ones(50, bool)
+    )
     assert not instruction.any()
     assert not given.any()
 
 
 def test_an_unknown_kind_is_refused():
     with pytest.raises(ConfigError, match=r"instructor\.kind=loud: allowed is one of " + ", ".join(KINDS)):
-        make_instructor("loud", LANDER_TASK)
+        make_instructor(InstructorConfig("loud"), LANDER_TASK)
 
 
 @pytest.mark.parametrize("pad", PAD_X)

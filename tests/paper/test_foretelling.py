@@ -12,7 +12,7 @@ from rides import TASK, ride
 from ibe_rl.agent import make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.collect import JUDGING_SEED
-from ibe_rl.config import PPOConfig
+from ibe_rl.config import InstructorConfig, PPOConfig
 from ibe_rl.data import Array, Moment
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
@@ -222,7 +222,7 @@ def pilot() -> Any:
 
 def test_real_episodes_where_the_goal_is_hidden(pilot: Any):
     hidden = make_gym(LANDER_ID, dict(LANDER_TASK.hidden_goal))
-    instructor, seeds = make_instructor("oracle", LANDER_TASK), range(JUDGING_SEED, JUDGING_SEED + 9)
+    instructor, seeds = make_instructor(InstructorConfig("oracle"), LANDER_TASK), range(JUDGING_SEED, JUDGING_SEED + 9)
     found = pick(hidden, LANDER_TASK, pilot, instructor, seeds, 2, 60)
     assert [one.seed for one in found] == [*seeds[:2]]
     for one in found:

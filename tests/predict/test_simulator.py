@@ -13,7 +13,7 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 from torch import nn
 
 from ibe_rl.agent.networks import GreedyPolicy, make_network
-from ibe_rl.config import PredictorConfig
+from ibe_rl.config import InstructorConfig, PredictorConfig
 from ibe_rl.data import Array, Moment, Policy, Predictor
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
@@ -42,7 +42,7 @@ def fall(observations: Array) -> Array:
 
 
 def flown(policy: Policy = pilot, seed: int = 0, kind: str = "oracle") -> tuple[Array, list[Moment]]:
-    watched = watch(make_one(), policy, make_instructor(kind, LANDER_TASK), seed, "left")
+    watched = watch(make_one(), policy, make_instructor(InstructorConfig(kind), LANDER_TASK), seed, "left")
     return watched.episode.states, list(watched.moments)
 
 
