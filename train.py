@@ -28,6 +28,7 @@ from tensordict import TensorDictBase
 from torchrl import timeit
 
 from ibe_rl.agent import Agent, make_agent
+from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
 from ibe_rl.checkpoint import BETWEEN, save_latest, save_policy
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
@@ -56,7 +57,7 @@ from ibe_rl.run_folder import (
     create_run_folder,
     write_json,
 )
-from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
+from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation, page
 from ibe_rl.signals import StopRequest
 from ibe_rl.stream import NoRecorder, RunRecorder
 
@@ -70,10 +71,18 @@ LATER_COLUMNS = (
 WATCH_SEED = EVALUATION_SEED + 50_000
 TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
 News = Callable[[], list[str]]
+NOBODY = NoClassroom()
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
 
 
-def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, live: News = list) -> dict[str, Any]:
+def train(
+    cfg: TrainConfig,
+    folder: Path,
+    stop: StopRequest,
+    owned: ExitStack,
+    live: News = list,
+    classroom: Classroom | NoClassroom = NOBODY,
+) -> dict[str, Any]:
     """Run the loop; returns the summary.
 
     Args:
@@ -82,14 +91,20 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, l
         stop: becomes true when the run shall end early.
         owned: closes what has been opened, in any case.
         live: what there is to say of the live view, each line once.
+        classroom: where a person teaches, if one does.
     """
     start = time.perf_counter()
     timeit.erase()
     with timeit("setup"):
-        parts = build(cfg, folder, owned)
-        collector = make_collector(parts.agent, cfg.env, cfg.collect, parts.task, cfg.instructor, cfg.seed)
+        parts = build(cfg, folder, owned, classroom)
+        lesson = parts.classroom.open_lesson
+        collector = make_collector(parts.agent, cfg.env, cfg.collect, parts.task, cfg.instructor, cfg.seed, lesson)
         owned.callback(collector.shutdown)
-        source = owned.enter_context(closing(batches(collector, parts.agent, cfg.collect.overlap)))
+        owned.callback(parts.classroom.farewell)
+        ahead = cfg.collect.overlap, cfg.collect.ahead_batches
+        source = owned.enter_context(closing(batches(collector, parts.agent, *ahead)))
+        owned.callback(parts.classroom.hurry)
+        stop.when_asked(parts.classroom.hurry)
     agent, log = parts.agent, parts.log
     refresh_due, evaluation_due = Every(cfg.refresh_every_frames), Every(cfg.eval_every_frames)
     keeping_due = Every(cfg.keep_policy_every_frames)
@@ -116,6 +131,7 @@ def train(cfg: TrainConfig, folder: Path, stop: StopRequest, owned: ExitStack, l
             parts.table.write(row | times())
             parts.recorder.batch(log.frames, row)
             parts.progress.batch(log.frames, log.frames / (time.perf_counter() - start), row)
+            parts.classroom.batch(row, agent.greedy)
             parts.progress.say_all(parts.recorder.news() + live())
         if last:
             break
@@ -137,6 +153,7 @@ class Parts:
     recorder: RunRecorder | NoRecorder
     watched_env: gymnasium.Env[Any, Any]
     evaluation_envs: list[gymnasium.Env[Any, Any]]
+    classroom: Classroom | NoClassroom
     progress: TrainingProgress
     table: MetricsTable
     folder: Path
@@ -146,7 +163,7 @@ class Parts:
     skipped: int = 0
 
 
-def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
+def build(cfg: TrainConfig, folder: Path, owned: ExitStack, classroom: Classroom | NoClassroom) -> Parts:
     """Make the parts from their settings."""
     torch.set_num_threads(1)
     torch.manual_seed(cfg.seed)
@@ -165,6 +182,7 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack) -> Parts:
         recorder=recorder,
         watched_env=env,
         evaluation_envs=[make_one() for _ in range(min(cfg.eval_episodes, 100))],
+        classroom=classroom,
         progress=owned.enter_context(TrainingProgress(cfg.total_frames)),
         table=owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS)),
         folder=folder,
@@ -220,6 +238,7 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         parts.recorder.refresh(refresh)
         real = happened(watched.episode, voice.horizon_steps, voice.mapping, voice.words)
         parts.recorder.watched(frames, watched, said, real)
+        parts.classroom.refresh(frames, voice)
         parts.progress.refreshed(parts.refreshes, refresh, said[-1].said, row["ibe/came_true"])
     return row
 
@@ -265,12 +284,15 @@ def main(cfg: TrainConfig) -> None:
     check_development(cfg, task_of(env))
     check_report(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    lesson_port = choose_port(cfg.instructor)
     folder = create_run_folder(output_folder(cfg.run_dir))
     save_config(cfg, folder / ".hydra")
     with StopRequest() as stop:
         with ExitStack() as owned:
             live = serve(folder / RECORDING, ports, owned) if ports else list
-            summary = train(cfg, folder, stop, owned, live)
+            classroom = open_classroom(cfg, env, lesson_port, folder, page(ports) if ports else None)
+            owned.callback(classroom.close)
+            summary = train(cfg, folder, stop, owned, live, classroom)
             write_json(folder / SUMMARY, summary)
         closing_table(summary)
         say_how_to_open(folder)

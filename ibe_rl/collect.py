@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections import deque
+from collections.abc import Callable, Generator, MutableSequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
+import gymnasium
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.data import Array, Task
-from ibe_rl.env.make import make_env
+from ibe_rl.data import Array, Instructor, Task
+from ibe_rl.env.make import join, make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 
@@ -27,23 +29,41 @@ JUDGING_SEED = 2_050_000_000
 """Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
+OpenLesson = Callable[[MutableSequence[gymnasium.Env[Any, Any]]], Instructor]
+"""Puts the first environment before a person; returns the instructor of that one."""
+
+
 def env_of_worker(
-    worker: int, env: EnvConfig, collect: CollectConfig, task: Task, instructor: InstructorConfig, seed: int
+    worker: int,
+    env: EnvConfig,
+    collect: CollectConfig,
+    task: Task,
+    instructor: InstructorConfig,
+    seed: int,
+    lesson: OpenLesson | None = None,
 ) -> EnvBase:
     """Make a worker's environments; runs in the worker's own process."""
     torch.set_num_threads(1)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     torch.manual_seed(first)  # the exploring policy draws from this one
-    return make_env(env.id, env.kwargs, collect.envs_per_process, make_instructor(instructor, task, first), first)
+    games = [make_gym(env.id, env.kwargs) for _ in range(collect.envs_per_process)]
+    person = lesson(games) if lesson else None
+    return join(games, make_instructor(instructor, task, first, person), first)
 
 
 def make_collector(
-    agent: Agent, env: EnvConfig, collect: CollectConfig, task: Task, instructor: InstructorConfig, seed: int
+    agent: Agent,
+    env: EnvConfig,
+    collect: CollectConfig,
+    task: Task,
+    instructor: InstructorConfig,
+    seed: int,
+    lesson: OpenLesson | None = None,
 ) -> BaseCollector:
-    """Make the collector; each of its processes has an instructor of its own."""
+    """Make the collector; each of its processes has an instructor of its own, with a ``lesson`` there is one of them."""
     rows = collect.processes * collect.envs_per_process
-    workers = range(collect.processes)
-    factories = [partial(env_of_worker, worker, env, collect, task, instructor, seed) for worker in workers]
+    settings = (env, collect, task, instructor, seed, lesson)
+    factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     apart = collect.processes > 1 or collect.overlap
     with interrupts_stay_here(), script_stays_here():
@@ -57,31 +77,42 @@ def make_collector(
         )
 
 
-def batches(collector: BaseCollector, agent: Agent, overlap: bool) -> Generator[TensorDictBase, None, None]:
+def batches(
+    collector: BaseCollector, agent: Agent, overlap: bool, ahead_batches: int = 1
+) -> Generator[TensorDictBase, None, None]:
     """Yield batches ``[N, T]`` without end; close the generator before the collector.
 
     Args:
         collector: from ``make_collector``.
         agent: the learner; what its ``policy`` has to know is published while nobody collects.
-        overlap: collect the next batch while the caller learns from this one. Then its actions come from the
-            weights of one update before, however fast either side is: the same seed gives the same batches.
+        overlap: collect batches while the caller learns from the ones before. Then their actions come from the
+            weights of ``ahead_batches`` updates before, however fast either side is: the same seed gives the same
+            batches.
+        ahead_batches: so many may be collected before the caller has learnt from the one before them.
     """
     source = iter(collector)
 
+    def collect(weights: TensorDictBase) -> TensorDictBase:
+        collector.update_policy_weights_(weights)
+        batch: TensorDictBase = next(source)
+        return batch
+
     def ask() -> Future[TensorDictBase]:
         agent.publish()
-        collector.update_policy_weights_()
-        return ahead.submit(next, source)
+        return worker.submit(collect, TensorDict.from_module(agent.policy).data.clone())
 
-    with ThreadPoolExecutor(1) as ahead:
-        coming = ask()
-        while True:
-            batch = coming.result()
-            if overlap:
-                coming = ask()
-            yield batch.reshape(-1, batch.shape[-1])
-            if not overlap:
-                coming = ask()
+    with ThreadPoolExecutor(1) as worker:
+        coming = deque(ask() for _ in range(ahead_batches if overlap else 1))
+        try:
+            while True:
+                batch = coming.popleft().result()
+                if overlap:
+                    coming.append(ask())
+                yield batch.reshape(-1, batch.shape[-1])
+                if not overlap:
+                    coming.append(ask())
+        finally:
+            worker.shutdown(wait=False, cancel_futures=True)
 
 
 def steps_of(batch: TensorDictBase) -> dict[str, Array]:

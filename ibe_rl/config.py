@@ -35,6 +35,7 @@ class CollectConfig:
     envs_per_process: int = setting(64, low=1, high=1024)
     steps_per_batch: int = setting(64, low=1, high=100_000)  # of each environment
     overlap: bool = False  # collect a batch, in processes of its own, while learning from the one before
+    ahead_batches: int = setting(1, low=1, high=16)  # with overlap: so many may be under way
 
 
 @dataclass

@@ -23,6 +23,7 @@ REFRESHES = "refreshes"
 EVALUATION = "evaluation"
 CALIBRATION = "calibration.json"
 FIGURES = "figures"
+LESSON = "lesson.jsonl"
 NOT_IN_NAMES = ("run_dir", "viewer")
 """Settings that say nothing about a run when it is named after its settings."""
 

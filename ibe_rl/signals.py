@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing.resource_tracker
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -18,6 +18,11 @@ class StopRequest:
 
     def __init__(self) -> None:
         self._asked = False
+        self._called: list[Callable[[], None]] = []
+
+    def when_asked(self, call: Callable[[], None]) -> None:
+        """Call something short as soon as the request arrives."""
+        self._called.append(call)
 
     def __bool__(self) -> bool:
         return self._asked
@@ -34,6 +39,8 @@ class StopRequest:
         if self._asked:
             raise KeyboardInterrupt
         self._asked = True
+        for call in self._called:
+            call()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ PACKAGE = "ibe_rl"
 SCRIPTS = ("train", "explain")
 
 LAYERS = (
-    {"data", "scene", "colours", "config", "limits", "run_folder", "signals", "command_line", "checkpoint"},
+    {"data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line", "checkpoint"},
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development"},

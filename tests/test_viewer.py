@@ -27,7 +27,8 @@ from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import MetricsTable
 from ibe_rl.serve import relay as relay_module
 from ibe_rl.serve.overlay import APPLICATION, COLUMNS, PALETTE, PLOTS, Overlay, blueprint
-from ibe_rl.serve.relay import is_free, rerun_binary
+from ibe_rl.ports import is_free
+from ibe_rl.serve.relay import rerun_binary
 from ibe_rl.stream import Recorder
 from ibe_rl.stream.recorder import APPLICATION as RUN_APPLICATION
 from ibe_rl.viewer import Messages, gather, main, run_names, runs_at, with_curves

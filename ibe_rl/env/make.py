@@ -133,6 +133,11 @@ class InstructedEnvs(EnvBase):
 
 def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:
     """Make ``count`` copies of an environment that step together, seeded ``seed`` to ``seed + count - 1``."""
-    env = InstructedEnvs([make_gym(env_id, kwargs) for _ in range(count)], instructor)
+    return join([make_gym(env_id, kwargs) for _ in range(count)], instructor, seed)
+
+
+def join(games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor, seed: int) -> EnvBase:
+    """Let environments step together, seeded ``seed`` and up."""
+    env = InstructedEnvs(games, instructor)
     env.set_seed(seed)
     return env

@@ -8,6 +8,8 @@ import numpy as np
 
 from ibe_rl.config import HumanConfig, InstructorConfig, RecordedConfig
 from ibe_rl.data import Array, ConfigError, Instructor, Task
+from ibe_rl.instruct.recorded import LessonWriter
+from ibe_rl.instruct.beside import Beside
 
 
 class Oracle:
@@ -38,7 +40,7 @@ class Silent:
         return np.zeros((len(states), self._size), np.float32), np.zeros((len(rows), 1), np.float32)
 
 
-def make_instructor(config: InstructorConfig, task: Task, seed: int = 0) -> Instructor:
+def make_instructor(config: InstructorConfig, task: Task, seed: int = 0, first: Instructor | None = None) -> Instructor:
     """Make the instructor that ``config`` asks for.
 
     Args:
@@ -53,6 +55,8 @@ def make_instructor(config: InstructorConfig, task: Task, seed: int = 0) -> Inst
         return Oracle(task.rule)
     if config.kind == "silent":
         return Silent(task.instruction_size)
+    if config.kind == "human":
+        return Beside(first, Oracle(task.rule))
     raise ConfigError(f"instructor.kind={config.kind}: allowed is one of oracle, silent")
 
 

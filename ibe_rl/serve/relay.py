@@ -21,10 +21,9 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import quote
 
-from ibe_rl.data import ConfigError
+from ibe_rl.ports import HOST, asked_port, free_port, is_free
 from ibe_rl.serve.server import HANG_S, POLL_S, Server, ending
 
-HOST = "127.0.0.1"
 GRPC_PORT, WEB_PORT = 9876, 9090
 CHUNK_BYTES = 1 << 18
 DRAIN_S = 2.0
@@ -56,42 +55,12 @@ def choose_ports(grpc_port: int | None, web_port: int | None) -> Ports:
     Raises:
         ConfigError: if a port asked for by its number is taken or none at all, or both are the same.
     """
-    grpc = _asked("viewer.grpc_port", grpc_port, frozenset())
-    web = _asked("viewer.web_port", web_port, frozenset({grpc} if grpc else ()))
-    chosen_grpc = grpc or _default(GRPC_PORT, web)
-    chosen_web = web or _default(WEB_PORT, chosen_grpc)
+    grpc = asked_port("viewer.grpc_port", grpc_port)
+    web = asked_port("viewer.web_port", web_port, other=grpc)
+    chosen_grpc = grpc or free_port(GRPC_PORT, other=web)
+    chosen_web = web or free_port(WEB_PORT, other=chosen_grpc)
     pairs = ((GRPC_PORT, chosen_grpc, grpc), (WEB_PORT, chosen_web, web))
     return Ports(chosen_grpc, chosen_web, tuple((a, b) for a, b, asked in pairs if asked is None and a != b))
-
-
-def _asked(key: str, port: int | None, used: frozenset[int]) -> int | None:
-    if port is None:
-        return None
-    allowed = "allowed is a free port from 1 to 65535, or null to choose one"
-    if not 1 <= port <= 65535:
-        raise ConfigError(f"{key}={port}: no such port, {allowed}")
-    if port in used or not is_free(port):
-        raise ConfigError(f"{key}={port}: taken, {allowed}")
-    return port
-
-
-def _default(port: int, other: int | None) -> int:
-    if port != other and is_free(port):
-        return port
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
-
-
-def is_free(port: int) -> bool:
-    """True if a server could listen on this port of this machine."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError:
-            return False
-    return True
 
 
 def rerun_binary() -> Path:

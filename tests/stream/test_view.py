@@ -12,7 +12,8 @@ from view_data import HORIZON_STEPS, TASK, developed, eventually, free_ports, ne
 from viewers import BROWSER_FLAGS, FILLED, colours, new_share, opened, panels, pixels, settled
 from viewers import viewer as viewer  # a fixture
 
-from ibe_rl.serve.relay import Relay, is_free
+from ibe_rl.ports import is_free
+from ibe_rl.serve.relay import Relay
 from ibe_rl.serve.relay import page as page_of_relay
 from ibe_rl.stream import Recorder
 

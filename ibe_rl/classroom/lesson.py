@@ -1,0 +1,167 @@
+"""The lesson: the instructor that the environment asks is whoever sits at the desk and watches this game."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ibe_rl.classroom.clock import Clock
+from ibe_rl.classroom.desk import ORACLE, Desk, Said
+from ibe_rl.classroom.server import Server
+from ibe_rl.classroom.speaker import Speaker, told
+from ibe_rl.data import Array, Moment, Task
+from ibe_rl.env.make import task_of
+from ibe_rl.instruct import LessonWriter
+from ibe_rl.scene import Shape
+
+FRAMES_A_SECOND = 60
+"""No page shows more of them."""
+
+
+class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """The game that is watched, keeping score.
+
+    Attributes:
+        total_reward: of the episode so far.
+        steps: of it.
+        success: whether it has ended well.
+        ended: the same of the episode before, None if it had no step.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]):
+        super().__init__(env)
+        self.total_reward, self.steps, self.success = 0.0, 0, False
+        self.ended: dict[str, Any] | None = None
+
+    def reset(self, **settings: Any) -> Any:
+        """As the game's."""
+        score = {"return": round(self.total_reward, 1), "steps": self.steps, "success": self.success}
+        self.ended = score if self.steps else None
+        self.total_reward, self.steps, self.success = 0.0, 0, False
+        return self.env.reset(**settings)
+
+    def step(self, action: Any) -> Any:
+        """As the game's."""
+        after = self.env.step(action)
+        self.total_reward += float(after[1])
+        self.steps += 1
+        self.success = bool(after[4][task_of(self.env).success_key])
+        return after
+
+
+class Lesson:
+    """The instructor of one game, and what its pages are shown of it; keeps a record of every step.
+
+    Args:
+        stage: the game.
+        desk: where somebody may sit.
+        server: to the pages.
+        speaker: what the agent says.
+        clock: of the game.
+        record: where each episode's instructions go.
+    """
+
+    def __init__(
+        self, stage: Stage, desk: Desk, server: Server, speaker: Speaker, clock: Clock, record: LessonWriter
+    ):
+        self._stage, self._desk, self._server, self._speaker = stage, desk, server, speaker
+        self._clock, self._record, self._task = clock, record, task_of(stage)
+        self._episode, self._shown_at = -1, 0.0
+        self._said: list[tuple[Array, Said]] = []
+
+    def reset(self, rows: Array) -> None:
+        """Begin a new episode, with the record of the one before kept."""
+        if not rows[0]:
+            return
+        self.keep()
+        self._episode += 1
+        self._desk.begin(self._episode)
+        if self._stage.ended is not None:
+            self._server.post("ended", {"episode": self._episode - 1, **self._stage.ended})
+        self._server.post("scene", scene(self._stage, self._episode))
+
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
+        """See ``ibe_rl.data.Instructor``; returns when the step is due."""
+        if rows[0]:
+            self._show(states[0])
+            self._clock.wait()
+            said = self._desk.take()
+            self._said.append((self._number(said, states[:1]), said))
+        instruction, given = self._last()
+        return instruction[None], np.array([[given]], np.float32)
+
+    def keep(self) -> None:
+        """Write down the episode as far as it has come."""
+        if self._said:
+            self._record.write(
+                self._episode,
+                [value.tolist() for value, _ in self._said],
+                [int(said.by != "nobody") for _, said in self._said],
+                [said.by for _, said in self._said],
+                [said.heard for _, said in self._said],
+            )
+        self._said = []
+
+    def _number(self, said: Said, states: Array) -> Array:
+        if said.by == ORACLE:
+            return np.asarray(self._task.rule(states)[0], np.float32)
+        return np.full(self._task.instruction_size, said.value or 0.0, np.float32)
+
+    def _last(self) -> tuple[Array, float]:
+        if not self._said:
+            return np.zeros(self._task.instruction_size, np.float32), 0.0
+        value, said = self._said[-1]
+        return value, float(said.by != "nobody")
+
+    def _show(self, state: Array) -> None:
+        """Post what can be seen now: the game, what was said at the step before, what the agent says."""
+        now = time.monotonic()
+        if now - self._shown_at < 1 / FRAMES_A_SECOND and self._said:
+            return
+        self._shown_at = now
+        self._server.post("frame", self._frame(state))
+        if self._speaker.due():
+            instruction, given = self._last()
+            said = self._speaker.say(Moment(state, instruction, bool(given), self._game.snapshot()))
+            path = None if self._task.scene_path is None else self._task.scene_path(said.path)
+            self._server.post("explanation", {"episode": self._episode, **told(said, path)})
+
+    @property
+    def _game(self) -> Any:
+        return self._stage.unwrapped
+
+    def _frame(self, state: Array) -> dict[str, Any]:
+        value, said = self._said[-1] if self._said else (None, Said(None, "nobody", 0))
+        at = None if self._task.scene_path is None else self._task.scene_path(state).round(2).tolist()
+        return {
+            "episode": self._episode,
+            "step": len(self._said),
+            "shapes": outlines(self._game, "figure"),
+            "at": at,
+            "told": None if said.by == "nobody" or value is None else float(value[0]),
+            "by": said.by,
+            "heard": said.heard,
+            "return": round(self._stage.total_reward, 1),
+        }
+
+
+def scene(stage: Stage, episode: int) -> dict[str, Any]:
+    """What stands still in an episode."""
+    return {
+        "episode": episode,
+        "size": list(task_of(stage).scene_size),
+        "background": outlines(stage.unwrapped, "background"),
+    }
+
+
+def outlines(game: Any, part: str) -> list[dict[str, Any]]:
+    """The shapes of a game that draws itself, for a page."""
+    draw: Callable[[], Sequence[Shape]] | None = getattr(game, part, None)
+    return [
+        {"points": shape.points.round(2).tolist(), "colour": list(shape.colour), "closed": shape.closed}
+        for shape in (draw() if draw else [])
+    ]

@@ -1,0 +1,124 @@
+"""What a page may say to the training, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+MAX_BYTES = 512
+"""Longer messages are none."""
+MAX_COUNT = 2**53
+"""The largest number that a page can count to."""
+SPEEDS = (0.05, 1_000.0)
+
+
+class BadMessageError(ValueError):
+    """A message that no page of ours sends."""
+
+
+@dataclass(frozen=True)
+class Press:
+    """The person says ``value`` from now on, until released, about the episode that they see."""
+
+    sequence: int
+    episode: int
+    value: float
+
+
+@dataclass(frozen=True)
+class Release:
+    """The person says nothing any more."""
+
+    sequence: int
+    episode: int
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Stop the game, or go on."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Play in ``times`` real time; None is as fast as it goes."""
+
+    times: float | None
+
+
+@dataclass(frozen=True)
+class HandOver:
+    """Let the environment's rule instruct in the person's place, or take it back."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
+class Sit:
+    """A page that only watches wants to instruct; it may if nobody else does."""
+
+
+Message = Press | Release | Pause | Speed | HandOver | Sit
+
+
+def parse(text: str | bytes) -> Message:
+    """Read a message; whatever it is, this either returns one or raises ``BadMessageError``.
+
+    Args:
+        text: as it came from the network.
+
+    Raises:
+        BadMessageError: in one short line that says why.
+    """
+    if not isinstance(text, str) or len(text) > MAX_BYTES:
+        raise BadMessageError(f"not a text of at most {MAX_BYTES} characters")
+    try:
+        fields = json.loads(text)
+    except (ValueError, RecursionError):
+        raise BadMessageError("not JSON") from None
+    if not isinstance(fields, dict) or not isinstance(fields.get("kind"), str) or fields["kind"] not in KINDS:
+        raise BadMessageError(f"no kind of message; allowed are {', '.join(KINDS)}")
+    kind, readers = KINDS[fields.pop("kind")]
+    if fields.keys() != readers.keys():
+        raise BadMessageError(f"a {kind.__name__} has {', '.join(readers) or 'nothing'} in it")
+    return kind(**{name: read(name, fields[name]) for name, read in readers.items()})
+
+
+def _count(name: str, value: Any) -> int:
+    if type(value) is not int or not 0 <= value <= MAX_COUNT:
+        raise BadMessageError(f"{name} is not a count")
+    return value
+
+
+def _flag(name: str, value: Any) -> bool:
+    if type(value) is not bool:
+        raise BadMessageError(f"{name} is neither true nor false")
+    return value
+
+
+def _number(name: str, value: Any, low: float, high: float) -> float:
+    if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
+        raise BadMessageError(f"{name} is not a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _value(name: str, value: Any) -> float:
+    return _number(name, value, -1.0, 1.0)
+
+
+def _times(name: str, value: Any) -> float | None:
+    return None if value is None else _number(name, value, *SPEEDS)
+
+
+KINDS: dict[str, tuple[Callable[..., Message], dict[str, Callable[[str, Any], Any]]]] = {
+    "press": (Press, {"sequence": _count, "episode": _count, "value": _value}),
+    "release": (Release, {"sequence": _count, "episode": _count}),
+    "pause": (Pause, {"on": _flag}),
+    "speed": (Speed, {"times": _times}),
+    "oracle": (HandOver, {"on": _flag}),
+    "sit": (Sit, {}),
+}

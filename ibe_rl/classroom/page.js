@@ -1,0 +1,364 @@
+"use strict";
+// The page of the lesson. What the server says is kept in `now`, and drawn at the next frame of the screen.
+
+const now = { about: null, scene: null, frame: null, explanation: null, vocabulary: null, figures: null, seat: null, controls: null };
+// What a test of the page looks at: what was sent, and how much came and was drawn.
+const lesson = { now, sent: [], received: 0, drawn: 0, rate: 0, connected: false, waits: [] };
+window.lesson = lesson;
+
+const at = (id) => document.getElementById(id);
+const signed = (value) => (value > 0 ? "+" : value < 0 ? "−" : "") + Math.abs(value);
+const percent = (value) => `${Math.round(100 * value)} %`;
+
+// ---- the connection
+
+let socket = null;
+let sequence = 0;
+let pauseBeforeRetry = 250;
+let over = false;
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/lesson`);
+  socket.onopen = () => {
+    sequence = 0;
+    pauseBeforeRetry = 250;
+    lesson.connected = true;
+    show("connection", "connected", "pill good");
+    notice(null);
+    say.again();
+  };
+  socket.onmessage = (event) => {
+    const message = JSON.parse(event.data);
+    if (hear[message.kind]) hear[message.kind](message);
+  };
+  socket.onclose = (event) => {
+    lesson.connected = false;
+    now.seat = null;
+    enable();
+    if (over) return;
+    show("connection", "no connection", "pill bad");
+    const why = event.reason ? ` (${event.reason})` : "";
+    notice(`The connection to the training is gone${why}. What you press does not reach it. Trying again…`);
+    setTimeout(connect, pauseBeforeRetry);
+    pauseBeforeRetry = Math.min(4000, 2 * pauseBeforeRetry);
+  };
+}
+
+function send(message) {
+  if (!socket || socket.readyState !== WebSocket.OPEN) return;
+  socket.send(JSON.stringify(message));
+}
+
+// ---- what the person says: the newest of all that is held down counts
+
+const held = []; // [{source, value}], the newest last
+const say = {
+  saying: null, // value, while something is held down
+  episode: -1, // that it was said in
+  press(source, value) {
+    if (held.some((one) => one.source === source)) return;
+    held.push({ source, value });
+    say.now();
+  },
+  release(source) {
+    const index = held.findIndex((one) => one.source === source);
+    if (index >= 0) held.splice(index, 1);
+    say.now();
+  },
+  releaseAll() {
+    held.length = 0;
+    say.now();
+  },
+  // An instruction is about the episode that is seen: in a new one it is said again while the key is still down.
+  now() {
+    const value = held.length ? held[held.length - 1].value : null;
+    const episode = now.scene ? now.scene.episode : 0;
+    if (now.seat && now.seat.instructs && (value !== say.saying || (value !== null && episode !== say.episode))) {
+      sequence += 1;
+      const message = value === null ? { kind: "release", sequence, episode } : { kind: "press", sequence, episode, value };
+      send(message);
+      lesson.sent.push({ ...message, at: performance.now() });
+      say.saying = value;
+      say.episode = episode;
+    }
+    for (const button of at("values").children) button.classList.toggle("on", Number(button.dataset.value) === value);
+  },
+  again() {
+    say.saying = null;
+    say.episode = -1;
+  },
+};
+
+const ARROWS = { ArrowLeft: "first", ArrowRight: "last", ArrowDown: "middle" };
+
+function valueOf(place) {
+  const values = now.about ? now.about.values : [];
+  if (!values.length) return null;
+  if (place === "first") return values[0];
+  if (place === "last") return values[values.length - 1];
+  return values.length % 2 ? values[(values.length - 1) / 2] : null;
+}
+
+addEventListener("keydown", (event) => {
+  if (event.key === " " && !(event.target instanceof HTMLButtonElement) && !(event.target instanceof HTMLSelectElement)) {
+    event.preventDefault();
+    at("pause").click();
+  }
+  if (!(event.key in ARROWS) || event.target instanceof HTMLSelectElement) return;
+  event.preventDefault();
+  const value = valueOf(ARROWS[event.key]);
+  if (value !== null && !event.repeat) say.press(event.key, value);
+});
+addEventListener("keyup", (event) => event.key in ARROWS && say.release(event.key));
+addEventListener("blur", () => say.releaseAll());
+document.addEventListener("visibilitychange", () => document.hidden && say.releaseAll());
+for (const end of ["pointerup", "pointercancel"]) addEventListener(end, (event) => say.release(`pointer ${event.pointerId}`));
+
+at("stage").addEventListener("pointerdown", (event) => {
+  const box = at("stage").getBoundingClientRect();
+  const place = ["first", "middle", "last"][Math.min(2, Math.floor((3 * (event.clientX - box.left)) / box.width))];
+  const value = valueOf(place);
+  if (value !== null) say.press(`pointer ${event.pointerId}`, value);
+});
+
+function makeButtons(values) {
+  const arrows = { [values[0]]: "←", [values[values.length - 1]]: "→", [valueOf("middle")]: "↓" };
+  at("values").replaceChildren(...values.map((value) => {
+    const button = document.createElement("button");
+    button.dataset.value = value;
+    button.append(arrows[value] || "·", Object.assign(document.createElement("small"), { textContent: signed(value) }));
+    button.addEventListener("pointerdown", (event) => {
+      event.preventDefault();
+      say.press(`pointer ${event.pointerId}`, value);
+    });
+    button.addEventListener("contextmenu", (event) => event.preventDefault());
+    return button;
+  }));
+}
+
+// ---- the controls
+
+at("pause").onclick = () => send({ kind: "pause", on: !(now.controls && now.controls.paused) });
+at("oracle").onclick = () => send({ kind: "oracle", on: !(now.controls && now.controls.oracle) });
+at("sit").onclick = () => send({ kind: "sit" });
+at("speed").onchange = () => {
+  send({ kind: "speed", times: JSON.parse(at("speed").value) });
+  at("speed").blur();
+};
+
+function enable() {
+  const instructs = Boolean(now.seat && now.seat.instructs);
+  for (const part of [at("pause"), at("speed"), at("oracle"), ...at("values").children]) part.disabled = !instructs;
+}
+
+// ---- what the server says
+
+let trail = [];
+let episodeShown = -1;
+let arrived = 0;
+let lastFrameAt = performance.now();
+
+const hear = {
+  about(message) {
+    now.about = message;
+    at("name").textContent = `Teach the agent: ${message.name}`;
+    at("run").textContent = message.run;
+    makeButtons(message.values);
+    enable();
+    if (message.live_view) Object.assign(at("live-view"), { href: message.live_view, hidden: false });
+    const hold = message.hold_steps === null ? "what you said holds on until the episode ends"
+      : message.hold_steps > 0 ? `what you said holds on for ${message.hold_steps} steps` : "nothing held down is silence";
+    const others = message.others ? ` The ${message.others} other games are told by ${{ oracle: "the oracle", silent: "nobody", habits: "a model of your habits" }[message.others_instructed_by]}.` : "";
+    at("how").textContent = `Hold an arrow key, a button, or the left, middle or right of the picture; ${hold}.${others} What the numbers mean is yours to decide: nobody tells the agent.`;
+  },
+  scene(message) {
+    now.scene = message;
+    now.explanation = null;
+    trail = [];
+    say.now();
+  },
+  frame(message) {
+    now.frame = message;
+    lesson.received += 1;
+    arrived += 1;
+    lastFrameAt = performance.now();
+    for (const one of lesson.sent) {
+      if (one.counted === undefined && message.heard >= one.sequence) {
+        one.counted = message.step - 1;
+        lesson.waits.push(performance.now() - one.at);
+      }
+    }
+    if (message.at && message.episode === (now.scene && now.scene.episode)) trail.push(message.at);
+  },
+  explanation(message) { now.explanation = message; },
+  vocabulary(message) {
+    now.vocabulary = message;
+    at("learnt-at").textContent = `learnt at ${message.frame.toLocaleString("en")} frames, for ${message.horizon_steps} steps`;
+    at("vocabulary").replaceChildren(...message.clusters.map((cluster) => {
+      const line = document.createElement("li");
+      const dot = document.createElement("i");
+      dot.style.background = `rgb(${cluster.colour.join(" ")})`;
+      const part = (text) => Object.assign(document.createElement("span"), { textContent: text });
+      const phrase = Object.assign(document.createElement("div"), { textContent: cluster.phrase });
+      line.append(dot, part(signed(Number(cluster.expression.toFixed(2)))), phrase, part(percent(cluster.share)));
+      line.dataset.phrase = cluster.phrase;
+      return line;
+    }));
+  },
+  figures(message) {
+    now.figures = message;
+    const shown = (value, text) => (value === undefined ? "–" : text(value));
+    at("success").textContent = shown(message.success_rate, percent);
+    at("return").textContent = shown(message.return_mean, (value) => value.toFixed(0));
+    const total = now.about ? ` of ${now.about.total_frames.toLocaleString("en")}` : "";
+    at("frames").textContent = message.frames.toLocaleString("en") + total;
+    drawCurve(message.curve);
+  },
+  ended(message) {
+    at("last").textContent = `${message.success ? "success" : "no success"}, return ${message.return.toFixed(0)}`;
+  },
+  seat(message) {
+    now.seat = message;
+    const others = message.pages > 1 ? `, ${message.pages} pages are open` : "";
+    show("seat", message.instructs ? `you instruct${others}` : `you watch${others}`, message.instructs ? "pill told" : "pill");
+    at("sit").hidden = message.instructs || !message.free;
+    enable();
+    say.again();
+    say.now();
+  },
+  controls(message) {
+    now.controls = message;
+    at("pause").textContent = message.paused ? "go on" : "pause";
+    at("pause").setAttribute("aria-pressed", message.paused);
+    at("oracle").textContent = message.oracle ? "take over from the oracle" : "hand over to the oracle";
+    at("oracle").setAttribute("aria-pressed", message.oracle);
+    const value = JSON.stringify(message.speed);
+    if (![...at("speed").options].some((option) => option.value === value)) at("speed").add(new Option(`${message.speed} ×`, value));
+    at("speed").value = value;
+  },
+  farewell(message) {
+    over = true;
+    show("connection", "over", "pill");
+    notice(`${message.text} The run is in the folder ${now.about ? now.about.run : "of the run"}.`, true);
+  },
+};
+
+function show(id, text, kind) {
+  at(id).textContent = text;
+  if (kind) at(id).className = kind;
+}
+
+function notice(text, calm = false) {
+  at("notice").hidden = text === null;
+  at("notice").textContent = text || "";
+  at("notice").className = calm ? "calm" : "";
+}
+
+// ---- drawing
+
+const canvas = at("canvas");
+const pen = canvas.getContext("2d");
+
+function fit(surface, height) {
+  const wide = Math.round(surface.clientWidth * devicePixelRatio);
+  const high = Math.round(height * devicePixelRatio);
+  if (surface.width !== wide || surface.height !== high) Object.assign(surface, { width: wide, height: high });
+}
+
+function line(points, place) {
+  pen.beginPath();
+  points.forEach((point, index) => pen[index ? "lineTo" : "moveTo"](...place(point)));
+}
+
+function shape(one, place) {
+  line(one.points, place);
+  if (one.closed) {
+    pen.closePath();
+    pen.fillStyle = `rgb(${one.colour.join(" ")} / 45%)`;
+    pen.fill();
+  }
+  pen.strokeStyle = `rgb(${one.colour.join(" ")})`;
+  pen.stroke();
+}
+
+function draw() {
+  requestAnimationFrame(draw);
+  words();
+  if (!now.scene || !now.frame) return;
+  const [width, height] = now.scene.size;
+  const limit = Math.max(260, innerHeight - 300);
+  const high = Math.min((canvas.clientWidth * height) / width, limit);
+  canvas.style.height = `${high}px`;
+  fit(canvas, high);
+  const scale = Math.min(canvas.width / width, canvas.height / height);
+  const left = (canvas.width - scale * width) / 2;
+  const place = ([x, y]) => [left + x * scale, canvas.height - y * scale];
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.lineWidth = 2 * devicePixelRatio;
+  pen.lineJoin = "round";
+  for (const one of now.scene.background) shape(one, place);
+  if (trail.length > 1) {
+    line(trail, place);
+    pen.strokeStyle = "rgb(232 232 238 / 35%)";
+    pen.stroke();
+  }
+  if (now.explanation && now.explanation.path && now.explanation.episode === now.frame.episode) {
+    line(now.explanation.path, place);
+    pen.setLineDash([6 * devicePixelRatio, 5 * devicePixelRatio]);
+    pen.strokeStyle = "rgb(45 212 191)";
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+  if (now.frame.episode === now.scene.episode) for (const one of now.frame.shapes) shape(one, place);
+  if (episodeShown !== now.frame) lesson.drawn += 1;
+  episodeShown = now.frame;
+}
+
+function words() {
+  const frame = now.frame;
+  const said = now.explanation;
+  const waits = lesson.connected && !over && performance.now() - lastFrameAt > 700 && !(now.controls && now.controls.paused);
+  at("waiting").hidden = !waits;
+  if (frame) {
+    const by = { person: "you say", held: "you said", oracle: "the oracle says" }[frame.by];
+    at("told").textContent = frame.told === null ? "nobody says anything" : `${by} ${signed(frame.told)}`;
+    at("episode").textContent = `game ${frame.episode + 1}, step ${frame.step}, return ${frame.return.toFixed(0)}`;
+    mark("gauge-told", frame.told);
+  }
+  mark("gauge-said", said ? said.expression : null);
+  if (!said) return;
+  show("said", said.said, said.known ? "" : "unknown");
+  at("in-time").textContent = said.known && said.in_time !== said.said ? said.in_time : "";
+  at("sure").textContent = `, ${percent(said.confidence)} sure, for ${said.horizon_steps} steps`;
+  for (const entry of at("vocabulary").children) entry.classList.toggle("now", said.known && entry.dataset.phrase === said.said);
+}
+
+function mark(id, value) {
+  at(id).style.display = value === null ? "none" : "block";
+  if (value !== null) at(id).style.left = `${50 + 50 * value}%`;
+}
+
+function drawCurve(curve) {
+  const surface = at("curve");
+  fit(surface, 56);
+  const ink = surface.getContext("2d");
+  ink.clearRect(0, 0, surface.width, surface.height);
+  const end = Math.max(now.about ? now.about.total_frames : 1, 1);
+  ink.strokeStyle = "rgb(132 224 96)";
+  ink.lineWidth = 2 * devicePixelRatio;
+  ink.beginPath();
+  curve.forEach(([frames, success], index) => {
+    const point = [(frames / end) * surface.width, surface.height - 2 - success * (surface.height - 4)];
+    ink[index ? "lineTo" : "moveTo"](...point);
+  });
+  ink.stroke();
+}
+
+setInterval(() => {
+  lesson.rate = arrived;
+  arrived = 0;
+  at("rate").textContent = lesson.connected ? `${lesson.rate} pictures a second` : "";
+}, 1000);
+
+connect();
+requestAnimationFrame(draw);

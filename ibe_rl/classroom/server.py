@@ -1,0 +1,220 @@
+"""The small server of the page: loopback by default, one thread, nobody waits for anybody's connection.
+
+Each page has a place for the newest message of each kind. A slow page misses frames; it holds up neither the game nor
+the other pages. What pages send is limited in size and number before it is looked at.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import http
+import ipaddress
+import json
+import socket
+import threading
+import time
+from collections.abc import Callable, Mapping
+from importlib.resources import files
+from itertools import count
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from ibe_rl.classroom.desk import ACCEPTED, Desk
+from ibe_rl.classroom.messages import MAX_BYTES, BadMessageError, HandOver, Pause, Sit, Speed, parse
+
+LESSON_PATH = "/lesson"
+PAGES = {"/": ("page.html", "text/html"), "/page.js": ("page.js", "text/javascript"), "/page.css": ("page.css", "text/css")}
+SECURITY = {
+    "Content-Security-Policy": "default-src 'self'; img-src data:; connect-src 'self' ws:; frame-ancestors 'none'; base-uri 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+MAX_PAGES = 16
+MAX_A_SECOND = 200
+"""Messages of one page; a key held down sends 2."""
+MAX_BAD = 10
+TOO_MANY, NOT_OURS = 1008, 1003  # close codes of RFC 6455
+PING_S = 5.0
+"""A page that does not answer for so long is gone."""
+START_S, STOP_S = 10.0, 2.0
+
+
+class Server:
+    """Serves the page and carries messages between pages and the desk; use ``close`` in the end.
+
+    Args:
+        desk: hears what pages say.
+        host: to bind.
+        port: to bind.
+
+    Raises:
+        OSError: if the port cannot be bound.
+    """
+
+    def __init__(self, desk: Desk, host: str, port: int):
+        self._desk, self._host, self._port = desk, host, port
+        self._waiting: dict[int, dict[str, str]] = {}
+        self._news: dict[int, asyncio.Event] = {}
+        self._newest: dict[str, str] = {}
+        self._numbers = count(1)
+        self._loop = asyncio.new_event_loop()
+        self._started, self._stop = threading.Event(), asyncio.Event()
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="classroom", daemon=True)
+        self._thread.start()
+        self._started.wait(START_S)
+        if self._failure is not None:
+            raise self._failure
+
+    def post(self, kind: str, fields: Mapping[str, Any]) -> None:
+        """Show pages something; only the newest of each kind waits for a page that is slow. Waits for nothing."""
+        text = json.dumps({"kind": kind, **fields}, separators=(",", ":"), allow_nan=False)
+        self._call(self._spread, kind, text)
+
+    def close(self) -> None:
+        """Let what has been posted arrive, then end."""
+        self._call(self._stop.set)
+        self._thread.join(2 * STOP_S)
+
+    def _call(self, what: Callable[..., Any], *arguments: Any) -> None:
+        try:
+            self._loop.call_soon_threadsafe(what, *arguments)
+        except RuntimeError:  # the loop has ended, nobody is there to be told
+            return
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._serve())
+        except BaseException as error:  # handed to the thread that waits for the start
+            self._failure = error
+        finally:
+            self._started.set()
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        limits: dict[str, Any] = {"max_size": MAX_BYTES, "max_queue": 8, "write_limit": 1 << 16, "compression": None}
+        times = {"ping_interval": PING_S, "ping_timeout": PING_S, "close_timeout": STOP_S, "open_timeout": PING_S}
+        async with serve(self._attend, self._host, self._port, process_request=self._admit, **limits, **times):
+            self._started.set()
+            await self._stop.wait()
+            await asyncio.sleep(0.1)  # the last posts are on their way
+
+    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request for a page; None lets a page of ours open its connection."""
+        host = request.headers.get("Host", "")
+        if not is_ours(host):
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "this name is not this server's\n")
+        path = request.path.partition("?")[0]
+        if path == LESSON_PATH:
+            return self._refusal(connection, request.headers.get("Origin"), host)
+        if path not in PAGES:
+            return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such page\n")
+        name, kind = PAGES[path]
+        body = files(__package__).joinpath(name).read_bytes()
+        headers = {**SECURITY, "Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(body))}
+        return Response(200, "OK", Headers({**headers, "Connection": "close"}), body)
+
+    def _refusal(self, connection: ServerConnection, origin: str | None, host: str) -> Response | None:
+        if origin != f"http://{host}":
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "only the page of this server may instruct\n")
+        if len(self._waiting) >= MAX_PAGES:
+            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_PAGES} pages are open already\n")
+        return None
+
+    async def _attend(self, connection: ServerConnection) -> None:
+        """Serve one page until it goes."""
+        page = next(self._numbers)
+        self._waiting[page], self._news[page] = dict(self._newest), asyncio.Event()
+        self._desk.join(page)
+        self._seats()
+        self._controls()
+        sender = asyncio.create_task(self._send(connection, page))
+        try:
+            await self._hear(connection, page)
+        except ConnectionClosed:
+            pass
+        finally:
+            sender.cancel()
+            del self._waiting[page], self._news[page]
+            self._desk.leave(page)
+            self._seats()
+            self._controls()
+
+    async def _hear(self, connection: ServerConnection, page: int) -> None:
+        allowance, at, bad = float(MAX_A_SECOND), time.monotonic(), 0
+        async for text in connection:
+            now = time.monotonic()
+            allowance, at = min(MAX_A_SECOND, allowance + (now - at) * MAX_A_SECOND) - 1, now
+            if allowance < 0:
+                await connection.close(TOO_MANY, "too many messages")
+                return
+            try:
+                self._take_in(page, text)
+            except BadMessageError as error:
+                bad += 1
+                self._put(page, "refused", {"why": str(error)})
+            if bad > MAX_BAD:
+                await connection.close(NOT_OURS, "these are not the messages of this page")
+                return
+
+    def _take_in(self, page: int, text: str | bytes) -> None:
+        message = parse(text)
+        became = self._desk.hear(page, message)
+        if became != ACCEPTED:
+            self._put(page, "refused", {"why": became})
+        elif isinstance(message, Sit):
+            self._seats()
+        elif isinstance(message, Pause | Speed | HandOver):
+            self._controls()
+
+    async def _send(self, connection: ServerConnection, page: int) -> None:
+        while True:
+            await self._news[page].wait()
+            self._news[page].clear()
+            texts = list(self._waiting[page].values())
+            self._waiting[page].clear()
+            for text in texts:
+                await connection.send(text)
+
+    def _spread(self, kind: str, text: str) -> None:
+        self._newest[kind] = text
+        for page, waiting in self._waiting.items():
+            waiting[kind] = text
+            self._news[page].set()
+
+    def _put(self, page: int, kind: str, fields: Mapping[str, Any]) -> None:
+        self._waiting[page][kind] = json.dumps({"kind": kind, **fields})
+        self._news[page].set()
+
+    def _seats(self) -> None:
+        """Tell every page whether it instructs."""
+        chair, pages = self._desk.chair, len(self._waiting)
+        for page in self._waiting:
+            self._put(page, "seat", {"instructs": page == chair, "free": chair is None, "pages": pages})
+
+    def _controls(self) -> None:
+        now = self._desk.controls
+        self._spread(
+            "controls",
+            json.dumps({"kind": "controls", "paused": now.paused, "speed": now.speed, "oracle": now.oracle}),
+        )
+
+
+def is_ours(host: str) -> bool:
+    """Whether a request's ``Host`` can be meant for this machine.
+
+    A name that somebody else's server gave out and now points here (DNS rebinding) is none; addresses are.
+    """
+    name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
+    if name.lower() in ("localhost", socket.gethostname().lower()):
+        return True
+    try:
+        ipaddress.ip_address(name.strip("[]"))
+    except ValueError:
+        return False
+    return True

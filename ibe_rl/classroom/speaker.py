@@ -1,0 +1,83 @@
+"""What the agent says at its pupil's desk: its explanations, live, with the policy and the words of now."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import torch
+
+from ibe_rl.agent import GreedyPolicy
+from ibe_rl.data import Array, Explanation, Moment, Predictor
+from ibe_rl.explainer import Voice, explain
+
+Weights = Mapping[str, Array]
+
+
+def weights_of(policy: GreedyPolicy) -> Weights:
+    """Plain arrays of its own, which learning does not change."""
+    return {name: tensor.numpy().copy() for name, tensor in policy.state_dict().items()}
+
+
+class Speaker:
+    """Explains moments with what the trainer last sent; says nothing before the first vocabulary.
+
+    Args:
+        policy: takes the weights that come.
+        predictor: with environments of its own.
+        every_s: it speaks no more often, so that the game does not wait for it.
+        clock: seconds.
+    """
+
+    def __init__(
+        self,
+        policy: GreedyPolicy,
+        predictor: Predictor,
+        every_s: float = 0.1,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._policy, self._predictor, self._every_s, self._clock = policy, predictor, every_s, clock
+        self._lock = threading.Lock()
+        self._weights: Weights | None = None
+        self._voice: Voice | None = None
+        self._spoke_at = -every_s
+
+    def learn(self, weights: Weights) -> None:
+        """Take in weights of the policy; any thread may call this."""
+        with self._lock:
+            self._weights = weights
+
+    def speak_with(self, voice: Voice) -> None:
+        """Take in a vocabulary; any thread may call this."""
+        with self._lock:
+            self._voice = voice
+
+    def due(self) -> bool:
+        """Whether it is time to say something new."""
+        return self._voice is not None and self._clock() - self._spoke_at >= self._every_s
+
+    def say(self, moment: Moment) -> Explanation:
+        """Explain a moment; only once there is a vocabulary."""
+        with self._lock:
+            weights, self._weights, voice = self._weights, None, self._voice
+        assert voice is not None
+        if weights is not None:
+            self._policy.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
+        [said] = explain([moment], self._policy, self._predictor, voice)
+        self._spoke_at = self._clock()
+        return said
+
+
+def told(said: Explanation, path: Array | None) -> dict[str, Any]:
+    """What a page shows of an explanation; ``path`` ``(H + 1, 2)`` in scene units."""
+    return {
+        "expression": float(said.expression[0]),
+        "said": said.said,
+        "in_time": said.in_time(),
+        "known": said.known,
+        "confidence": said.confidence,
+        "horizon_steps": said.horizon_steps,
+        "path": None if path is None else path.round(2).tolist(),
+    }
