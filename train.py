@@ -28,8 +28,8 @@ from tensordict import TensorDictBase
 from torchrl import timeit
 
 from ibe_rl.agent import Agent, make_agent
-from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
 from ibe_rl.checkpoint import BETWEEN, save_latest, save_policy
+from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
 from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
@@ -41,6 +41,7 @@ from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
+from ibe_rl.obedience import Obedience, check_obedience, make_obedience
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.paper.lab import check_report
 from ibe_rl.play import play, watch
@@ -112,7 +113,8 @@ def train(
 
     for batch in timed("collect", source):  # environment → batch
         with timeit("learn"):
-            losses = agent.update(batch)  # batch → learner
+            losses = parts.obedience.add(batch, log.frames)  # did it do what it was told?
+            losses |= agent.update(batch)  # batch → learner
         with timeit("log"):
             log.add(steps_of(batch), parts.task.context)  # batch → episodes
         last = bool(stop) or log.frames >= cfg.total_frames
@@ -158,6 +160,7 @@ class Parts:
     table: MetricsTable
     folder: Path
     development: Development
+    obedience: Obedience
     refreshes: int = 0
     kept: int = 0
     skipped: int = 0
@@ -170,12 +173,13 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack, classroom: Classroom
     make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
     env = make_one()
     task = task_of(env)
+    development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     max_mb, record = cfg.viewer.max_recording_mb, cfg.viewer.mode != "off"
     recorder = RunRecorder(folder / RECORDING, task, run_name(folder), max_mb) if record else NoRecorder()
     owned.callback(recorder.close)
     return Parts(
         task=task,
-        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames),
+        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
         instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
         predictor=owned.enter_context(closing(make_simulator(cfg.predictor, make_one, task.rule, cfg.seed))),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
@@ -186,7 +190,8 @@ def build(cfg: TrainConfig, folder: Path, owned: ExitStack, classroom: Classroom
         progress=owned.enter_context(TrainingProgress(cfg.total_frames)),
         table=owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS)),
         folder=folder,
-        development=Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale),
+        development=development,
+        obedience=make_obedience(cfg, task, development),
     )
 
 
@@ -282,6 +287,7 @@ def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     env = make_gym(cfg.env.id, cfg.env.kwargs)
     check_development(cfg, task_of(env))
+    check_obedience(cfg, task_of(env))
     check_report(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     lesson_port = choose_port(cfg.instructor)

@@ -51,6 +51,7 @@ class AgentConfig:
 
     kind: str = MISSING
     hidden: list[int] = field(default_factory=lambda: [64, 64])
+    ignores: list[str] = field(default_factory=list)  # names of state dimensions that it does not see
     gamma: float = setting(0.995, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
     success_bonus: float = setting(100.0, low=0.0)  # added where the environment says success, for the learner only
@@ -135,6 +136,15 @@ INSTRUCTORS = {"flawed": FlawedConfig, "recorded": RecordedConfig, "human": Huma
 
 
 @dataclass
+class ObedienceConfig:
+    """Extra reward for having done what one was told, which fades out (see ``ibe_rl.obedience``)."""
+
+    judge: str = setting("none", choices=("none", "mapping", "oracle"))  # what the agent has learnt, or what is meant
+    weight: float = setting(0.1, low=0.0)  # of a step at the start, in units of the environment's reward
+    until_frames: int = setting(500_000, low=1)  # from there on it is 0
+
+
+@dataclass
 class MappingConfig:
     """How the vocabulary is learnt; as it stands here, the paper's (docs/PAPER.md, docs/QUALITY.md say why)."""
 
@@ -208,6 +218,7 @@ class TrainConfig:
     log: LogConfig = field(default_factory=LogConfig)
     agent: AgentConfig = MISSING
     instructor: InstructorConfig = MISSING
+    obedience: ObedienceConfig = field(default_factory=ObedienceConfig)
     mapping: MappingConfig = MISSING
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING

@@ -119,6 +119,10 @@ class Development:
         if refresh.taken:
             save_refresh(folder, refresh, self._config, self._task, self.calibration)
 
+    def mapping_of(self, horizon_steps: int) -> ClusterMapping | None:
+        """The vocabulary that stands for a span of time, None before the first refresh."""
+        return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
+
     def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
         """What the agent speaks with as it is now, after the first refresh."""
         assert self.mapping is not None

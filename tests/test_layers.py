@@ -14,13 +14,19 @@ LAYERS = (
     {"data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line", "checkpoint"},
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
-    {"collect", "explainer", "play", "lessons", "refresh", "development"},
+    {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
     {"progress", "stream", "serve", "viewer", "evaluation", "paper"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
     *(("refresh", "lessons"), ("development", "lessons")),
-    *(("development", "refresh"), ("development", "explainer"), ("progress", "stream")),
+    *(
+        ("development", "refresh"),
+        ("development", "explainer"),
+        ("obedience", "development"),
+        ("classroom", "explainer"),
+        ("progress", "stream"),
+    ),
     *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""

@@ -24,10 +24,10 @@ from viewers import BROWSER_FLAGS, FILLED, new_share, opened, panels
 from viewers import viewer as viewer  # a fixture
 
 from ibe_rl.data import ConfigError
+from ibe_rl.ports import is_free
 from ibe_rl.run_folder import MetricsTable
 from ibe_rl.serve import relay as relay_module
 from ibe_rl.serve.overlay import APPLICATION, COLUMNS, PALETTE, PLOTS, Overlay, blueprint
-from ibe_rl.ports import is_free
 from ibe_rl.serve.relay import rerun_binary
 from ibe_rl.stream import Recorder
 from ibe_rl.stream.recorder import APPLICATION as RUN_APPLICATION

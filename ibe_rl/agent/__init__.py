@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import gymnasium
@@ -31,19 +32,40 @@ class Agent(Protocol):
         """All that learning goes on from."""
 
 
-def make_agent(config: AgentConfig, observation_size: int, actions: gymnasium.Space[Any], total_frames: int) -> Agent:
+def make_agent(
+    config: AgentConfig,
+    observation_size: int,
+    actions: gymnasium.Space[Any],
+    total_frames: int,
+    state_names: Sequence[str] = (),
+) -> Agent:
     """Make the agent of the kind that ``config`` is of.
 
+    Args:
+        config: of the agent.
+        observation_size: O.
+        actions: the environment's, discrete.
+        total_frames: that it will learn from.
+        state_names: of the first numbers of the observation, for ``config.ignores``.
+
     Raises:
-        ConfigError: if the environment's actions are not discrete, or the config is of no known kind.
+        ConfigError: if the environment's actions are not discrete, the config is of no known kind, or the agent is
+            to ignore what is not there.
     """
     if not isinstance(actions, gymnasium.spaces.Discrete):
         raise ConfigError(f"env: its actions are {actions}; the agents here need a Discrete space")
+    ignored = [_place(name, state_names) for name in config.ignores]
     if isinstance(config, PPOConfig):
-        return PPO(config, observation_size, int(actions.n), total_frames)
+        return PPO(config, observation_size, int(actions.n), total_frames, ignored)
     if isinstance(config, DQNConfig):
-        return DQN(config, observation_size, int(actions.n), total_frames)
+        return DQN(config, observation_size, int(actions.n), total_frames, ignored)
     raise ConfigError(f"agent={type(config).__name__}: allowed is one of PPOConfig, DQNConfig")
+
+
+def _place(name: str, state_names: Sequence[str]) -> int:
+    if name not in state_names:
+        raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
+    return list(state_names).index(name)
 
 
 __all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "make_agent"]

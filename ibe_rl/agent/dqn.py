@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -85,15 +86,18 @@ class DQN:
         observation_size: O.
         n_actions: A.
         total_frames: frames after which the learning rate reaches 0 and epsilon its end.
+        ignored: places in the observation that it does not see.
 
     Attributes:
         policy: what the collector runs; it explores.
         greedy: what is evaluated and explained.
     """
 
-    def __init__(self, config: DQNConfig, observation_size: int, n_actions: int, total_frames: int):
+    def __init__(
+        self, config: DQNConfig, observation_size: int, n_actions: int, total_frames: int, ignored: Sequence[int] = ()
+    ):
         self._config, self._total_frames, self._frames = config, total_frames, 0
-        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0)
+        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0, ignored=ignored)
         self._network, self.policy, self._epsilon = network, EpsilonGreedyPolicy(deepcopy(network), n_actions), 1.0
         self.greedy = GreedyPolicy(network, config.average_share)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))

@@ -14,16 +14,35 @@ from torchrl.modules import MLP
 from ibe_rl.data import Array
 
 
+class Blind(nn.Module):
+    """Passes on all of its inputs but those in the places ``ignored``, which are 0 whatever they are."""
+
+    def __init__(self, inputs: int, ignored: Sequence[int]):
+        super().__init__()
+        seen = torch.ones(inputs, dtype=torch.bool)
+        seen[list(ignored)] = False
+        self.register_buffer("seen", seen)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Observations ``(..., O)`` to observations."""
+        return observation.where(self.seen, 0.0)
+
+
 def make_network(
-    inputs: int, hidden: Sequence[int], outputs: int, activation: type[nn.Module], last_gain: float
-) -> MLP:
-    """An MLP with orthogonal weights; ``last_gain`` scales those of the last layer."""
+    inputs: int,
+    hidden: Sequence[int],
+    outputs: int,
+    activation: type[nn.Module],
+    last_gain: float,
+    ignored: Sequence[int] = (),
+) -> nn.Sequential:
+    """An MLP with orthogonal weights; ``last_gain`` scales those of the last layer, inputs ``ignored`` do nothing."""
     network = MLP(in_features=inputs, out_features=outputs, num_cells=list(hidden), activation_class=activation)
     layers = [layer for layer in network if isinstance(layer, nn.Linear)]
     for layer in layers:
         nn.init.orthogonal_(layer.weight, last_gain if layer is layers[-1] else 2**0.5)
         nn.init.zeros_(layer.bias)
-    return network
+    return nn.Sequential(Blind(inputs, ignored), network) if ignored else network
 
 
 class GreedyPolicy:

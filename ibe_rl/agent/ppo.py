@@ -6,6 +6,7 @@ long a step (docs/LOG.md). A test holds both equal.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any, NamedTuple
 
@@ -80,16 +81,19 @@ class PPO:
         observation_size: O.
         n_actions: A.
         total_frames: frames after which learning rate and entropy bonus reach 0.
+        ignored: places in the observation that it does not see.
 
     Attributes:
         policy: what the collector runs; it explores.
         greedy: what is evaluated and explained.
     """
 
-    def __init__(self, config: PPOConfig, observation_size: int, n_actions: int, total_frames: int):
+    def __init__(
+        self, config: PPOConfig, observation_size: int, n_actions: int, total_frames: int, ignored: Sequence[int] = ()
+    ):
         self._config, self._total_frames, self._frames = config, total_frames, 0
-        self._actor = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=0.01)
-        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0)
+        self._actor = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=0.01, ignored=ignored)
+        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0, ignored=ignored)
         self.policy = SamplingPolicy(deepcopy(self._actor))
         self.greedy = GreedyPolicy(self._actor, config.average_share)
         value = ValueOperator(self._critic, in_keys=["observation"])

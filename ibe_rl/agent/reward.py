@@ -14,9 +14,12 @@ def learning_reward(batch: TensorDictBase, config: AgentConfig) -> Tensor:
     A game may pay the same for an end that is no success, such as coming to rest in the wrong place.
 
     Args:
-        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``; not changed.
+        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, ``extra_reward`` if there is any;
+            not changed.
         config: of the agent.
     """
     after = batch["next"]
     rewards: Tensor = after["reward"] + config.success_bonus * after["success"].float()
+    if "extra_reward" in after.keys():  # noqa: SIM118 - a TensorDict
+        rewards = rewards + after["extra_reward"]
     return rewards * config.reward_scale

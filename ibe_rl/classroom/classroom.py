@@ -25,8 +25,8 @@ from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import Voice
 from ibe_rl.ibe import ClusterMapping, phrases_of
 from ibe_rl.instruct import LessonWriter
-from ibe_rl.predict import make_simulator
 from ibe_rl.ports import HOST, asked_port, free_port
+from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import LESSON
 
 PORT = 8765
@@ -165,7 +165,7 @@ class Classroom:
     def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
         """What has been learnt from a batch; ``row`` of metrics.csv."""
         self._link.tell("policy", weights_of(policy))
-        known = {name: value for name, value in row.items() if value == value}  # noqa: PLR0124 - not a number
+        known = {name: value for name, value in row.items() if value == value}
         if "train/success_rate" in known:
             self._curve.append((known["frames"], known["train/success_rate"]))
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
@@ -220,7 +220,7 @@ def open_classroom(
         port,
         folder / LESSON,
         task,
-        partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames),
+        partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
         partial(make_simulator, cfg.predictor, make_one, task.rule, cfg.seed),
         about,
     )

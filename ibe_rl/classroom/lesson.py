@@ -13,7 +13,7 @@ from ibe_rl.classroom.clock import Clock
 from ibe_rl.classroom.desk import ORACLE, Desk, Said
 from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker, told
-from ibe_rl.data import Array, Moment, Task
+from ibe_rl.data import Array, Moment
 from ibe_rl.env.make import task_of
 from ibe_rl.instruct import LessonWriter
 from ibe_rl.scene import Shape
@@ -65,9 +65,7 @@ class Lesson:
         record: where each episode's instructions go.
     """
 
-    def __init__(
-        self, stage: Stage, desk: Desk, server: Server, speaker: Speaker, clock: Clock, record: LessonWriter
-    ):
+    def __init__(self, stage: Stage, desk: Desk, server: Server, speaker: Speaker, clock: Clock, record: LessonWriter):
         self._stage, self._desk, self._server, self._speaker = stage, desk, server, speaker
         self._clock, self._record, self._task = clock, record, task_of(stage)
         self._episode, self._shown_at = -1, 0.0

@@ -27,7 +27,11 @@ from ibe_rl.classroom.desk import ACCEPTED, Desk
 from ibe_rl.classroom.messages import MAX_BYTES, BadMessageError, HandOver, Pause, Sit, Speed, parse
 
 LESSON_PATH = "/lesson"
-PAGES = {"/": ("page.html", "text/html"), "/page.js": ("page.js", "text/javascript"), "/page.css": ("page.css", "text/css")}
+PAGES = {
+    "/": ("page.html", "text/html"),
+    "/page.js": ("page.js", "text/javascript"),
+    "/page.css": ("page.css", "text/css"),
+}
 SECURITY = {
     "Content-Security-Policy": "default-src 'self'; img-src data:; connect-src 'self' ws:; frame-ancestors 'none'; base-uri 'none'",
     "X-Content-Type-Options": "nosniff",

@@ -130,7 +130,8 @@ def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:
 
 
 def _load_policy(path: Path, config: TrainConfig, env: gymnasium.Env[Any, Any]) -> GreedyPolicy:
-    agent = make_agent(config.agent, task_of(env).observation_size, env.action_space, config.total_frames)
+    task = task_of(env)
+    agent = make_agent(config.agent, task.observation_size, env.action_space, config.total_frames, task.state_names)
     try:
         agent.greedy.load_state_dict(load(path))
     except (RuntimeError, AttributeError, TypeError) as error:

@@ -8,8 +8,8 @@ import numpy as np
 
 from ibe_rl.config import HumanConfig, InstructorConfig, RecordedConfig
 from ibe_rl.data import Array, ConfigError, Instructor, Task
-from ibe_rl.instruct.recorded import LessonWriter
 from ibe_rl.instruct.beside import Beside
+from ibe_rl.instruct.recorded import LessonWriter
 
 
 class Oracle:

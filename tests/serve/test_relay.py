@@ -17,8 +17,8 @@ from rerun.chunk import RrdReader
 from view_data import TASK, eventually, free_ports
 
 from ibe_rl.data import ConfigError
-from ibe_rl.serve import relay as module
 from ibe_rl.ports import is_free
+from ibe_rl.serve import relay as module
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, main, rerun_binary
 from ibe_rl.stream import Recorder
 

@@ -1,0 +1,118 @@
+"""Tables and figures of ``benchmarks.instruction``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from benchmarks.levels import Measured, Point, median, to_level
+from benchmarks.truth import interquartile
+from benchmarks.truth_report import BLUE, DOCS, GREEN, GREY, ORANGE, PINK
+from ibe_rl.data import Array
+from ibe_rl.run_folder import write_atomically
+
+PAGE = DOCS / "INSTRUCTION.md"
+LEVEL = 0.83
+TITLES = {
+    "sight": "with and without instruction",
+    "reward": "extra reward for having done what it was told, judged by",
+}
+COLOURS = (BLUE, GREY, ORANGE, PINK, GREEN)
+Runs = dict[str, list[dict[str, float]]]
+"""Seed to the evaluations of its run."""
+
+
+def write_report(found: dict[str, Any], output: Path | None = None) -> None:
+    """Draw the curves and put the tables into docs/INSTRUCTION.md, or all into ``output``."""
+    pictures = output or DOCS / "img"
+    for part, arms in found.items():
+        draw(arms, TITLES[part], pictures / f"instruction_{part}.png")
+    tables = {part: table(arms) for part, arms in found.items()}
+    page = output / PAGE.name if output else PAGE
+    text = page.read_text() if page.exists() else "\n".join(f"{_mark(part)}\n{_end(part)}\n" for part in found)
+    for part, lines in tables.items():
+        text = insert(text, part, lines)
+    write_atomically(page, lambda stream: stream.write(text.encode()))
+
+
+def insert(text: str, part: str, lines: Sequence[str]) -> str:
+    """Replace what stands between the marks of a part.
+
+    Raises:
+        ValueError: if the page has no such marks.
+    """
+    if _mark(part) not in text or _end(part) not in text:
+        raise ValueError(f"{PAGE.name}: has no place for the table {part}; allowed is one with {_mark(part)}")
+    before, _, rest = text.partition(_mark(part))
+    return "\n".join([before + _mark(part), "", *lines, "", _end(part) + rest.partition(_end(part))[2]])
+
+
+def _mark(part: str) -> str:
+    return f"<!-- {part}: python -m benchmarks.instruction -->"
+
+
+def _end(part: str) -> str:
+    return f"<!-- end of {part} -->"
+
+
+def points(run: Sequence[dict[str, float]]) -> list[Point]:
+    """A run's evaluations."""
+    return [Point(int(one["frames"]), one["seconds"], one["success"]) for one in run]
+
+
+def success(runs: Runs) -> tuple[Array, Array]:
+    """Frames ``(E,)`` of the evaluations and success ``(runs, E)``."""
+    every = [points(run) for run in runs.values()]
+    return np.array([point.frames for point in every[0]]), np.array([[p.success for p in run] for run in every])
+
+
+def table(arms: dict[str, Runs]) -> list[str]:
+    """Success in the middle and in the end, and frames and seconds to skill."""
+    lines = [
+        f"| | success at half of it | at the end | its area under the curve | frames to {LEVEL:.0%} | seconds to {LEVEL:.0%} |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, runs in arms.items():
+        _, curves = success(runs)
+        columns = np.stack([curves[:, curves.shape[1] // 2 - 1], curves[:, -1], curves.mean(axis=1)], axis=1)
+        told = [f"{one['value']:.2f} [{one['low']:.2f}, {one['high']:.2f}]" for one in interquartile(columns)]
+        times = [_times(runs, unit) for unit in ("frames", "seconds")]
+        lines.append(f"| {name} | {' | '.join([*told, *times])} |")
+    return lines
+
+
+def _times(runs: Runs, unit: str) -> str:
+    """The median and each run; a run that did not get there counts as longer than it lasted."""
+    each = [to_level(points(run), LEVEL, unit) for run in runs.values()]
+    return f"**{_told(median(each))}** ({', '.join(map(_told, each))})"
+
+
+def _told(one: Measured) -> str:
+    return f"{'' if one.reached else '>'}{one.value:,.0f}"
+
+
+def draw(arms: dict[str, Runs], title: str, picture: Path) -> None:
+    """One line an arm with its interval, thin ones for the runs."""
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    panel = figure.subplots()
+    for colour, (name, runs) in zip(COLOURS, arms.items(), strict=False):
+        _curve(panel, *success(runs), name, colour)
+    panel.axhline(LEVEL, color="#999999", linewidth=0.7, linestyle=":")
+    panel.set(title=title, xlabel="frames", ylabel="success on 100 unseen episodes", ylim=(-0.02, 1.02))
+    panel.legend(framealpha=0.9, fontsize=9)
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(picture, dpi=130, metadata={"Software": None})
+
+
+def _curve(panel: Axes, frames: Array, curves: Array, name: str, colour: str) -> None:
+    means = interquartile(curves)
+    low, middle, high = ([one[key] for one in means] for key in ("low", "value", "high"))
+    panel.plot(frames, middle, color=colour, label=name)
+    panel.fill_between(frames, low, high, color=colour, alpha=0.18, linewidth=0)
+    for curve in curves:
+        panel.plot(frames, curve, color=colour, alpha=0.35, linewidth=0.6)

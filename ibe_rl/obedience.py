@@ -1,0 +1,133 @@
+"""Did the agent do what it was told? Extra reward for it, which fades out.
+
+The paper proposes to use what the agent has learnt of its instructor's words to learn faster. Here the change of the
+state over the last n steps is put on the instructor's scale and held against the instruction at the beginning of these
+steps. The weight falls to 0, and from there on the best policy is that of the environment's own reward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+
+from ibe_rl.config import ObedienceConfig, TrainConfig
+from ibe_rl.data import Array, ConfigError, Task
+from ibe_rl.development import Development
+
+Judge = Callable[[Array], Array]
+"""Changes ``(W, S)`` of the state over n steps to what they mean ``(W, d)`` on the instructor's scale."""
+
+
+class Obedience:
+    """Adds ``extra_reward`` to batches.
+
+    Args:
+        config: see ``ObedienceConfig``.
+        horizon_steps: n.
+        judge: what there is to judge with now; None as long as there is nothing.
+    """
+
+    def __init__(self, config: ObedienceConfig, horizon_steps: int, judge: Callable[[], Judge | None]):
+        self._config, self._horizon_steps, self._judge = config, horizon_steps, judge
+        self._before: dict[str, Array] | None = None
+
+    def add(self, batch: TensorDictBase, frames: int) -> dict[str, float]:
+        """Judge a batch ``[N, T]`` and reward it, in the environment's units, under ``("next", "extra_reward")``.
+
+        The step that ends n steps gets ``weight * (1 - |meaning - instruction|)``, between 1 and -1 times the weight
+        that is left; where nothing was said, or an episode is younger, 0.
+
+        Args:
+            batch: row i of every batch is the same environment, going on where it stopped.
+            frames: seen before this batch.
+
+        Returns:
+            Means over the judged steps for metrics.csv, nothing if there is no such reward at all.
+        """
+        if self._config.judge == "none":
+            return {}
+        weight = self._config.weight * max(0.0, 1 - frames / self._config.until_frames)
+        start, delta, valid = self._windows(batch)
+        judge = self._judge() if weight and valid.any() else None
+        agreement = np.zeros(valid.shape)
+        if judge is not None:
+            agreement[valid] = 1 - np.abs(judge(delta[valid]) - start["instruction"][valid]).max(axis=-1)
+        extra = torch.from_numpy(weight * agreement).float().unsqueeze(-1)
+        batch["next", "extra_reward"] = extra
+        mean = float(agreement[valid].mean()) if judge is not None else float("nan")
+        return {"obeyed": mean, "extra_reward": float(extra.mean())}
+
+    def _windows(self, batch: TensorDictBase) -> tuple[dict[str, Array], Array, Array]:
+        """The steps that n steps begin with, the changes over these, and where both can be judged, all ``(N, T, ...)``."""
+        now = {
+            "state": batch["state"].numpy(),
+            "instruction": batch["instruction"].numpy(),
+            "given": batch["instruction_given"].numpy()[..., 0] > 0,
+            "done": batch["next", "done"].numpy()[..., 0],
+        }
+        steps, back = now["done"].shape[1], self._horizon_steps - 1
+        before = self._before or {name: _none(column, back) for name, column in now.items()}
+        whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
+        self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
+        start = {name: column[:, :steps] for name, column in whole.items()}
+        ends = np.pad(whole["done"].cumsum(axis=1), ((0, 0), (1, 0)))
+        unbroken = ends[:, back : back + steps] == ends[:, :steps]
+        return start, batch["next", "state"].numpy() - start["state"], unbroken & start["given"]
+
+
+def _none(like: Array, steps: int) -> Array:
+    """Steps before the first: nothing was said."""
+    return np.zeros((len(like), steps, *like.shape[2:]), like.dtype)
+
+
+def make_obedience(cfg: TrainConfig, task: Task, development: Development) -> Obedience:
+    """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for."""
+    steps = min([cfg.mapping.horizon_steps, *cfg.mapping.spans_steps])
+    if cfg.obedience.judge == "oracle":
+        judge = meant(task, steps, cfg.mapping.horizon_steps)
+        return Obedience(cfg.obedience, steps, lambda: judge)
+
+    def learnt() -> Judge | None:
+        mapping = development.mapping_of(steps)
+        return None if mapping is None else mapping.express
+
+    return Obedience(cfg.obedience, steps, learnt)
+
+
+def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
+    """What changes mean to the instructor: the way the explained dimension went.
+
+    Args:
+        task: of the environment, with an instruction of one number.
+        horizon_steps: of the changes.
+        full_horizon_steps: that the task's band is declared for; over fewer steps it is narrower.
+    """
+    band = task.explained_band * horizon_steps / full_horizon_steps
+
+    def judge(delta: Array) -> Array:
+        change = delta[:, task.explained, None]
+        return np.where(np.abs(change) > band, np.sign(change), 0.0)
+
+    return judge
+
+
+def check_obedience(cfg: TrainConfig, task: Task) -> None:
+    """Refuse an extra reward that nothing could be judged for.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    asked = f"obedience.judge={cfg.obedience.judge}"
+    if cfg.obedience.judge == "none":
+        return
+    if cfg.instructor.kind == "silent":
+        raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
+    if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:
+        raise ConfigError(f"{asked} with refresh_every_frames=null: allowed is none or oracle, without a vocabulary")
+    if cfg.obedience.judge == "oracle" and task.instruction_size != 1:
+        raise ConfigError(
+            f"{asked}: allowed is none or mapping, where an instruction has {task.instruction_size} numbers"
+        )
