@@ -38,7 +38,7 @@ from ibe_rl.development import FIGURES, Development, check_development, figures
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
 from ibe_rl.obedience import Obedience, check_obedience, make_obedience
@@ -286,6 +286,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     env = make_gym(cfg.env.id, cfg.env.kwargs)
+    check_instructor(cfg.instructor, cfg.collect, task_of(env))
     check_development(cfg, task_of(env))
     check_obedience(cfg, task_of(env))
     check_report(cfg, task_of(env))

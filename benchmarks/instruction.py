@@ -38,11 +38,12 @@ REWARDS = {
     },
 }
 """Extra reward for having done what one was told; the vocabulary is learnt early, so that there is a judge."""
-COMMON = ("total_frames=1_000_000", "keep_policy_every_frames=null", "viewer=off")
+COMMON = ("total_frames=700_000", "keep_policy_every_frames=null", "viewer=off")
 PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "sight": {name: (*given, "refresh_every_frames=null", "eval_every_frames=50_000") for name, given in SIGHT.items()},
     "reward": {
-        name: (*given, "refresh_every_frames=50_000", "eval_every_frames=25_000") for name, given in REWARDS.items()
+        name: (*given, "refresh_every_frames=50_000", "eval_every_frames=25_000", "eval_episodes=50")
+        for name, given in REWARDS.items()
     },
 }
 QUICK = (

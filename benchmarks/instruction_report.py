@@ -74,7 +74,7 @@ def success(runs: Runs) -> tuple[Array, Array]:
 def table(arms: dict[str, Runs]) -> list[str]:
     """Success in the middle and in the end, and frames and seconds to skill."""
     lines = [
-        f"| | success at half of it | at the end | its area under the curve | frames to {LEVEL:.0%} | seconds to {LEVEL:.0%} |",
+        f"| | success half way | at the end | mean of the curve | frames to {LEVEL:.0%} | seconds to {LEVEL:.0%} |",
         "|---|---|---|---|---|---|",
     ]
     for name, runs in arms.items():

@@ -60,7 +60,7 @@ def make_collector(
     seed: int,
     lesson: OpenLesson | None = None,
 ) -> BaseCollector:
-    """Make the collector; each of its processes has an instructor of its own, with a ``lesson`` there is one of them."""
+    """Make the collector; each of its processes has an instructor of its own. A ``lesson`` wants a single process."""
     rows = collect.processes * collect.envs_per_process
     settings = (env, collect, task, instructor, seed, lesson)
     factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]

@@ -17,7 +17,6 @@ import numpy as np
 Array = np.ndarray
 Policy = Callable[[Array], Array]
 """Observations ``(N, O)`` float32 to actions ``(N,)``, without any exploration."""
-
 DOES_NOT_KNOW = "I do not know"
 """What is said where the confidence is too small."""
 
@@ -250,18 +249,17 @@ class Task:
 
 
 class Instructor(Protocol):
-    """Whoever tells the agents what to do, ``N`` of them side by side."""
+    """Whoever tells ``N`` agents what to do."""
 
     def reset(self, rows: Array) -> None:
-        """Begin a new episode in the rows that are True of ``(N,)`` bool; its length says how many agents there are."""
+        """Begin a new episode in the rows that are True of ``(N,)`` bool; ``N`` is how many agents there are."""
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """Give agents their instruction, once for each of their steps.
+        """Give agents their instruction, once for each step.
 
         Args:
             states: ``(N, S)``.
-            rows: ``(N,)`` bool, who is to be instructed; what is said to the others is not read, and their time
-                stands still.
+            rows: ``(N,)`` bool, who is asked; what is said to the others is not read, and their time stands still.
 
         Returns:
             instructions ``(N, d)`` float32, 0 where silent, and given ``(N, 1)`` float32, 0 or 1.

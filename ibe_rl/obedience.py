@@ -61,7 +61,7 @@ class Obedience:
         return {"obeyed": mean, "extra_reward": float(extra.mean())}
 
     def _windows(self, batch: TensorDictBase) -> tuple[dict[str, Array], Array, Array]:
-        """The steps that n steps begin with, the changes over these, and where both can be judged, all ``(N, T, ...)``."""
+        """The steps that n steps begin with, the changes over these, and where both can be judged: ``(N, T, ...)``."""
         now = {
             "state": batch["state"].numpy(),
             "instruction": batch["instruction"].numpy(),

@@ -33,6 +33,8 @@ from ibe_rl.limits import check
 
 ROOT = Path(__file__).parent.parent
 CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
+NEEDED = {"recorded": ["instructor.recording=a_run"]}
+"""What a choice cannot do without."""
 SCHEMAS = sorted(
     (item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)),
     key=lambda item: item.__name__,
@@ -54,7 +56,7 @@ def test_every_root_composes(root: str):
 
 @pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] != "experiment"])
 def test_every_choice_composes(group: str, name: str):
-    chosen = getattr(composed("train", f"{group}={name}"), group)
+    chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
     told = getattr(chosen, "kind", getattr(chosen, "mode", None))
     if group != "env":
         assert told in (name, None)
@@ -76,7 +78,7 @@ def test_the_papers_experiment_trains_its_kind_of_agent_and_reports():
 
 
 def test_every_kind_has_a_file():
-    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig,)}
+    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig, *schemas.INSTRUCTORS.values())}
     for group, owners in kinds.items():
         allowed = {kind for owner in owners for kind in fields(owner)[0].metadata["choices"]}
         assert {name for place, name in CHOICES if place == group} == allowed
@@ -104,6 +106,9 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     assert cfg.collect == CollectConfig()
     assert cfg.log == LogConfig()
     assert cfg.instructor == InstructorConfig()
+    assert cfg.obedience == schemas.ObedienceConfig()
+    for kind in ("flawed", "human"):
+        assert composed("train", f"instructor={kind}").instructor == schemas.INSTRUCTORS[kind]()
     assert composed("train", "mapping=paper").mapping == MappingConfig()
     assert cfg.predictor == PredictorConfig()
     assert cfg.viewer == ViewerConfig()

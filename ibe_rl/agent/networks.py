@@ -17,6 +17,8 @@ from ibe_rl.data import Array
 class Blind(nn.Module):
     """Passes on all of its inputs but those in the places ``ignored``, which are 0 whatever they are."""
 
+    seen: Tensor
+
     def __init__(self, inputs: int, ignored: Sequence[int]):
         super().__init__()
         seen = torch.ones(inputs, dtype=torch.bool)

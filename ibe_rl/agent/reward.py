@@ -14,8 +14,8 @@ def learning_reward(batch: TensorDictBase, config: AgentConfig) -> Tensor:
     A game may pay the same for an end that is no success, such as coming to rest in the wrong place.
 
     Args:
-        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, ``extra_reward`` if there is any;
-            not changed.
+        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, and ``extra_reward`` if there
+            is any; not changed.
         config: of the agent.
     """
     after = batch["next"]

@@ -10,12 +10,12 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.classroom.clock import Clock
-from ibe_rl.classroom.desk import ORACLE, Desk, Said
+from ibe_rl.classroom.desk import NOBODY, ORACLE, Desk, Said
 from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker, told
 from ibe_rl.data import Array, Moment
 from ibe_rl.env.make import task_of
-from ibe_rl.instruct import LessonWriter
+from ibe_rl.instruct import LessonWriter, RecordedEpisode
 from ibe_rl.scene import Shape
 
 FRAMES_A_SECOND = 60
@@ -96,11 +96,13 @@ class Lesson:
         """Write down the episode as far as it has come."""
         if self._said:
             self._record.write(
-                self._episode,
-                [value.tolist() for value, _ in self._said],
-                [int(said.by != "nobody") for _, said in self._said],
-                [said.by for _, said in self._said],
-                [said.heard for _, said in self._said],
+                RecordedEpisode(
+                    self._episode,
+                    instructions=[value.tolist() for value, _ in self._said],
+                    given=[int(said.by != NOBODY) for _, said in self._said],
+                    by=[said.by for _, said in self._said],
+                    heard=[said.heard for _, said in self._said],
+                )
             )
         self._said = []
 
@@ -113,7 +115,7 @@ class Lesson:
         if not self._said:
             return np.zeros(self._task.instruction_size, np.float32), 0.0
         value, said = self._said[-1]
-        return value, float(said.by != "nobody")
+        return value, float(said.by != NOBODY)
 
     def _show(self, state: Array) -> None:
         """Post what can be seen now: the game, what was said at the step before, what the agent says."""
@@ -133,14 +135,14 @@ class Lesson:
         return self._stage.unwrapped
 
     def _frame(self, state: Array) -> dict[str, Any]:
-        value, said = self._said[-1] if self._said else (None, Said(None, "nobody", 0))
+        value, said = self._said[-1] if self._said else (None, Said(None, NOBODY, 0))
         at = None if self._task.scene_path is None else self._task.scene_path(state).round(2).tolist()
         return {
             "episode": self._episode,
             "step": len(self._said),
             "shapes": outlines(self._game, "figure"),
             "at": at,
-            "told": None if said.by == "nobody" or value is None else float(value[0]),
+            "told": None if said.by == NOBODY or value is None else float(value[0]),
             "by": said.by,
             "heard": said.heard,
             "return": round(self._stage.total_reward, 1),

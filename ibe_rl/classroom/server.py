@@ -33,7 +33,9 @@ PAGES = {
     "/page.css": ("page.css", "text/css"),
 }
 SECURITY = {
-    "Content-Security-Policy": "default-src 'self'; img-src data:; connect-src 'self' ws:; frame-ancestors 'none'; base-uri 'none'",
+    "Content-Security-Policy": (
+        "default-src 'self'; img-src data:; connect-src 'self' ws:; frame-ancestors 'none'; base-uri 'none'"
+    ),
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
@@ -101,9 +103,21 @@ class Server:
             self._loop.close()
 
     async def _serve(self) -> None:
-        limits: dict[str, Any] = {"max_size": MAX_BYTES, "max_queue": 8, "write_limit": 1 << 16, "compression": None}
-        times = {"ping_interval": PING_S, "ping_timeout": PING_S, "close_timeout": STOP_S, "open_timeout": PING_S}
-        async with serve(self._attend, self._host, self._port, process_request=self._admit, **limits, **times):
+        server = serve(
+            self._attend,
+            self._host,
+            self._port,
+            process_request=self._admit,
+            compression=None,
+            max_size=MAX_BYTES,
+            max_queue=8,
+            write_limit=1 << 16,
+            ping_interval=PING_S,
+            ping_timeout=PING_S,
+            open_timeout=PING_S,
+            close_timeout=STOP_S,
+        )
+        async with server:
             self._started.set()
             await self._stop.wait()
             await asyncio.sleep(0.1)  # the last posts are on their way

@@ -2,62 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from pathlib import Path
 
-import numpy as np
-
-from ibe_rl.config import HumanConfig, InstructorConfig, RecordedConfig
-from ibe_rl.data import Array, ConfigError, Instructor, Task
+from ibe_rl.config import CollectConfig, FlawedConfig, HumanConfig, InstructorConfig, RecordedConfig
+from ibe_rl.data import ConfigError, Instructor, Task
 from ibe_rl.instruct.beside import Beside
-from ibe_rl.instruct.recorded import LessonWriter
+from ibe_rl.instruct.flawed import Flawed, corrupted
+from ibe_rl.instruct.habits import Habits
+from ibe_rl.instruct.recorded import LessonWriter, Recorded, RecordedEpisode, read_lesson
+from ibe_rl.instruct.rule import Oracle, Silent
+from ibe_rl.run_folder import LESSON
 
 
-class Oracle:
-    """Follows the environment's rule at every step."""
-
-    def __init__(self, rule: Callable[[Array], Array]):
-        self._rule = rule
-
-    def reset(self, rows: Array) -> None:
-        """Nothing to forget."""
-
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """See ``ibe_rl.data.Instructor``."""
-        return self._rule(states), np.ones((len(rows), 1), np.float32)
-
-
-class Silent:
-    """Never says anything: what the agent does without instruction."""
-
-    def __init__(self, instruction_size: int):
-        self._size = instruction_size
-
-    def reset(self, rows: Array) -> None:
-        """Nothing to forget."""
-
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """See ``ibe_rl.data.Instructor``."""
-        return np.zeros((len(states), self._size), np.float32), np.zeros((len(rows), 1), np.float32)
-
-
-def make_instructor(config: InstructorConfig, task: Task, seed: int = 0, first: Instructor | None = None) -> Instructor:
+def make_instructor(
+    config: InstructorConfig, task: Task, seed: int = 0, person: Instructor | None = None
+) -> Instructor:
     """Make the instructor that ``config`` asks for.
 
     Args:
         config: one of the kinds.
         task: of the environment.
         seed: of the draws of those that draw.
+        person: who instructs the first environment, for the kind "human".
 
     Raises:
-        ConfigError: for an unknown kind.
+        ConfigError: for an unknown kind, or a recording that cannot be read.
     """
-    if config.kind == "oracle":
+    if isinstance(config, FlawedConfig):
+        return Flawed(Oracle(task.rule), task.instruction_values, config, seed)
+    if isinstance(config, RecordedConfig):
+        return Beside(Recorded(_lesson(config, task), task.instruction_size), _others(config.others, task))
+    if isinstance(config, HumanConfig) and person is not None:
+        return Beside(person, _others(config.others, task))
+    return _others(config.kind, task)
+
+
+def _others(kind: str, task: Task) -> Instructor:
+    if kind == "oracle":
         return Oracle(task.rule)
-    if config.kind == "silent":
+    if kind == "silent":
         return Silent(task.instruction_size)
-    if config.kind == "human":
-        return Beside(first, Oracle(task.rule))
-    raise ConfigError(f"instructor.kind={config.kind}: allowed is one of oracle, silent")
+    if kind == "habits":
+        return Habits(task.instruction_size)
+    raise ConfigError(f"instructor.kind={kind}: allowed is one of oracle, silent, flawed, recorded, human")
+
+
+def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
+    path = Path(config.recording) / LESSON
+    if not path.is_file():
+        raise ConfigError(
+            f"instructor.recording={config.recording}: allowed is the folder of a run in which a person taught "
+            f"(it has no {LESSON})"
+        )
+    return read_lesson(path, task.instruction_size)
+
+
+def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Task) -> None:
+    """Refuse, before anything is made, an instructor that could not work.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if not isinstance(config, HumanConfig | RecordedConfig):
+        return
+    if collect.processes != 1:
+        raise ConfigError(
+            f"collect.processes={collect.processes} with instructor={config.kind}: allowed is 1, one game is watched"
+        )
+    if task.instruction_size != 1:
+        raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
+    if config.others == "habits" and collect.envs_per_process == 1:
+        raise ConfigError("instructor.others=habits with collect.envs_per_process=1: allowed is more than 1")
+    if isinstance(config, RecordedConfig):
+        _lesson(config, task)
 
 
 def stand_in(config: InstructorConfig) -> InstructorConfig:
@@ -65,3 +82,20 @@ def stand_in(config: InstructorConfig) -> InstructorConfig:
     if isinstance(config, HumanConfig | RecordedConfig):
         return InstructorConfig("silent" if config.others == "silent" else "oracle")
     return config
+
+
+__all__ = [
+    "Beside",
+    "Flawed",
+    "Habits",
+    "LessonWriter",
+    "Oracle",
+    "Recorded",
+    "RecordedEpisode",
+    "Silent",
+    "check_instructor",
+    "corrupted",
+    "make_instructor",
+    "read_lesson",
+    "stand_in",
+]
