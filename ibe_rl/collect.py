@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, MutableSequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from copy import deepcopy
 from functools import partial
 from typing import Any
 
@@ -45,10 +46,11 @@ def env_of_worker(
     """Make a worker's environments; runs in the worker's own process."""
     torch.set_num_threads(1)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
-    torch.manual_seed(first)  # the exploring policy draws from this one
     games = [make_gym(env.id, env.kwargs) for _ in range(collect.envs_per_process)]
     person = lesson(games) if lesson else None
-    return join(games, make_instructor(instructor, task, first, person), first)
+    made = join(games, make_instructor(instructor, task, first, person), first)
+    torch.manual_seed(first)  # the exploring policy draws from this one, whatever was drawn to make all this
+    return made
 
 
 def make_collector(
@@ -69,7 +71,7 @@ def make_collector(
     with interrupts_stay_here(), script_stays_here():
         return Collector(
             factories if apart else factories[0],
-            agent.policy,
+            deepcopy(agent.policy),  # the processes share its weights, and get new ones only between two batches
             frames_per_batch=rows * collect.steps_per_batch,
             total_frames=-1,
             auto_register_policy_transforms=False,  # they are for recurrent policies

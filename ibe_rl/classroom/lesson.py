@@ -18,8 +18,8 @@ from ibe_rl.env.make import task_of
 from ibe_rl.instruct import LessonWriter, RecordedEpisode
 from ibe_rl.scene import Shape
 
-FRAMES_A_SECOND = 60
-"""No page shows more of them."""
+FRAME_S = 0.012
+"""Frames that follow each other faster are not shown: no screen would."""
 
 
 class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -120,7 +120,7 @@ class Lesson:
     def _show(self, state: Array) -> None:
         """Post what can be seen now: the game, what was said at the step before, what the agent says."""
         now = time.monotonic()
-        if now - self._shown_at < 1 / FRAMES_A_SECOND and self._said:
+        if now - self._shown_at < FRAME_S and self._said:
             return
         self._shown_at = now
         self._server.post("frame", self._frame(state))
