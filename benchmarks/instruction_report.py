@@ -17,6 +17,7 @@ from ibe_rl.data import Array
 from ibe_rl.run_folder import write_atomically
 
 PAGE = DOCS / "INSTRUCTION.md"
+COMMAND = "benchmarks.instruction"
 LEVEL = 0.83
 TITLES = {
     "sight": "with and without instruction",
@@ -34,30 +35,24 @@ def write_report(found: dict[str, Any], output: Path | None = None) -> None:
         draw(arms, TITLES[part], pictures / f"instruction_{part}.png")
     tables = {part: table(arms) for part, arms in found.items()}
     page = output / PAGE.name if output else PAGE
-    text = page.read_text() if page.exists() else "\n".join(f"{_mark(part)}\n{_end(part)}\n" for part in found)
+    places = "".join(f"<!-- {part}: python -m {COMMAND} -->\n<!-- end of {part} -->\n" for part in found)
+    text = page.read_text() if page.exists() else places
     for part, lines in tables.items():
-        text = insert(text, part, lines)
+        text = insert(text, part, lines, COMMAND)
     write_atomically(page, lambda stream: stream.write(text.encode()))
 
 
-def insert(text: str, part: str, lines: Sequence[str]) -> str:
+def insert(text: str, part: str, lines: Sequence[str], command: str) -> str:
     """Replace what stands between the marks of a part.
 
     Raises:
         ValueError: if the page has no such marks.
     """
-    if _mark(part) not in text or _end(part) not in text:
-        raise ValueError(f"{PAGE.name}: has no place for the table {part}; allowed is one with {_mark(part)}")
-    before, _, rest = text.partition(_mark(part))
-    return "\n".join([before + _mark(part), "", *lines, "", _end(part) + rest.partition(_end(part))[2]])
-
-
-def _mark(part: str) -> str:
-    return f"<!-- {part}: python -m benchmarks.instruction -->"
-
-
-def _end(part: str) -> str:
-    return f"<!-- end of {part} -->"
+    begin, end = f"<!-- {part}: python -m {command} -->", f"<!-- end of {part} -->"
+    if begin not in text or end not in text:
+        raise ValueError(f"{PAGE.name}: has no place for the table {part}; allowed is one with {begin}")
+    before, _, rest = text.partition(begin)
+    return "\n".join([before + begin, "", *lines, "", end + rest.partition(end)[2]])
 
 
 def points(run: Sequence[dict[str, float]]) -> list[Point]:
