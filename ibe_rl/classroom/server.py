@@ -30,6 +30,7 @@ LESSON_PATH = "/lesson"
 PAGES = {
     "/": ("page.html", "text/html"),
     "/page.js": ("page.js", "text/javascript"),
+    "/drawing.js": ("drawing.js", "text/javascript"),
     "/page.css": ("page.css", "text/css"),
 }
 SECURITY = {

@@ -75,7 +75,7 @@ def opened(browser: Browser, address: str, **settings: Any) -> Page:
         try:
             page.goto(address)
             break
-        except Exception:  # noqa: BLE001 - refused, whatever the browser calls it
+        except Exception:
             time.sleep(0.1)
     until(page, "lesson.connected && lesson.drawn > 2")
     return page

@@ -1,0 +1,102 @@
+"use strict";
+// The pictures of the page: the game, the gauge and the curve, drawn from `now` at each frame of the screen.
+
+const canvas = at("canvas");
+const pen = canvas.getContext("2d");
+
+function fit(surface, height) {
+  const wide = Math.round(surface.clientWidth * devicePixelRatio);
+  const high = Math.round(height * devicePixelRatio);
+  if (surface.width !== wide || surface.height !== high) Object.assign(surface, { width: wide, height: high });
+}
+
+function line(points, place) {
+  pen.beginPath();
+  points.forEach((point, index) => pen[index ? "lineTo" : "moveTo"](...place(point)));
+}
+
+function shape(one, place) {
+  line(one.points, place);
+  if (one.closed) {
+    pen.closePath();
+    pen.fillStyle = `rgb(${one.colour.join(" ")} / 45%)`;
+    pen.fill();
+  }
+  pen.strokeStyle = `rgb(${one.colour.join(" ")})`;
+  pen.stroke();
+}
+
+function draw() {
+  requestAnimationFrame(draw);
+  words();
+  if (!now.scene || !now.frame) return;
+  const [width, height] = now.scene.size;
+  const limit = Math.max(260, innerHeight - 300);
+  const high = Math.min((canvas.clientWidth * height) / width, limit);
+  canvas.style.height = `${high}px`;
+  fit(canvas, high);
+  const scale = Math.min(canvas.width / width, canvas.height / height);
+  const left = (canvas.width - scale * width) / 2;
+  const place = ([x, y]) => [left + x * scale, canvas.height - y * scale];
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.lineWidth = 2 * devicePixelRatio;
+  pen.lineJoin = "round";
+  for (const one of now.scene.background) shape(one, place);
+  if (trail.length > 1) {
+    line(trail, place);
+    pen.strokeStyle = "rgb(232 232 238 / 35%)";
+    pen.stroke();
+  }
+  if (now.explanation && now.explanation.path && now.explanation.episode === now.frame.episode) {
+    line(now.explanation.path, place);
+    pen.setLineDash([6 * devicePixelRatio, 5 * devicePixelRatio]);
+    pen.strokeStyle = "rgb(45 212 191)";
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+  if (now.frame.episode === now.scene.episode) for (const one of now.frame.shapes) shape(one, place);
+  if (episodeShown !== now.frame) lesson.drawn += 1;
+  episodeShown = now.frame;
+}
+
+function words() {
+  const frame = now.frame;
+  const said = now.explanation;
+  const waits = lesson.connected && !over && performance.now() - lastFrameAt > 700 && !(now.controls && now.controls.paused);
+  at("waiting").hidden = !waits;
+  if (frame) {
+    const by = { person: "you say", held: "you said", oracle: "the oracle says" }[frame.by];
+    at("told").textContent = frame.told === null ? "nobody says anything" : `${by} ${signed(frame.told)}`;
+    at("episode").textContent = `game ${frame.episode + 1}, step ${frame.step}, return ${frame.return.toFixed(0)}`;
+    mark("gauge-told", frame.told);
+  }
+  mark("gauge-said", said ? said.expression : null);
+  if (!said) return;
+  show("said", said.said, said.known ? "" : "unknown");
+  at("in-time").textContent = said.known && said.in_time !== said.said ? said.in_time : "";
+  at("sure").textContent = `, ${percent(said.confidence)} sure, for ${said.horizon_steps} steps`;
+  for (const entry of at("vocabulary").children) entry.classList.toggle("now", said.known && entry.dataset.phrase === said.said);
+}
+
+function mark(id, value) {
+  at(id).style.display = value === null ? "none" : "block";
+  if (value !== null) at(id).style.left = `${50 + 50 * value}%`;
+}
+
+function drawCurve(curve) {
+  const surface = at("curve");
+  fit(surface, 56);
+  const ink = surface.getContext("2d");
+  ink.clearRect(0, 0, surface.width, surface.height);
+  const end = Math.max(now.about ? now.about.total_frames : 1, 1);
+  ink.strokeStyle = "rgb(132 224 96)";
+  ink.lineWidth = 2 * devicePixelRatio;
+  ink.beginPath();
+  curve.forEach(([frames, success], index) => {
+    const point = [(frames / end) * surface.width, surface.height - 2 - success * (surface.height - 4)];
+    ink[index ? "lineTo" : "moveTo"](...point);
+  });
+  ink.stroke();
+}
+
+requestAnimationFrame(draw);
