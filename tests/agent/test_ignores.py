@@ -9,7 +9,7 @@ import torch
 from gymnasium.spaces import Discrete
 from tensordict import TensorDict
 
-from ibe_rl.agent import Agent, make_agent
+from ibe_rl.agent import Agent, check_agent, make_agent
 from ibe_rl.agent.networks import Blind
 from ibe_rl.checkpoint import load, save_policy
 from ibe_rl.config import AgentConfig, DQNConfig, PPOConfig
@@ -123,6 +123,9 @@ def test_what_is_not_there_cannot_be_ignored(kind: str):
     for name in ("goal", "instruction", ""):
         with pytest.raises(ConfigError, match=rf"^agent\.ignores={name}: allowed are {', '.join(NAMES)}$"):
             make(kind, name)
+        with pytest.raises(ConfigError, match=rf"^agent\.ignores={name}: allowed are "):
+            check_agent(replace(CONFIGS[kind], ignores=["x", name]), NAMES)
+    check_agent(replace(CONFIGS[kind], ignores=["x", "goal_x", "x"]), NAMES)
 
 
 def test_a_blind_network_leaves_what_it_sees_alone():
