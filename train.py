@@ -27,10 +27,10 @@ import torch
 from tensordict import TensorDictBase
 from torchrl import timeit
 
-from ibe_rl.agent import Agent, make_agent
+from ibe_rl.agent import Agent, check_agent, make_agent
 from ibe_rl.checkpoint import BETWEEN, save_latest, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, batches, make_collector, steps_of
+from ibe_rl.collect import EVALUATION_SEED, Every, batches, check_collect, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_name, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.data import Instructor, Predictor, Task
@@ -286,6 +286,8 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     env = make_gym(cfg.env.id, cfg.env.kwargs)
+    check_collect(cfg.collect)
+    check_agent(cfg.agent, task_of(env).state_names)
     check_instructor(cfg.instructor, cfg.collect, task_of(env))
     check_development(cfg, task_of(env))
     check_obedience(cfg, task_of(env))

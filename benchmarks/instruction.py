@@ -47,7 +47,13 @@ PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 QUICK = (
-    *("collect.envs_per_process=4", "total_frames=2000", "eval_every_frames=1000", "eval_episodes=2"),
+    *(
+        "collect.processes=1",
+        "collect.envs_per_process=8",
+        "total_frames=2000",
+        "eval_every_frames=1000",
+        "eval_episodes=2",
+    ),
     *("log.capacity_frames=10000", "agent.hidden=[8]", "mapping.horizon_steps=20", "mapping.spans_steps=[10]"),
 )
 

@@ -98,7 +98,7 @@ def draw(arms: dict[str, Runs], title: str, picture: Path) -> None:
     for colour, (name, runs) in zip(COLOURS, arms.items(), strict=False):
         _curve(panel, *success(runs), name, colour)
     panel.axhline(LEVEL, color="#999999", linewidth=0.7, linestyle=":")
-    panel.set(title=title, xlabel="frames", ylabel="success on 100 unseen episodes", ylim=(-0.02, 1.02))
+    panel.set(title=title, xlabel="frames", ylabel="success on unseen episodes", ylim=(-0.02, 1.02))
     panel.legend(framealpha=0.9, fontsize=9)
     picture.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(picture, dpi=130, metadata={"Software": None})

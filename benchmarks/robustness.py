@@ -53,7 +53,13 @@ ANEW = {
 PAPER = MappingConfig()
 COMMON = ("viewer=off", "total_frames=1_000_000", "keep_policy_every_frames=null", "eval_every_frames=500_000")
 QUICK = (
-    *("collect.envs_per_process=8", "total_frames=6000", "eval_episodes=2", "log.capacity_frames=20000"),
+    *(
+        "collect.processes=1",
+        "collect.envs_per_process=16",
+        "total_frames=6000",
+        "eval_episodes=2",
+        "log.capacity_frames=20000",
+    ),
     *("mapping.horizon_steps=20", "mapping.spans_steps=[10]", "agent.hidden=[8]", "refresh_every_frames=3000"),
 )
 

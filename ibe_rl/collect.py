@@ -17,7 +17,7 @@ from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.data import Array, Instructor, Task
+from ibe_rl.data import Array, ConfigError, Instructor, Task
 from ibe_rl.env.make import join, make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
@@ -76,6 +76,19 @@ def make_collector(
             total_frames=-1,
             auto_register_policy_transforms=False,  # they are for recurrent policies
             **(many if apart else {}),
+        )
+
+
+def check_collect(config: CollectConfig) -> None:
+    """Refuse a setting that nothing would read.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if config.ahead_batches > 1 and not config.overlap:
+        raise ConfigError(
+            f"collect.ahead_batches={config.ahead_batches} with collect.overlap=false: allowed is 1, "
+            "or collect.overlap=true, without which no batch is collected ahead"
         )
 
 

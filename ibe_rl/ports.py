@@ -37,7 +37,8 @@ def free_port(default: int, other: int | None = None, host: str = HOST) -> int:
     if default != other and is_free(default, host):
         return default
     with socket.create_server((host, 0), family=_family(host)) as probe:
-        return int(probe.getsockname()[1])
+        found = int(probe.getsockname()[1])
+        return found if found != other else free_port(default, other, host)  # this one is held until then
 
 
 def is_free(port: int, host: str = HOST) -> bool:

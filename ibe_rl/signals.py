@@ -21,8 +21,10 @@ class StopRequest:
         self._called: list[Callable[[], None]] = []
 
     def when_asked(self, call: Callable[[], None]) -> None:
-        """Call something short as soon as the request arrives."""
+        """Call something short, once, as soon as the request arrives; at once if it has."""
         self._called.append(call)
+        if self._asked:
+            self._call()
 
     def __bool__(self) -> bool:
         return self._asked
@@ -39,8 +41,11 @@ class StopRequest:
         if self._asked:
             raise KeyboardInterrupt
         self._asked = True
-        for call in self._called:
-            call()
+        self._call()
+
+    def _call(self) -> None:
+        while self._called:
+            self._called.pop(0)()
 
 
 @contextmanager

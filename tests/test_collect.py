@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -9,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torchrl.collectors import Collector
 
 from ibe_rl import collect
 from ibe_rl.agent import Agent, make_agent
-from ibe_rl.collect import EVALUATION_SEED, Every, batches, env_of_worker, make_collector, steps_of
-from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, InstructorConfig, TrainConfig
+from ibe_rl.collect import EVALUATION_SEED, Every, batches, check_collect, env_of_worker, make_collector, steps_of
+from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, InstructorConfig, PPOConfig, TrainConfig
+from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.log import TrajectoryLog
@@ -128,6 +130,84 @@ def test_the_same_seed_collects_the_same(one: list[TensorDictBase]):
 def test_a_batch_that_is_collected_ahead_is_the_same_batch(one: list[TensorDictBase], ahead: list[TensorDictBase]):
     for batch, expected in zip(ahead[:2], one[:2], strict=True):
         assert (batch.exclude("collector") == expected.exclude("collector")).all()
+
+
+class Repeats:
+    """In a collector's place: its batches say only with which weights they were collected."""
+
+    weights = torch.tensor(-1)
+
+    def update_policy_weights_(self, weights: TensorDictBase) -> None:
+        self.weights = weights["learnt"]
+
+    def __iter__(self) -> Iterator[TensorDictBase]:
+        while True:
+            yield TensorDict({"weights": self.weights.expand(2, 3).clone()}, [2, 3])
+
+
+class Counts:
+    """An agent whose only weight is how often it has learnt."""
+
+    def __init__(self) -> None:
+        self.updates, self.policy = 0, torch.nn.Module()
+        self.policy.register_buffer("learnt", torch.tensor(0))
+
+    def publish(self) -> None:
+        self.policy.learnt.fill_(self.updates)
+
+
+@pytest.mark.parametrize(
+    ("overlap", "ahead_batches", "late"), [(False, 1, 0), (True, 1, 1), (True, 2, 2), (True, 3, 3), (True, 16, 16)]
+)
+def test_the_weights_are_those_of_so_many_updates_before(overlap: bool, ahead_batches: int, late: int):
+    agent: Any = Counts()
+    collector: Any = Repeats()
+    with closing(batches(collector, agent, overlap, ahead_batches)) as source:
+        for number in range(20):
+            batch = next(source)
+            assert (batch["weights"] == max(0, number - late)).all()
+            agent.updates += 1
+
+
+def learn_ahead(seed: int) -> tuple[list[TensorDictBase], list[torch.nn.Module]]:
+    """Batches, collected three ahead, of an agent that learns from each, and what it was before and after each."""
+    torch.manual_seed(0)
+    actions = make_gym(LANDER_ID, {}).action_space
+    agent: Any = make_agent(PPOConfig(hidden=[8], learning_rate=0.1), LANDER_TASK.observation_size, actions, 10_000)
+    collector = make_collector(agent, ENV, sizes(1, overlap=True), LANDER_TASK, InstructorConfig(), seed)
+    gathered, networks = [], [deepcopy(agent._actor).requires_grad_(False)]
+    try:
+        with closing(batches(collector, agent, overlap=True, ahead_batches=3)) as source:
+            for _ in range(7):
+                batch = next(source)
+                gathered.append(batch.clone())
+                agent.update(batch)
+                assert (batch == gathered[-1]).all()  # those collected meanwhile have places of their own
+                networks.append(deepcopy(agent._actor).requires_grad_(False))
+    finally:
+        collector.shutdown()
+    return gathered, networks
+
+
+def test_learning_from_batches_ahead_repeats_to_the_last_bit():
+    (one, learnt), (other, learnt_again) = learn_ahead(3), learn_ahead(3)
+    for batch, expected in zip(one, other, strict=True):
+        assert (batch.exclude("collector") == expected.exclude("collector")).all()
+    weights, again = (torch.nn.utils.parameters_to_vector(each[-1].parameters()) for each in (learnt, learnt_again))
+    assert torch.equal(weights, again)
+    for number, batch in enumerate(one):
+        said = [network(batch["observation"]).log_softmax(-1) for network in learnt]
+        chosen = [each.gather(-1, batch["action"][..., None])[..., 0] for each in said]
+        same = [torch.allclose(batch["action_log_prob"], each, atol=1e-6) for each in chosen]
+        assert [place for place, found in enumerate(same) if found] == [max(0, number - 3)]
+
+
+def test_batches_ahead_are_refused_where_none_is_collected_ahead():
+    expected = r"^collect\.ahead_batches=3 with collect\.overlap=false: allowed is 1, or collect\.overlap=true"
+    with pytest.raises(ConfigError, match=expected):
+        check_collect(CollectConfig(ahead_batches=3))
+    for config in (CollectConfig(), CollectConfig(overlap=True), CollectConfig(overlap=True, ahead_batches=16)):
+        check_collect(config)
 
 
 def test_the_rows_differ(two: list[TensorDictBase]):

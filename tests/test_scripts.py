@@ -387,6 +387,14 @@ BAD = {
     "surer than sure": (["min_confidence=1.1"], ["min_confidence=1.1", "at least 0 and at most 1"]),
     "no future": (["predictor.futures=0"], ["predictor.futures=0", "at least 1 and at most 100"]),
     "wrong viewer": (["viewer=tv"], ["viewer=tv", "file, live, off"]),
+    "ahead of nothing": (["collect.ahead_batches=3"], ["collect.ahead_batches=3", "collect.overlap=false", "is 1, or"]),
+    "blind to what is not there": (["agent.ignores=[goal]"], ["agent.ignores=goal:", "goal_x"]),
+    "obeying nobody": (
+        ["instructor=silent", "obedience.judge=oracle"],
+        ["obedience.judge=oracle", "instructor=silent"],
+    ),
+    "taught in two places": (["instructor=human", "collect.processes=2"], ["collect.processes=2", "instructor=human"]),
+    "taught by nobody": (["instructor=recorded", "instructor.recording=no_run"], ["recording=no_run", "lesson.jsonl"]),
     "no such port": (["viewer=live", "viewer.web_port=70000"], ["viewer.web_port=70000", "65535"]),
 }
 

@@ -39,6 +39,36 @@ def test_the_second_signal_ends_at_once(number: int):
             signal.raise_signal(number)
 
 
+@BOTH
+def test_what_was_to_be_called_is_called_once_and_in_order(number: int):
+    called: list[str] = []
+    with StopRequest() as stop:
+        stop.when_asked(lambda: called.append(f"one, {bool(stop)}"))
+        stop.when_asked(lambda: called.append("two"))
+        assert called == []
+        signal.raise_signal(number)
+        assert called == ["one, True", "two"]
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+    assert called == ["one, True", "two"]
+
+
+def test_after_the_request_it_is_called_at_once():
+    """Ctrl-C may come while what is to hear of it is still being made."""
+    called: list[int] = []
+    with StopRequest() as stop:
+        signal.raise_signal(signal.SIGINT)
+        stop.when_asked(lambda: called.append(1))
+        assert called == [1]
+        stop.when_asked(lambda: called.append(2))
+    assert called == [1, 2]
+
+
+def test_without_a_request_nothing_is_called():
+    with StopRequest() as stop:
+        stop.when_asked(lambda: pytest.fail("nobody asked"))
+
+
 def test_the_handlers_come_back_also_after_an_error():
     seen = []
     before = signal.signal(signal.SIGTERM, lambda *_: seen.append(1))

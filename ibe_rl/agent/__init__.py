@@ -54,7 +54,7 @@ def make_agent(
     """
     if not isinstance(actions, gymnasium.spaces.Discrete):
         raise ConfigError(f"env: its actions are {actions}; the agents here need a Discrete space")
-    ignored = [_place(name, state_names) for name in config.ignores]
+    ignored = _ignored(config, state_names)
     if isinstance(config, PPOConfig):
         return PPO(config, observation_size, int(actions.n), total_frames, ignored)
     if isinstance(config, DQNConfig):
@@ -62,10 +62,21 @@ def make_agent(
     raise ConfigError(f"agent={type(config).__name__}: allowed is one of PPOConfig, DQNConfig")
 
 
-def _place(name: str, state_names: Sequence[str]) -> int:
-    if name not in state_names:
-        raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
-    return list(state_names).index(name)
+def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
+    """Refuse, before anything is made, an agent that is to ignore what is not there.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    _ignored(config, state_names)
 
 
-__all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "make_agent"]
+def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
+    """The places of what it ignores."""
+    for name in config.ignores:
+        if name not in state_names:
+            raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
+    return [list(state_names).index(name) for name in config.ignores]
+
+
+__all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "check_agent", "make_agent"]

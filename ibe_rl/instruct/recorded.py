@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,6 +14,8 @@ from ibe_rl.data import Array, ConfigError
 
 SPEAKERS = ("person", "held", "oracle", "nobody")
 """Who says what is said at a step; "held" is what the person said before and that still counts, "oracle" the rule."""
+
+NO_EPISODE = "not an episode with instructions, given, by and heard"
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
         episode = RecordedEpisode(**json.loads(line))
         wrong = _wrong(episode, number, size)
     except (ValueError, TypeError, RecursionError):
-        wrong = "not an episode with instructions, given, by and heard"
+        wrong = NO_EPISODE
     if wrong:
         raise ConfigError(f"{path}, line {number + 1}: {wrong}; allowed is what a person's session has left")
     return episode
@@ -78,10 +79,12 @@ def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
 
 def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
     """What no session would have left; raises TypeError where it is of another kind altogether."""
-    steps = len(episode.instructions)
+    columns = (episode.instructions, episode.given, episode.by, episode.heard)
+    if {type(column) for column in columns} != {list}:
+        return NO_EPISODE
     if type(episode.episode) is not int or episode.episode != number:
         return f"episode {episode.episode} instead of {number}"
-    if {len(column) for column in (episode.given, episode.by, episode.heard)} != {steps}:
+    if len({len(column) for column in columns}) > 1:
         return "not the same number of steps of everything"
     if not all(len(one) == size and all(map(_in_range, one)) for one in episode.instructions):
         return f"an instruction is not {size} number(s) from -1 to 1"
@@ -95,7 +98,7 @@ def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
 
 
 def _in_range(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value) and abs(value) <= 1
+    return type(value) in (int, float) and -1 <= value <= 1
 
 
 class Recorded:

@@ -1,0 +1,208 @@
+"""The benchmarks of instruction and of flawed instructors: their arithmetic by hand, and all of it once, small."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+from processes import call
+
+from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
+from benchmarks.instruction_report import insert, success, table
+from benchmarks.robustness_report import anew_table, flaws_table, growth
+from ibe_rl import config as schemas
+from ibe_rl.agent import check_agent
+from ibe_rl.collect import check_collect
+from ibe_rl.config import FlawedConfig, PredictorConfig
+from ibe_rl.data import Array
+from ibe_rl.development import check_development
+from ibe_rl.env import LANDER_TASK
+from ibe_rl.limits import check
+from ibe_rl.obedience import check_obedience
+
+ROOT = Path(__file__).parent.parent
+ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}
+
+
+def mean_and_reach(values: Array) -> list[dict[str, float]]:
+    """In the place of rliable's bootstrap, which takes minutes and is not there in every test."""
+    return [{"value": float(one.mean()), "low": float(one.min()), "high": float(one.max())} for one in values.T]
+
+
+@pytest.fixture(autouse=True)
+def without_rliable(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (instruction_report, robustness_report):
+        monkeypatch.setattr(module, "interquartile", mean_and_reach)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Trainings go on here, which spares each the imports; returns what they are asked to do."""
+    asked: list[list[str]] = []
+
+    def run(command: list[str]) -> str:
+        assert command[1] == "train.py"
+        asked.append(command[2:])
+        call("train", *command[2:])
+        return ""
+
+    monkeypatch.setattr(ours, "run", run)
+    monkeypatch.setattr(robustness, "run_command", run)
+    monkeypatch.setattr(robustness, "PredictorConfig", partial(PredictorConfig, processes=1))
+    return asked
+
+
+def test_instruction_is_measured_and_told(tmp_path: Path, in_this_process: list[list[str]]):
+    arguments = ["--quick", "--seeds", "4", "--output", str(tmp_path)]
+    instruction.main(arguments)
+    found = json.loads((tmp_path / "instruction.json").read_text())
+    assert {(part, name) for part, arms in found.items() for name in arms} == set(ARMS)
+    for arms in found.values():
+        for runs in arms.values():
+            assert runs.keys() == {"4"}
+            assert [point["frames"] for point in runs["4"]] == [1024, 2048]
+    assert all("seed=4" in overrides for overrides in in_this_process)
+    page = (tmp_path / "INSTRUCTION.md").read_text()
+    for part, name in ARMS:
+        assert "\n".join(table(found[part])) in page
+        assert f"| {name} | 0." in page or f"| {name} | 1." in page
+    for part in found:
+        assert (tmp_path / f"instruction_{part}.png").stat().st_size > 10_000
+    trained = len(in_this_process)
+    instruction.main([*arguments, "--missing"])
+    instruction.main(["--report", "--output", str(tmp_path)])
+    assert len(in_this_process) == trained
+    assert (tmp_path / "INSTRUCTION.md").read_text() == page
+
+
+def test_robustness_is_measured_and_told(
+    tmp_path: Path, in_this_process: list[list[str]], monkeypatch: pytest.MonkeyPatch
+):
+    ends = {curve: {p: points[p] for p in (min(points), max(points))} for curve, points in robustness.CURVES.items()}
+    monkeypatch.setattr(robustness, "CURVES", ends)
+    monkeypatch.setattr(robustness, "ANEW", {"wrong 0.2": robustness.ANEW["wrong 0.2"]})
+    robustness.main(["--quick", "--seeds", "4", "--corruptions", "1", "--episodes", "3", "--output", str(tmp_path)])
+    found = json.loads((tmp_path / "robustness.json").read_text())
+    places = [(curve, point) for curve, points in ends.items() for point in points]
+    assert [(one["curve"], one["point"], one["seed"], one["draw"]) for one in found["curves"]] == [
+        (*place, 4, 0) for place in places
+    ]
+    clean = [one["own"] for one in found["curves"] if one["point"] in ("0", "1")]
+    assert len(set(clean)) == 1  # without flaws it is the same vocabulary in all curves
+    assert [one["name"] for one in found["anew"]] == ["wrong 0.2"]
+    assert "instructor.wrong=0.2" in in_this_process[1]
+    page = (tmp_path / "INSTRUCTION.md").read_text()
+    assert "\n".join(flaws_table(found["curves"])) in page
+    assert "\n".join(anew_table(found["anew"])) in page
+    assert (tmp_path / "robustness.png").stat().st_size > 10_000
+    robustness.main(["--report", "--output", str(tmp_path)])
+    assert (tmp_path / "INSTRUCTION.md").read_text() == page
+    assert len(in_this_process) == 2
+
+
+@pytest.mark.parametrize("program", [instruction, robustness])
+def test_quick_figures_are_kept_apart(program: Any, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit):
+        program.main(["--quick"])
+    assert "--quick: allowed with --output=FOLDER, its figures mean nothing" in capsys.readouterr().err
+
+
+def composed(*overrides: str) -> Any:
+    schemas.register()
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        return OmegaConf.to_object(compose("train", list(overrides)))
+
+
+@pytest.mark.parametrize(("part", "name"), ARMS)
+def test_every_arm_can_be_trained(part: str, name: str):
+    cfg = composed(*instruction.COMMON, *ARMS[part, name])
+    check(cfg)
+    check_collect(cfg.collect)
+    check_agent(cfg.agent, LANDER_TASK.state_names)
+    check_development(cfg, LANDER_TASK)
+    check_obedience(cfg, LANDER_TASK)
+    assert cfg.total_frames == 700_000
+    assert (cfg.instructor.kind == "silent") == name.startswith("silent")
+    assert (cfg.agent.ignores == ["goal_x"]) == name.endswith("hidden")
+    if part == "reward" and name != "nothing":
+        assert f"{cfg.obedience.judge}, {cfg.obedience.weight:g}" == name
+
+
+@pytest.mark.parametrize("name", robustness.ANEW)
+def test_what_is_trained_anew_has_the_flaws_that_are_foretold(name: str):
+    overrides, flaws = robustness.ANEW[name]
+    assert composed(*robustness.COMMON, *overrides).instructor == flaws
+
+
+@pytest.mark.parametrize("curve", robustness.CURVES)
+def test_every_curve_begins_without_flaws(curve: str):
+    first, *others = robustness.CURVES[curve].values()
+    assert (first.wrong, first.late_steps, first.present) == (0, 0, 1)
+    assert all(one != FlawedConfig(spell_steps=one.spell_steps) for one in others)
+    for flaws in (first, *others):
+        check(flaws)
+
+
+def record(point: str, seed: int, own: float | None, draw: int = 0, curve: str = "late") -> dict[str, Any]:
+    return {"curve": curve, "point": point, "seed": seed, "draw": draw, "own": own, "paper": None}
+
+
+def test_growth_is_from_the_same_run_and_draw_without_flaws():
+    records = [
+        *(record("0", 0, 0.1), record("0", 0, 0.2, draw=1), record("0", 1, 0.5), record("0", 2, None)),
+        *(record("9", 0, 0.4), record("9", 0, 0.1, draw=1), record("9", 1, None), record("9", 2, 0.9)),
+        *(record("0", 0, 7.0, curve="wrong"), record("1", 0, 9.0, curve="wrong")),
+    ]
+    found = growth(records, "late", "own")
+    assert list(found) == ["0", "9"]
+    np.testing.assert_allclose(found["0"], [0, 0, 0])
+    np.testing.assert_allclose(found["9"], [0.3, -0.1])  # what taught nothing, before or after, is left out
+    assert growth(records, "wrong", "own")["1"].tolist() == [2]
+    assert [len(values) for values in growth(records, "late", "paper").values()] == [0, 0]
+    assert flaws_table(records)[2:] == [
+        "| late | 9 | +0.100 [-0.100, +0.300], 1 taught nothing | -, 4 taught nothing |",
+        "| wrong | 1 | +2.000 [+2.000, +2.000] | -, 1 taught nothing |",
+    ]
+
+
+def test_what_was_trained_stands_beside_what_was_foretold():
+    records = [
+        {"seed": 1, "name": "late", "trained": 0.25, "corrupted": None},
+        {"seed": 0, "name": "late", "trained": 0.125, "corrupted": 0.5},
+    ]
+    assert anew_table(records)[2:] == ["| late | 0 | 0.125 | 0.500 |", "| late | 1 | 0.250 | - |"]
+
+
+def run(*success: float) -> list[dict[str, float]]:
+    return [{"frames": 1_000 * (n + 1), "seconds": 2.0 * (n + 1), "success": one} for n, one in enumerate(success)]
+
+
+def test_arms_are_told_by_their_curves():
+    runs = {"0": run(0, 0.9, 0.9, 1.0), "1": run(0.5, 0.5, 0.5, 0.9)}
+    frames, curves = success(runs)
+    assert frames.tolist() == [1_000, 2_000, 3_000, 4_000]
+    assert curves.tolist() == [[0, 0.9, 0.9, 1.0], [0.5, 0.5, 0.5, 0.9]]
+    assert table({"told": runs})[2:] == [
+        "| told | 0.70 [0.50, 0.90] | 0.95 [0.90, 1.00] | 0.65 [0.60, 0.70] | "
+        "**>3,500** (3,000, >4,000) | **>7** (6, >8) |"
+    ]
+
+
+def test_a_table_takes_the_place_of_the_one_before():
+    text = "above\n<!-- sight: python -m a -->\nold\n<!-- end of sight -->\nbelow\n"
+    once = insert(text, "sight", ["| new |"], "a")
+    assert once == "above\n<!-- sight: python -m a -->\n\n| new |\n\n<!-- end of sight -->\nbelow\n"
+    assert insert(once, "sight", ["| new |"], "a") == once
+
+
+@pytest.mark.parametrize("text", ["", "<!-- sight: python -m a -->", "<!-- end of sight -->", "<!-- sight: b -->"])
+def test_a_page_without_a_place_is_refused(text: str):
+    expected = r"^INSTRUCTION\.md: has no place for the table sight; allowed is one with <!-- sight: python -m a -->"
+    with pytest.raises(ValueError, match=expected):
+        insert(text, "sight", [], "a")
