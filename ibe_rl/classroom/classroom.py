@@ -263,10 +263,11 @@ def choose_port(config: InstructorConfig) -> int | None:
     """
     if not isinstance(config, HumanConfig):
         return None
+    allowed = f"instructor.host={config.host}: allowed is an address of this machine"
+    if not config.host:  # to a socket that is all of them
+        raise ConfigError(f"{allowed} (0.0.0.0 for all of them)")
     try:
         free = free_port(PORT, host=config.host)
     except OSError as error:
-        raise ConfigError(
-            f"instructor.host={config.host}: allowed is an address of this machine ({error.strerror or error})"
-        ) from None
+        raise ConfigError(f"{allowed} ({error.strerror or error})") from None
     return asked_port("instructor.port", config.port, host=config.host) or free
