@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import math
 from collections.abc import Callable, Mapping, MutableSequence
 from dataclasses import dataclass
 from functools import partial
@@ -80,13 +80,14 @@ class LessonPlan:
         """Let the trainer reach the pages."""
 
         def farewell(text: str) -> None:
-            lesson.keep()
+            lesson.finish()
             server.post("farewell", {"text": text})
             server.close()
             trainer.say(BYE)
 
         def lost() -> None:
             clock.hurry()
+            lesson.finish()
             server.post("farewell", {"text": "The training has gone."})
             server.close()
 
@@ -148,7 +149,7 @@ class Classroom:
         make_predictor: Callable[[], Any],
         about: Mapping[str, Any],
     ):
-        self._task, self._link, self._ended = task, TrainerEnd(), threading.Event()
+        self._task, self._link = task, TrainerEnd()
         self._curve: list[tuple[float, float]] = []
         self.open_lesson: OpenLesson = LessonPlan(
             host=config.host,
@@ -165,7 +166,7 @@ class Classroom:
     def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
         """What has been learnt from a batch; ``row`` of metrics.csv."""
         self._link.tell("policy", weights_of(policy))
-        known = {name: value for name, value in row.items() if value == value}
+        known = {name: value for name, value in row.items() if math.isfinite(value)}
         if "train/success_rate" in known:
             self._curve.append((known["frames"], known["train/success_rate"]))
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
@@ -262,10 +263,11 @@ def choose_port(config: InstructorConfig) -> int | None:
     """
     if not isinstance(config, HumanConfig):
         return None
+    allowed = f"instructor.host={config.host}: allowed is an address of this machine"
+    if not config.host:  # to a socket that is all of them
+        raise ConfigError(f"{allowed} (0.0.0.0 for all of them)")
     try:
         free = free_port(PORT, host=config.host)
     except OSError as error:
-        raise ConfigError(
-            f"instructor.host={config.host}: allowed is an address of this machine ({error.strerror or error})"
-        ) from None
+        raise ConfigError(f"{allowed} ({error.strerror or error})") from None
     return asked_port("instructor.port", config.port, host=config.host) or free

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -70,6 +71,7 @@ class Lesson:
         self._clock, self._record, self._task = clock, record, task_of(stage)
         self._episode, self._shown_at = -1, 0.0
         self._said: list[tuple[Array, Said]] = []
+        self._writing, self._finished = threading.Lock(), False
 
     def reset(self, rows: Array) -> None:
         """Begin a new episode, with the record of the one before kept."""
@@ -88,13 +90,28 @@ class Lesson:
             self._show(states[0])
             self._clock.wait()
             said = self._desk.take()
-            self._said.append((self._number(said, states[:1]), said))
+            with self._writing:
+                self._said.append((self._number(said, states[:1]), said))
         instruction, given = self._last()
         return instruction[None], np.array([[given]], np.float32)
 
     def keep(self) -> None:
-        """Write down the episode as far as it has come."""
-        if self._said:
+        """Write down the episode as far as it has come, and begin the next one."""
+        with self._writing:
+            self._write()
+            self._said = []
+
+    def finish(self) -> None:
+        """Write down the episode as far as it has come, and nothing any more; from any thread.
+
+        The game may still go on for what is left of a batch, which nobody learns from.
+        """
+        with self._writing:
+            self._write()
+            self._finished = True
+
+    def _write(self) -> None:
+        if self._said and not self._finished:
             self._record.write(
                 RecordedEpisode(
                     self._episode,
@@ -104,7 +121,6 @@ class Lesson:
                     heard=[said.heard for _, said in self._said],
                 )
             )
-        self._said = []
 
     def _number(self, said: Said, states: Array) -> Array:
         if said.by == ORACLE:

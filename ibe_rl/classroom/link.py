@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client, Connection, Listener
 from typing import Any
 
@@ -28,7 +30,7 @@ class TrainerEnd:
         self._ready = threading.Condition()
         self._newest: dict[str, Any] = {}
         self._said: list[str] = []
-        self._closed = False
+        self._connected = self._closed = False
         threading.Thread(target=self._send, name="link", daemon=True).start()
 
     def tell(self, kind: str, value: Any) -> None:
@@ -47,19 +49,34 @@ class TrainerEnd:
         with self._ready:
             self._closed = True
             self._ready.notify_all()
+        if not self._connected:
+            with suppress(OSError):  # wakes who still waits for the other side; closing alone does not
+                Client(self.address.path).close()
         self._listener.close()
+
+    def _accept(self) -> Connection[Any, Any]:
+        """Wait for the other side.
+
+        Raises:
+            EOFError: if this end has been closed.
+        """
+        while not self._closed:
+            with suppress(AuthenticationError, EOFError, ConnectionError):  # a stranger, the next may be the one
+                return self._listener.accept()
+        raise EOFError
 
     def _send(self) -> None:
         try:
-            connection = self._listener.accept()
+            connection = self._accept()
+            self._connected = True
             threading.Thread(target=self._receive, args=(connection,), name="link lines", daemon=True).start()
             while True:
                 with self._ready:
                     self._ready.wait_for(lambda: self._newest or self._closed)
                     newest, self._newest = self._newest, {}
-                    if self._closed and not newest:
-                        return
-                connection.send(newest)
+                connection.send(newest)  # nothing at all is the goodbye
+                if not newest:
+                    return
         except (OSError, EOFError):  # the other side has ended, or nobody ever came
             return
 
@@ -96,8 +113,11 @@ class GameEnd:
 
     def _receive(self) -> None:
         try:
-            while True:
-                for kind, value in self._connection.recv().items():
+            while news := self._connection.recv():
+                for kind, value in news.items():
                     self._hear[kind](value)
         except (OSError, EOFError):
+            return
+        finally:  # whatever went wrong: a game that hears nothing any more must not wait for anything either
+            self._connection.close()
             self._lost()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -101,7 +100,7 @@ def _flag(name: str, value: Any) -> bool:
 
 
 def _number(name: str, value: Any, low: float, high: float) -> float:
-    if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
+    if type(value) not in (int, float) or not low <= value <= high:  # not of nan either
         raise BadMessageError(f"{name} is not a number from {low:g} to {high:g}")
     return float(value)
 

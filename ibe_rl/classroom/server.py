@@ -10,10 +10,12 @@ import asyncio
 import http
 import ipaddress
 import json
+import logging
 import socket
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.resources import files
 from itertools import count
 from typing import Any
@@ -45,10 +47,15 @@ MAX_PAGES = 16
 MAX_A_SECOND = 200
 """Messages of one page; a key held down sends 2."""
 MAX_BAD = 10
-TOO_MANY, NOT_OURS = 1008, 1003  # close codes of RFC 6455
+GOODBYE, TOO_MANY, NOT_OURS = 1000, 1008, 1003  # close codes of RFC 6455
 PING_S = 5.0
 """A page that does not answer for so long is gone."""
 START_S, STOP_S = 10.0, 2.0
+UNREAD_BYTES = 1 << 15
+"""The system keeps no more for a page that does not read; left to itself it keeps megabytes, half a minute of game."""
+SILENT = logging.Logger("pages")
+"""What strangers send is not the training's to report."""
+SILENT.disabled = True
 
 
 class Server:
@@ -79,9 +86,13 @@ class Server:
             raise self._failure
 
     def post(self, kind: str, fields: Mapping[str, Any]) -> None:
-        """Show pages something; only the newest of each kind waits for a page that is slow. Waits for nothing."""
-        text = json.dumps({"kind": kind, **fields}, separators=(",", ":"), allow_nan=False)
-        self._call(self._spread, kind, text)
+        """Show pages something; only the newest of each kind waits for a page that is slow. Waits for nothing.
+
+        What is no finite number cannot be sent; such a picture is left out.
+        """
+        with suppress(ValueError):
+            text = json.dumps({"kind": kind, **fields}, separators=(",", ":"), allow_nan=False)
+            self._call(self._spread, kind, text)
 
     def close(self) -> None:
         """Let what has been posted arrive, then end."""
@@ -96,15 +107,15 @@ class Server:
 
     def _run(self) -> None:
         try:
-            self._loop.run_until_complete(self._serve())
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:  # ends what pages have left running
+                runner.run(self._serve())
         except BaseException as error:  # handed to the thread that waits for the start
             self._failure = error
         finally:
             self._started.set()
-            self._loop.close()
 
     async def _serve(self) -> None:
-        server = serve(
+        server = await serve(
             self._attend,
             self._host,
             self._port,
@@ -112,21 +123,24 @@ class Server:
             compression=None,
             max_size=MAX_BYTES,
             max_queue=8,
-            write_limit=1 << 16,
+            write_limit=UNREAD_BYTES,
+            logger=SILENT,
             ping_interval=PING_S,
             ping_timeout=PING_S,
             open_timeout=PING_S,
             close_timeout=STOP_S,
         )
-        async with server:
-            self._started.set()
-            await self._stop.wait()
-            await asyncio.sleep(0.1)  # the last posts are on their way
+        self._started.set()
+        await self._stop.wait()
+        await asyncio.sleep(0.1)  # the last posts are on their way
+        server.close()
+        with suppress(TimeoutError):  # of a page that does not say goodbye, or never said hello
+            await asyncio.wait_for(server.wait_closed(), STOP_S)
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for a page; None lets a page of ours open its connection."""
         host = request.headers.get("Host", "")
-        if not is_ours(host):
+        if not is_ours(host, self._host):
             return connection.respond(http.HTTPStatus.FORBIDDEN, "this name is not this server's\n")
         path = request.path.partition("?")[0]
         if path == LESSON_PATH:
@@ -148,38 +162,40 @@ class Server:
     async def _attend(self, connection: ServerConnection) -> None:
         """Serve one page until it goes."""
         page = next(self._numbers)
+        connection.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
         self._waiting[page], self._news[page] = dict(self._newest), asyncio.Event()
         self._desk.join(page)
         self._seats()
         self._controls()
-        sender = asyncio.create_task(self._send(connection, page))
+        sender, ending = asyncio.create_task(self._send(connection, page)), (GOODBYE, "")
         try:
-            await self._hear(connection, page)
+            ending = await self._hear(connection, page)
         except ConnectionClosed:
             pass
-        finally:
+        finally:  # before the close, which waits for the page's goodbye: the chair is free at once
             sender.cancel()
             del self._waiting[page], self._news[page]
             self._desk.leave(page)
             self._seats()
             self._controls()
+        await connection.close(*ending)
 
-    async def _hear(self, connection: ServerConnection, page: int) -> None:
+    async def _hear(self, connection: ServerConnection, page: int) -> tuple[int, str]:
+        """Take in what a page says, until it goes or has to; returns why."""
         allowance, at, bad = float(MAX_A_SECOND), time.monotonic(), 0
         async for text in connection:
             now = time.monotonic()
             allowance, at = min(MAX_A_SECOND, allowance + (now - at) * MAX_A_SECOND) - 1, now
             if allowance < 0:
-                await connection.close(TOO_MANY, "too many messages")
-                return
+                return TOO_MANY, "too many messages"
             try:
                 self._take_in(page, text)
             except BadMessageError as error:
                 bad += 1
                 self._put(page, "refused", {"why": str(error)})
             if bad > MAX_BAD:
-                await connection.close(NOT_OURS, "these are not the messages of this page")
-                return
+                return NOT_OURS, "these are not the messages of this page"
+        return GOODBYE, ""
 
     def _take_in(self, page: int, text: str | bytes) -> None:
         message = parse(text)
@@ -192,13 +208,13 @@ class Server:
             self._controls()
 
     async def _send(self, connection: ServerConnection, page: int) -> None:
-        while True:
-            await self._news[page].wait()
-            self._news[page].clear()
-            texts = list(self._waiting[page].values())
-            self._waiting[page].clear()
-            for text in texts:
-                await connection.send(text)
+        news, waiting = self._news[page], self._waiting[page]
+        with suppress(ConnectionClosed):
+            while True:
+                await news.wait()
+                news.clear()
+                while waiting:
+                    await connection.send(waiting.pop(next(iter(waiting))))
 
     def _spread(self, kind: str, text: str) -> None:
         self._newest[kind] = text
@@ -224,13 +240,14 @@ class Server:
         )
 
 
-def is_ours(host: str) -> bool:
+def is_ours(host: str, bound: str = "localhost") -> bool:
     """Whether a request's ``Host`` can be meant for this machine.
 
-    A name that somebody else's server gave out and now points here (DNS rebinding) is none; addresses are.
+    A name that somebody else's server gave out and now points here (DNS rebinding) is none; addresses are, and so is
+    the name that the server was ``bound`` to.
     """
     name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
-    if name.lower() in ("localhost", socket.gethostname().lower()):
+    if name.lower() in ("localhost", socket.gethostname().lower(), bound.lower()):
         return True
     try:
         ipaddress.ip_address(name.strip("[]"))
