@@ -126,6 +126,19 @@ def test_rows_are_drawn_each_by_itself():
     assert len(np.unique(said[..., 0].T, axis=0)) == 40
 
 
+def test_a_row_that_begins_leaves_the_spells_of_others_alone():
+    """It draws one for itself, in the middle of theirs."""
+    flaws, rows, right = FlawedConfig(wrong=0.5, present=0.5, spell_steps=100), np.ones(60, bool), counting(60, 1)[0]
+    instructor = Flawed(Reads(), VALUES, flaws, 0)
+    instructor.reset(rows)
+    before = np.hstack(instructor.instruct(right, rows))
+    begins = np.arange(60) < 30
+    instructor.reset(begins)
+    after = np.hstack(instructor.instruct(right, rows))
+    np.testing.assert_array_equal(after[~begins], before[~begins])
+    assert (after[begins] != before[begins]).any()
+
+
 def test_silence_stays_silence():
     right = counting(50, 60)
     right[..., 1] = np.random.default_rng(0).random((60, 50)) < 0.5
