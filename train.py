@@ -117,7 +117,7 @@ def train(
             losses |= agent.update(batch)  # batch → learner
         with timeit("log"):
             log.add(steps_of(batch), parts.task.context)  # batch → episodes
-        last = bool(stop) or log.frames >= cfg.total_frames
+        last = bool(stop) or log.frames >= min(cfg.total_frames, cfg.stop_after_frames or cfg.total_frames)
         if stop:
             parts.progress.say("stopping in order, with a last refresh and evaluation; Ctrl-C again ends at once")
         row = training_row(log, losses)

@@ -204,6 +204,7 @@ class TrainConfig:
 
     seed: int = setting(0, low=0, high=MAX_SEED)
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
+    stop_after_frames: int | None = setting(None, low=1)  # end in order there, in the middle of all schedules
     run_dir: str = MISSING
     refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below

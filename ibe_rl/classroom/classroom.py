@@ -132,7 +132,7 @@ class Classroom:
     Args:
         config: of the person's page.
         port: that it is served on.
-        folder: of the run.
+        record: the file of all that is said.
         task: of the environment.
         make_agent: see ``LessonPlan``.
         make_predictor: see ``LessonPlan``.

@@ -1,6 +1,5 @@
 """Twenty episodes instructed by the keyboard, in a browser: what was sent is what the agent was trained on."""
 
-import random
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,11 +33,11 @@ class Session:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Keys held for a while, short taps, and silence, at four times real time."""
     folder = tmp_path_factory.mktemp("session") / "run"
-    chance = random.Random(0)
+    chance = np.random.default_rng(0)
     with taught(folder, "instructor.speed=4", "refresh_every_frames=1000") as training, browsing() as browser:
         page = opened(browser, training.address)
         while page.evaluate("lesson.now.frame.episode") < EPISODES:
-            key = chance.choice(KEYS)
+            key = str(chance.choice(KEYS))
             page.keyboard.down(key)
             time.sleep(chance.choice([0.0, 0.05, 0.2]))
             page.keyboard.up(key)
@@ -96,7 +95,7 @@ def test_it_ends_in_order(session: Session):
 def test_the_record_teaches_the_same_agent_once_more(session: Session, tmp_path: Path):
     frames = TrajectoryLog.open(session.folder / TRAJECTORIES).frames
     overrides = [one for one in SMALL if one != "instructor=human"]
-    again = [f"instructor.recording={session.folder}", f"total_frames={frames}", f"run_dir={tmp_path / 'again'}"]
+    again = [f"instructor.recording={session.folder}", f"stop_after_frames={frames}", f"run_dir={tmp_path / 'again'}"]
     call("train", *overrides, "instructor=recorded", "refresh_every_frames=1000", *again)
     logs = [TrajectoryLog.open(folder / TRAJECTORIES) for folder in (session.folder, tmp_path / "again")]
     for first, second in zip(*(log.read(range(len(log.index))) for log in logs), strict=True):
