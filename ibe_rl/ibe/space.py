@@ -22,8 +22,8 @@ MOST_CLASSES = 10
 SPARSEST_FIRST, AS_ACCURATE = (0.4, 0.2, 0.1), 0.025
 """Dimensions with less than such a share of the largest coefficient are left out if the rule is told as exactly.
 
-Mistakes of the instructor give every dimension some of the rule: with a fifth of them wrong, leaving such dimensions out
-cost up to .022; a dimension that what is said does depend on cost .07 (docs/INSTRUCTION.md).
+Mistakes of the instructor give every dimension some of the rule: with a fifth of them wrong, leaving such dimensions
+out cost up to .022; a dimension that what is said does depend on cost .07 (docs/INSTRUCTION.md).
 """
 
 FEWEST_WINDOWS = 20
