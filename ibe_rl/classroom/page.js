@@ -245,7 +245,7 @@ const hear = {
 
 function show(id, text, kind) {
   at(id).textContent = text;
-  if (kind) at(id).className = kind;
+  if (kind !== undefined) at(id).className = kind;
 }
 
 function notice(text, calm = false) {

@@ -254,6 +254,23 @@ def test_the_link_to_the_live_view(browser: Browser, room: Room):
     page.close()
 
 
+def test_words_that_it_is_not_sure_of_are_grey_and_the_next_ones_are_not(browser: Browser, room: Room):
+    page = shown(browser, room, live_view=None)
+    said = {
+        "said": "I do not know",
+        "in_time": "",
+        "expression": 0,
+        "confidence": 0.3,
+        "horizon_steps": 60,
+        "path": None,
+    }
+    for known, colour in [(False, "rgb(154, 154, 168)"), (True, "rgb(45, 212, 191)")]:
+        room.server.post("explanation", {**said, "episode": 0, "step": 0, "known": known})
+        until(page, f"lesson.now.explanation && lesson.now.explanation.known === {str(known).lower()}")
+        until(page, f"getComputedStyle(document.getElementById('said')).color === '{colour}'")
+    page.close()
+
+
 def test_it_says_that_the_connection_is_gone_and_connects_again(browser: Browser, room: Room):
     page = shown(browser, room, live_view=None)
     room.server.close()
