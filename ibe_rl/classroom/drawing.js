@@ -28,6 +28,8 @@ function shape(one, place) {
 
 function draw() {
   requestAnimationFrame(draw);
+  if (coming.length) lesson.drawn += 1;
+  now.frame = coming.shift() || now.frame;
   words();
   if (!now.scene || !now.frame) return;
   const [width, height] = now.scene.size;
@@ -55,8 +57,6 @@ function draw() {
     pen.setLineDash([]);
   }
   if (now.frame.episode === now.scene.episode) for (const one of now.frame.shapes) shape(one, place);
-  if (episodeShown !== now.frame) lesson.drawn += 1;
-  episodeShown = now.frame;
 }
 
 function words() {

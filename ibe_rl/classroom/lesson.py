@@ -19,7 +19,7 @@ from ibe_rl.env.make import task_of
 from ibe_rl.instruct import LessonWriter, RecordedEpisode
 from ibe_rl.scene import Shape
 
-FRAME_S = 0.012
+FRAME_S = 0.008
 """Frames that follow each other faster are not shown: no screen would."""
 
 

@@ -154,7 +154,7 @@ function enable() {
 // ---- what the server says
 
 let trail = [];
-let episodeShown = -1;
+let coming = []; // frames that arrived since the last drawing
 let arrived = 0;
 let lastFrameAt = performance.now();
 
@@ -178,7 +178,7 @@ const hear = {
     say.now();
   },
   frame(message) {
-    now.frame = message;
+    coming = [...coming.slice(-1), message]; // two in the time of one picture are drawn one after the other
     lesson.received += 1;
     arrived += 1;
     lastFrameAt = performance.now();

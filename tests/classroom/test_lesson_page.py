@@ -19,6 +19,14 @@ from ibe_rl.classroom.server import Server
 
 ABOUT = {"name": "a game", "run": "a run", "total_frames": 1_000, "hold_steps": 0, "others": 3}
 LIVE_VIEW = "http://127.0.0.1:9090/?url=x"
+PAUSED_IN_FLIGHT = """() => {
+  const { explanation, frame, scene } = lesson.now;
+  const flies = explanation && explanation.path && explanation.episode === frame.episode && frame.step > 5;
+  const [from, to] = flies ? [explanation.path.at(0), explanation.path.at(-1)] : [[0, 0], [0, 0]];
+  if (Math.hypot(from[0] - to[0], from[1] - to[1]) < scene.size[0] / 20) return false;
+  document.getElementById("pause").click();
+  return true;
+}"""
 TEAL = """() => {
   const canvas = document.getElementById("canvas");
   const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
@@ -163,7 +171,7 @@ def test_what_the_agent_says(classroom: Classroom):
     assert page.locator("#vocabulary li").count() == len(clusters) >= 2
     assert page.locator("#vocabulary li div").all_inner_texts() == [one["phrase"] for one in clusters]
     assert re.fullmatch(r"learnt at [\d,]+ frames, for 60 steps", page.inner_text("#learnt-at"))
-    page.click("#pause")  # so that it is about one moment
+    until(page, PAUSED_IN_FLIGHT)  # so that it is about one moment
     until(page, "lesson.now.controls.paused")
     time.sleep(0.5)
     said = page.evaluate("lesson.now.explanation")
@@ -268,6 +276,20 @@ def test_words_that_it_is_not_sure_of_are_grey_and_the_next_ones_are_not(browser
         room.server.post("explanation", {**said, "episode": 0, "step": 0, "known": known})
         until(page, f"lesson.now.explanation && lesson.now.explanation.known === {str(known).lower()}")
         until(page, f"getComputedStyle(document.getElementById('said')).color === '{colour}'")
+    page.close()
+
+
+def test_two_frames_at_once_are_drawn_one_after_the_other_and_of_many_the_newest(browser: Browser, room: Room):
+    page = shown(browser, room, live_view=None)
+    room.server.post("scene", {"episode": 0, "size": [600, 400], "background": []})
+    frame = {"episode": 0, "shapes": [], "at": None, "told": None, "by": "nobody", "heard": 0, "return": 0.0}
+    until(page, "lesson.now.scene !== null")
+    for together, drawn in [(2, 2), (40, 2)]:
+        before = page.evaluate("lesson.drawn")
+        frames = [{**frame, "step": step} for step in range(together)]
+        page.evaluate("frames => { for (const one of frames) hear.frame(one); }", frames)
+        until(page, f"document.getElementById('episode').textContent.startsWith('game 1, step {together - 1},')")
+        assert page.evaluate("lesson.drawn") == before + drawn
     page.close()
 
 
