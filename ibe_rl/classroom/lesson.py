@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -14,12 +15,12 @@ from ibe_rl.classroom.clock import Clock
 from ibe_rl.classroom.desk import NOBODY, ORACLE, Desk, Said
 from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker, told
-from ibe_rl.data import Array, Moment
+from ibe_rl.data import Array, Explanation, Moment
 from ibe_rl.env.make import task_of
 from ibe_rl.instruct import LessonWriter, RecordedEpisode
 from ibe_rl.scene import Shape
 
-FRAME_S = 0.008
+FRAME_S = 0.004
 """Frames that follow each other faster are not shown: no screen would."""
 
 
@@ -142,9 +143,13 @@ class Lesson:
         self._server.post("frame", self._frame(state))
         if self._speaker.due():
             instruction, given = self._last()
-            said = self._speaker.say(Moment(state, instruction, bool(given), self._game.snapshot()))
-            path = None if self._task.scene_path is None else self._task.scene_path(said.path)
-            self._server.post("explanation", {"episode": self._episode, **told(said, path)})
+            moment = Moment(state, instruction, bool(given), self._game.snapshot())
+            self._speaker.ask(moment, partial(self._explained, self._episode))
+
+    def _explained(self, episode: int, said: Explanation) -> None:
+        """Post what the agent says; from the speaker's thread."""
+        path = None if self._task.scene_path is None else self._task.scene_path(said.path)
+        self._server.post("explanation", {"episode": episode, **told(said, path)})
 
     @property
     def _game(self) -> Any:

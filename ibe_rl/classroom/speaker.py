@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import torch
@@ -27,7 +28,7 @@ class Speaker:
     Args:
         policy: takes the weights that come.
         predictor: with environments of its own.
-        every_s: it speaks no more often, so that the game does not wait for it.
+        every_s: it speaks no more often: a prediction takes some 30 ms, which the game has to share its core with.
         clock: seconds.
     """
 
@@ -35,7 +36,7 @@ class Speaker:
         self,
         policy: GreedyPolicy,
         predictor: Predictor,
-        every_s: float = 0.1,
+        every_s: float = 0.25,
         clock: Callable[[], float] = time.monotonic,
     ):
         self._policy, self._predictor, self._every_s, self._clock = policy, predictor, every_s, clock
@@ -43,6 +44,8 @@ class Speaker:
         self._weights: Weights | None = None
         self._voice: Voice | None = None
         self._spoke_at = -every_s
+        self._thread, self._speaking = ThreadPoolExecutor(1, "speaker"), Future[None]()
+        self._speaking.set_result(None)
 
     def learn(self, weights: Weights) -> None:
         """Take in weights of the policy; any thread may call this."""
@@ -55,8 +58,24 @@ class Speaker:
             self._voice = voice
 
     def due(self) -> bool:
-        """Whether it is time to say something new."""
-        return self._voice is not None and self._clock() - self._spoke_at >= self._every_s
+        """Whether it is time to say something new, and it has said what it was asked for before."""
+        if self._voice is None or not self._speaking.done():
+            return False
+        self._speaking.result()  # raises what went wrong
+        return self._clock() - self._spoke_at >= self._every_s
+
+    def ask(self, moment: Moment, hear: Callable[[Explanation], None]) -> None:
+        """Explain a moment, when it is due, in a thread of its own: the game goes on.
+
+        Args:
+            moment: to explain.
+            hear: called with what is said, in that thread.
+        """
+        self._speaking = self._thread.submit(lambda: hear(self.say(moment)))
+
+    def wait(self) -> None:
+        """Return when it has said what it was asked for."""
+        self._speaking.result()
 
     def say(self, moment: Moment) -> Explanation:
         """Explain a moment; only once there is a vocabulary."""

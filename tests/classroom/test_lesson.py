@@ -191,6 +191,7 @@ def test_the_explanation_carries_a_path(tmp_path: Path):
     speaker.speak_with(voice())
     theatre.lesson.reset(ROW)
     theatre.lesson.instruct(state[None], ROW)
+    speaker.wait()
     [said] = theatre.pages.of("explanation")
     assert np.shape(said["path"]) == (HORIZON_STEPS + 1, 2)
     assert LANDER_TASK.scene_path is not None

@@ -11,7 +11,7 @@ import pytest
 from on_stage import HORIZON_STEPS, greedy, make_lander, speaks, voice
 
 from ibe_rl.classroom.speaker import told, weights_of
-from ibe_rl.data import Moment
+from ibe_rl.data import Explanation, Moment
 from ibe_rl.env import LANDER_TASK
 from ibe_rl.explainer import CONFIDENCE_FEATURES, explain
 from ibe_rl.metrics import Calibration
@@ -63,6 +63,33 @@ def test_a_slow_prediction_does_not_make_it_speak_all_the_time(moment: Moment):
     assert speaker.due()
     speaker.say(moment)
     assert [speaker.due() for _ in range(3)] == [False, False, True]
+
+
+def test_what_it_is_asked_for_is_said_in_a_thread_of_its_own(moment: Moment):
+    speaker, _ = speaks(every_s=0.0)
+    speaker.speak_with(voice())
+    may_go, heard = threading.Event(), list[str]()
+
+    def hear(said: Explanation) -> None:
+        may_go.wait()
+        heard.append(said.said + " in " + threading.current_thread().name)
+
+    speaker.ask(moment, hear)
+    assert not speaker.due()  # it is still at it
+    may_go.set()
+    speaker.wait()
+    assert heard == [f"{speaker.say(moment).said} in speaker_0"]
+    assert speaker.due()
+
+
+def test_what_goes_wrong_while_it_speaks_is_not_hidden(moment: Moment):
+    speaker, _ = speaks(every_s=0.0)
+    speaker.speak_with(voice())
+    speaker.ask(replace(moment, snapshot=None), lambda _: None)
+    with pytest.raises(AttributeError):
+        speaker.wait()
+    with pytest.raises(AttributeError):
+        speaker.due()
 
 
 def test_it_says_what_explain_says(moment: Moment):
