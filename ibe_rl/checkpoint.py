@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import torch
 from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import write_atomically
 
-LATEST = "latest.pt"
+LATEST, BEST = "latest.pt", "best.pt"
 EVALUATED, BETWEEN = "policy", "between"
 """What files of policies begin with: kept at an evaluation, or between two."""
 
@@ -24,8 +25,16 @@ def save_policy(folder: Path, frames: int, state: dict[str, torch.Tensor], kind:
 
 
 def save_latest(folder: Path, state: dict[str, Any]) -> None:
-    """Replace the full state of the learner by the present one."""
+    """Replace the full state of the run by the present one."""
     write_atomically(folder / LATEST, lambda stream: torch.save(state, stream))
+
+
+def link(folder: Path, name: str, also: str) -> None:
+    """Let a full state stay under another name too; it costs nothing, states are replaced and never written to."""
+    temporary = folder / f"{also}.partial"
+    temporary.unlink(missing_ok=True)
+    os.link(folder / name, temporary)
+    temporary.replace(folder / also)
 
 
 def policies(folder: Path, *kinds: str) -> dict[int, Path]:

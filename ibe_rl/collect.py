@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, MutableSequence
+from collections.abc import Callable, Generator, MutableSequence, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
 from functools import partial
 from typing import Any
 
 import gymnasium
+import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.collectors import BaseCollector, Collector
@@ -17,14 +18,14 @@ from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.data import Array, ConfigError, Instructor, Task
-from ibe_rl.env.make import join, make_gym
+from ibe_rl.data import Array, ConfigError, Instructor, Task, UnderWay
+from ibe_rl.env.make import TRAINING_SEEDS, join, make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 
 SEEDS_PER_RUN = 100_000
-"""Training seeds of a run: ``seed * SEEDS_PER_RUN`` and up; all stay below ``EVALUATION_SEED``."""
-EVALUATION_SEED = 2_000_000_000
+"""Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""
+EVALUATION_SEED = TRAINING_SEEDS
 """Seeds that no training uses, for the evaluations of ``train.py``."""
 JUDGING_SEED = 2_050_000_000
 """Seeds that neither uses, for ``explain.py`` to judge explanations on."""
@@ -42,15 +43,23 @@ def env_of_worker(
     instructor: InstructorConfig,
     seed: int,
     lesson: OpenLesson | None = None,
+    under_way: Sequence[UnderWay] = (),
 ) -> EnvBase:
-    """Make a worker's environments; runs in the worker's own process."""
+    """Make a worker's environments, ``under_way`` those of all workers; runs in the worker's own process."""
     torch.set_num_threads(1)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     games = [make_gym(env.id, env.kwargs) for _ in range(collect.envs_per_process)]
     person = lesson(games) if lesson else None
-    made = join(games, make_instructor(instructor, task, first, person), first)
-    torch.manual_seed(first)  # the exploring policy draws from this one, whatever was drawn to make all this
+    mine = under_way[worker * collect.envs_per_process :][: collect.envs_per_process]
+    made = join(games, make_instructor(instructor, task, first, person), first, mine)
+    torch.manual_seed(_draws(first, mine))  # the exploring policy's, whatever was drawn to make all this
     return made
+
+
+def _draws(first: int, under_way: Sequence[UnderWay]) -> int:
+    """Seed of the exploration: of a run that is taken up other draws than at its beginning."""
+    begun = [first, *(one.ended for one in under_way), *(len(one.actions) for one in under_way)]
+    return int(np.random.SeedSequence(begun).generate_state(1)[0]) if under_way else first
 
 
 def make_collector(
@@ -61,10 +70,22 @@ def make_collector(
     instructor: InstructorConfig,
     seed: int,
     lesson: OpenLesson | None = None,
+    under_way: Sequence[UnderWay] = (),
 ) -> BaseCollector:
-    """Make the collector; each of its processes has an instructor of its own. A ``lesson`` wants a single process."""
+    """Make the collector; each of its processes has an instructor of its own.
+
+    Args:
+        agent: its ``policy`` collects.
+        env: made once for each row.
+        collect: how many of them, in how many processes.
+        task: of the environment.
+        instructor: see ``make_instructor``.
+        seed: of the run.
+        lesson: wants a single process.
+        under_way: the episodes that all rows take up.
+    """
     rows = collect.processes * collect.envs_per_process
-    settings = (env, collect, task, instructor, seed, lesson)
+    settings = (env, collect, task, instructor, seed, lesson, under_way)
     factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     apart = collect.processes > 1 or collect.overlap
@@ -143,7 +164,6 @@ def steps_of(batch: TensorDictBase) -> dict[str, Array]:
         "done": after["done"].squeeze(-1),
         "terminated": after["terminated"].squeeze(-1),
         "success": after["success"].squeeze(-1),
-        "episode": batch["collector", "traj_ids"],
     }
     return {name: column.numpy() for name, column in columns.items()}
 
@@ -153,10 +173,11 @@ class Every:
 
     Args:
         frames: between two times; None stands for never, not even at the end.
+        now: what it starts at.
     """
 
-    def __init__(self, frames: int | None):
-        self._frames, self._passed = frames, 0
+    def __init__(self, frames: int | None, now: int = 0):
+        self._frames, self._passed = frames, now // (frames or 1)
 
     def __call__(self, frames: int, last: bool = False) -> bool:
         """Whether a multiple has been reached since the last call, or this is the ``last`` one."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import hydra
 import yaml
@@ -23,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from ibe_rl import config as schemas
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
-from ibe_rl.run_folder import NOT_IN_NAMES
+from ibe_rl.run_folder import NOT_IN_NAMES, write_atomically
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
@@ -107,10 +108,16 @@ def _swept() -> set[str]:
         return set()
 
 
-def save_config(values: Any, folder: Path) -> None:
-    """Write the composed config and the overrides the way hydra does."""
-    OmegaConf.save(OmegaConf.structured(values), folder / "config.yaml")
-    OmegaConf.save(HydraConfig.get().overrides.task, folder / "overrides.yaml")
+def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
+    """Write the composed config and the overrides the way hydra does; of a run that ``goes_on`` behind those before."""
+    given = [one for one in HydraConfig.get().overrides.task if not one.startswith("resume")]
+    before = yaml.safe_load((folder / "overrides.yaml").read_text()) if goes_on else []
+    for name, content in (("config", OmegaConf.structured(values)), ("overrides", OmegaConf.create([*before, *given]))):
+        write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
+
+
+def _write(text: str, stream: BinaryIO) -> None:
+    stream.write(text.encode())
 
 
 def load_config(path: Path, schema: type) -> Any:
@@ -127,6 +134,30 @@ def load_config(path: Path, schema: type) -> Any:
         return OmegaConf.to_object(typed)
     except (OmegaConfBaseException, yaml.YAMLError, AttributeError, KeyError, OSError, ValueError) as error:
         raise ConfigError(f"{path}: not the config of a run of this version ({one_line(error)})") from None
+
+
+def changed(saved: Any, fixed: Sequence[str]) -> Any:
+    """A saved config with what was named on the command line beside ``resume``; only inside ``run_script``.
+
+    Args:
+        saved: of the run, from ``load_config``.
+        fixed: settings that a run keeps, those below them included.
+
+    Raises:
+        ConfigError: naming a setting that the run keeps.
+    """
+    config = OmegaConf.structured(saved)
+    for one in OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task)):
+        key, group = one.key_or_group, "." not in one.key_or_group and isinstance(one.value(), str)
+        if key in ("resume", "resume_from"):
+            continue
+        if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):
+            raise ConfigError(f"{one.input_line} with resume: a run keeps its {', '.join(fixed)}; allowed is all else")
+        if group and OmegaConf.is_config(OmegaConf.select(config, key)):
+            OmegaConf.update(config, key, hydra.compose("train", [f"{key}={one.value()}"])[key], merge=False)
+        else:
+            OmegaConf.update(config, key, one.value())
+    return OmegaConf.to_object(config)
 
 
 def one_line(error: BaseException) -> str:

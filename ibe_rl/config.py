@@ -206,6 +206,11 @@ class TrainConfig:
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
     stop_after_frames: int | None = setting(None, low=1)  # end in order there, in the middle of all schedules
     run_dir: str = MISSING
+    resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
+    resume_from: str = setting("latest", choices=("latest", "best"))  # its latest state, or that of its best evaluation
+    checkpoint_every_frames: int = setting(
+        100_000, low=1
+    )  # the state to resume from; also at refreshes and evaluations
     refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know

@@ -11,11 +11,12 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import torch
 
-from ibe_rl.data import Array, Episode
+from ibe_rl.data import Array, Episode, UnderWay
 from ibe_rl.run_folder import write_atomically, write_json
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
@@ -52,7 +53,9 @@ class TrajectoryLog:
         self.folder, self.capacity_frames, self.contexts = folder, capacity_frames, tuple(contexts)
         self.frames = self.episodes_ended = 0
         self._columns: dict[str, Array] = {}
-        self._open: dict[int, list[dict[str, Array]]] = {}
+        self._open: list[list[dict[str, Array]]] = []  # of each environment, the parts of its unfinished episode
+        self._ended: list[int] = []  # episodes of each environment
+        self._taken_up = False
         self._kept: deque[Any] = deque()
         self._head = 0
         folder.mkdir(parents=True, exist_ok=True)
@@ -72,33 +75,53 @@ class TrajectoryLog:
 
         Args:
             steps: ``(N, T, ...)`` arrays: the columns ``state``, ``action``, ``reward``, ``instruction``,
-                ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step; ``episode``,
-                a number that the steps of one episode share, also across calls.
+                ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step. Row i is the same
+                environment in every call, going on where it stopped.
             context_of: initial state ``(S,)`` to the name of the context.
 
         Returns:
             Records of the episodes that ended, dtype ``INDEX``.
+
+        Raises:
+            ValueError: if a row does not go on where it stopped.
         """
+        rows = len(steps["done"])
+        self._open, self._ended = self._open or [[] for _ in range(rows)], self._ended or [0] * rows
+        self._go_on(steps["state"][:, 0])
         self.frames += steps["done"].size
         ended = [
             self._store(piece, context_of)
-            for row in range(len(steps["done"]))
-            for piece in self._pieces({name: column[row] for name, column in steps.items()})
+            for row in range(rows)
+            for piece in self._pieces(row, {name: column[row] for name, column in steps.items()})
         ]
         return np.array(ended, dtype=INDEX)
 
-    def _pieces(self, steps: dict[str, Array]) -> Iterable[dict[str, Array]]:
+    def _go_on(self, states: Array) -> None:
+        """Check that each row goes on; right after the log was taken up, an episode may have begun anew instead."""
+        for row, (parts, state) in enumerate(zip(self._open, states, strict=True)):
+            if not parts or np.array_equal(parts[-1]["next_state"][-1], state):
+                continue
+            if not self._taken_up:
+                raise ValueError(f"row {row} does not go on where it stopped")
+            parts.clear()
+            self._ended[row] += 1
+        self._taken_up = False
+
+    def _pieces(self, row: int, steps: dict[str, Array]) -> Iterable[dict[str, Array]]:
         """Cut one environment's steps ``(T, ...)`` at the ends of episodes; yield those that became whole."""
         cuts = [0, *(np.flatnonzero(steps["done"]) + 1).tolist(), len(steps["done"])]
         for start, stop in pairwise(cuts):
             if start == stop:
                 continue
-            piece = {name: column[start:stop] for name, column in steps.items()}
-            key = int(piece["episode"][0])
-            self._open.setdefault(key, []).append({name: column.copy() for name, column in piece.items()})
-            if piece["done"][-1]:
-                parts = self._open.pop(key)
-                yield {name: np.concatenate([part[name] for part in parts]) for name in piece}
+            self._open[row].append({name: column[start:stop].copy() for name, column in steps.items()})
+            if steps["done"][stop - 1]:
+                parts, self._open[row] = self._open[row], []
+                self._ended[row] += 1
+                yield {name: np.concatenate([part[name] for part in parts]) for name in steps}
+
+    def under_way(self) -> list[UnderWay]:
+        """Where each environment stands."""
+        return [_stands(parts, ended) for parts, ended in zip(self._open, self._ended, strict=True)]
 
     def _store(self, whole: dict[str, Array], context_of: Any) -> Any:
         steps = len(whole["done"])
@@ -171,6 +194,47 @@ class TrajectoryLog:
         write_json(self.folder / "log.json", about)
         write_atomically(self.folder / "episodes.npy", lambda stream: np.save(stream, self.index))
 
+    def state_dict(self) -> dict[str, Any]:
+        """All that is not in the files, as tensors and plain values; see ``load_state_dict``."""
+        index = self.index
+        parts = [
+            [{name: torch.from_numpy(column) for name, column in part.items()} for part in row] for row in self._open
+        ]
+        return {
+            "frames": self.frames,
+            "episodes_ended": self.episodes_ended,
+            "head": self._head,
+            "index": {name: torch.from_numpy(index[name].copy()) for name in INDEX.names or ()},
+            "open": parts,
+            "ended": self._ended,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on, in the same folder, from a ``state_dict``; what was logged after it is logged anew.
+
+        Episodes that made room for what came after it are gone.
+
+        Raises:
+            ValueError: if the files are not those of the state.
+        """
+        index = np.empty(len(state["index"]["start"]), INDEX)
+        for name in INDEX.names or ():
+            index[name] = state["index"][name].numpy()
+        self.frames, self.episodes_ended, self._head = state["frames"], state["episodes_ended"], state["head"]
+        self._open = [[{n: column.numpy() for n, column in part.items()} for part in row] for row in state["open"]]
+        self._ended, self._taken_up = list(state["ended"]), True
+        self._load(index, "r+")
+
+    def _load(self, index: Array, mode: Literal["r", "r+"]) -> None:
+        """Open the files and keep the episodes of ``index`` that still lie in them."""
+        try:
+            if self.episodes_ended:
+                paths = {name: self.folder / f"{name}.npy" for name in COLUMNS}
+                self._columns = {n: np.load(path, mmap_mode=mode, allow_pickle=False) for n, path in paths.items()}
+            self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])
+        except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError) as error:
+            raise ValueError(f"{self.folder} is not a readable log: {error}") from None
+
     @classmethod
     def open(cls, folder: Path) -> TrajectoryLog:
         """Open the log of a run for reading; no code from it runs.
@@ -182,12 +246,14 @@ class TrajectoryLog:
             about = json.loads((folder / "log.json").read_text())
             log = cls(folder, int(about["capacity_frames"]), [str(name) for name in about["contexts"]])
             log.frames, log.episodes_ended = int(about["frames"]), int(about["episodes_ended"])
-            log._kept = deque(np.load(folder / "episodes.npy", allow_pickle=False).astype(INDEX).tolist())
-            if log.episodes_ended:
-                log._columns = {
-                    name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in COLUMNS
-                }
-            log._kept = deque(record for record in log._kept if log._columns["number"][record[0]] == record[1])
+            index = np.load(folder / "episodes.npy", allow_pickle=False).astype(INDEX)
         except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
             raise ValueError(f"{folder} is not a readable log: {error}") from None
+        log._load(index, "r")
         return log
+
+
+def _stands(parts: Sequence[dict[str, Array]], ended: int) -> UnderWay:
+    if not parts:
+        return UnderWay(ended, np.zeros(0, np.int64), None)
+    return UnderWay(ended, np.concatenate([part["action"] for part in parts]), parts[-1]["next_state"][-1])

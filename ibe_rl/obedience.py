@@ -8,6 +8,7 @@ steps. The weight falls to 0, and from there on the best policy is that of the e
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
@@ -59,6 +60,14 @@ class Obedience:
         batch["next", "extra_reward"] = extra
         mean = float(agreement[valid].mean()) if judge is not None else float("nan")
         return {"obeyed": mean, "extra_reward": float(extra.mean())}
+
+    def state_dict(self) -> dict[str, Any]:
+        """The newest steps, which those to come are judged with, as tensors."""
+        return {name: torch.from_numpy(column) for name, column in (self._before or {}).items()}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        self._before = {name: column.numpy() for name, column in state.items()} or None
 
     def _windows(self, batch: TensorDictBase) -> tuple[dict[str, Array], Array, Array]:
         """The steps that n steps begin with, the changes over these, and where both can be judged: ``(N, T, ...)``."""

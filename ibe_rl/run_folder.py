@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import csv
+import fcntl
+import io
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TextIO
 
 from ibe_rl.data import ConfigError
 
 CONFIG = ".hydra/config.yaml"
+LOCK = ".hydra/lock"
 OVERRIDES = ".hydra/overrides.yaml"
 METRICS = "metrics.csv"
 SUMMARY = "summary.json"
@@ -24,6 +28,7 @@ EVALUATION = "evaluation"
 CALIBRATION = "calibration.json"
 FIGURES = "figures"
 LESSON = "lesson.jsonl"
+REPLACED = "replaced"
 NOT_IN_NAMES = ("run_dir", "viewer")
 """Settings that say nothing about a run when it is named after its settings."""
 
@@ -61,6 +66,25 @@ def create_run_folder(path: Path) -> Path:
     return path
 
 
+@contextmanager
+def hold_folder(path: Path) -> Iterator[None]:
+    """Keep other trainings out of a run's folder; the system lets go of it, however the process ends.
+
+    Raises:
+        ConfigError: if another process holds it.
+    """
+    try:
+        lock = (path / LOCK).open("w")
+    except OSError as error:
+        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ConfigError(f"resume={path}: it is training; allowed is a run that has ended") from None
+        yield
+
+
 def is_run(path: Path) -> bool:
     """True for a folder with a run's config in it."""
     return (path / CONFIG).is_file()
@@ -92,18 +116,21 @@ class MetricsTable:
     Args:
         path: the file.
         later: columns that the first row may lack; the others are the first row's.
+        until_frames: go on with the rows that the file has up to there; the others are dropped. None: a new file.
     """
 
-    def __init__(self, path: Path, later: Iterable[str] = ()):
-        self._stream = path.open("w", newline="")
-        self._later = tuple(later)
+    def __init__(self, path: Path, later: Iterable[str] = (), until_frames: int | None = None):
+        self._path, self._later = path, tuple(later)
+        self._rows = [] if until_frames is None else read_rows(path, until_frames=until_frames)
+        self._stream: TextIO | None = None
         self._writer: csv.DictWriter[str] | None = None
 
     def __enter__(self) -> MetricsTable:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stream.close()
+        if self._stream is not None:
+            self._stream.close()
 
     def write(self, row: Mapping[str, float]) -> None:
         """Append a row; columns that it lacks stay empty.
@@ -111,12 +138,39 @@ class MetricsTable:
         Raises:
             ValueError: for a name that is no column.
         """
-        if self._writer is None:
-            columns = [*row, *(name for name in self._later if name not in row)]
-            self._writer = csv.DictWriter(self._stream, columns, restval="")
-            self._writer.writeheader()
+        if self._writer is None or self._stream is None:
+            self._stream, self._writer = self._begin(row)
         self._writer.writerow({name: _short(value) for name, value in row.items()})
         self._stream.flush()
+
+    def _begin(self, row: Mapping[str, float]) -> tuple[TextIO, csv.DictWriter[str]]:
+        """Write the head and the rows before, in one go, with the columns of them all."""
+        columns = list(dict.fromkeys([*row, *self._later, *(self._rows[0] if self._rows else ())]))
+        write_rows(self._path, self._rows, columns)
+        stream = self._path.open("a", newline="")
+        return stream, csv.DictWriter(stream, columns, restval="")
+
+
+def read_rows(path: Path, above_frames: float = -1, until_frames: float = math.inf) -> list[dict[str, str]]:
+    """The rows of a ``metrics.csv`` between two frames, the first one excluded.
+
+    Raises:
+        ConfigError: if it cannot be read.
+    """
+    try:
+        with path.open(newline="") as stream:
+            return [row for row in csv.DictReader(stream) if above_frames < int(row["frames"]) <= until_frames]
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+        raise ConfigError(f"{path}: not the readable table of a run ({error!r})") from None
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, str]], columns: Iterable[str] = ()) -> None:
+    """Write a table in one go, by default with the columns of its first row."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(columns) or list(rows[0]), restval="")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, lambda stream: stream.write(text.getvalue().encode()))
 
 
 def _short(value: float) -> str:

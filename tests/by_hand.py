@@ -73,7 +73,7 @@ def add(
 
     Without ``seen_speed`` the state says 0 for it, and only where the lift has got to tells what it was told.
     """
-    random, number = np.random.default_rng(log.episodes_ended), log.episodes_ended
+    random = np.random.default_rng(log.episodes_ended)
     speed = told if went is None else went
     height = np.arange(steps + 1) * speed + random.normal(0, 0.01, steps + 1)
     states = np.column_stack([height, np.full(steps + 1, speed * seen_speed), np.full(steps + 1, floor)]).astype(
@@ -90,7 +90,6 @@ def add(
         "done": last,
         "terminated": last,
         "success": last,
-        "episode": np.full(steps, number),
     }
     log.add({name: values[None] for name, values in columns.items()}, TASK.context)
 

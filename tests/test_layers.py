@@ -11,11 +11,15 @@ PACKAGE = "ibe_rl"
 SCRIPTS = ("train", "explain")
 
 LAYERS = (
-    {"data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line", "checkpoint"},
+    {
+        *("data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line"),
+        *("checkpoint", "resume"),
+    },
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
     {"progress", "stream", "serve", "viewer", "evaluation", "paper"},
+    {"parts"},
     set(SCRIPTS),
 )
 SIDEWAYS = {

@@ -29,7 +29,10 @@ class Agent(Protocol):
         """Let ``policy`` have what has been learnt; not while it collects, which would not be repeatable."""
 
     def state_dict(self) -> dict[str, Any]:
-        """All that learning goes on from."""
+        """All that learning goes on from, tensors and plain values."""
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``, for an agent made with the same settings."""
 
 
 def make_agent(

@@ -167,11 +167,23 @@ class DQN:
         self.policy.epsilon.fill_(self._epsilon)
 
     def state_dict(self) -> dict[str, Any]:
-        """All that learning goes on from, but for the buffer."""
+        """All that learning goes on from."""
         return {
             "network": self._network.state_dict(),
             "target": self._target.state_dict(),
             "optimizer": self._optimizer.state_dict(),
             "greedy": self.greedy.state_dict(),
             "frames": self._frames,
+            "epsilon": self._epsilon,
+            "buffer": self._buffer.state_dict(),
+            "unfinished": None if self._unfinished is None else self._unfinished.to_dict(),
         }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        for name in ("network", "target", "optimizer", "buffer"):
+            getattr(self, f"_{name}").load_state_dict(state[name])
+        self.greedy.load_state_dict(state["greedy"])
+        self._frames, self._epsilon = state["frames"], state["epsilon"]
+        steps = state["unfinished"]
+        self._unfinished = None if steps is None else TensorDict(steps, steps["action"].shape[:2])

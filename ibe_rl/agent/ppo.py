@@ -151,3 +151,10 @@ class PPO:
             "greedy": self.greedy.state_dict(),
             "frames": self._frames,
         }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        for name in ("actor", "critic", "optimizer"):
+            getattr(self, f"_{name}").load_state_dict(state[name])
+        self.greedy.load_state_dict(state["greedy"])
+        self._frames = state["frames"]

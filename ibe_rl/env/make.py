@@ -13,7 +13,10 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.data import Array, ConfigError, Instructor, Task, observe
+from ibe_rl.data import Array, ConfigError, Instructor, Task, UnderWay, observe
+
+TRAINING_SEEDS = 2_000_000_000
+"""Seeds of training episodes are below it, those of all others are not."""
 
 
 def make_gym(env_id: str, kwargs: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
@@ -50,14 +53,20 @@ class InstructedEnvs(EnvBase):
     collector: nothing is lost at the end of an episode. One object for all, without gymnasium's vector environment
     and TorchRL's transforms, which took a third of the time (docs/LOG.md).
 
+    Each episode has a seed of its own (``episode_seed``), so that it can be played again by itself.
+
     Args:
         games: environments of one kind that declare a task.
         instructor: instructs all rows.
+        under_way: the episode of each row that the first reset takes up, instead of beginning anew.
     """
 
-    def __init__(self, games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor):
+    def __init__(
+        self, games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor, under_way: Sequence[UnderWay] = ()
+    ):
         super().__init__(batch_size=[len(games)])
         self._games, self._instructor, self._task = games, instructor, task_of(games[0])
+        self._under_way, self._first_seed, self._begun = list(under_way), 0, [0] * len(games)
         self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
         self._said = np.zeros((len(games), self._task.instruction_size + 1), np.float32)
         self._declare()
@@ -84,17 +93,51 @@ class InstructedEnvs(EnvBase):
         )
 
     def _set_seed(self, seed: int | None) -> None:
-        for row, game in enumerate(self._games):
-            game.reset(seed=None if seed is None else seed + row)
+        self._first_seed = episode_seed(0, 0) if seed is None else seed
+        self._begun = [0] * len(self._games)
 
     def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
         asked = None if tensordict is None else tensordict.get("_reset", None)
         rows = np.ones(len(self._games), bool) if asked is None else asked.numpy().reshape(-1)
-        for row in np.flatnonzero(rows).tolist():
-            self._states[row], _ = self._games[row].reset()
-        self._instructor.reset(rows)
         no = torch.zeros(len(self._games), 1, dtype=torch.bool)
+        fresh = self._take_up() if self._under_way else rows
+        for row in np.flatnonzero(fresh).tolist():
+            self._states[row] = self._begin(row)
+        self._instructor.reset(fresh)
         return TensorDict(self._seen(rows) | {"success": no}, self.batch_size)
+
+    def _begin(self, row: int) -> Array:
+        """Begin the next episode of a game; returns its first state."""
+        seed = episode_seed(self._first_seed + row, self._begun[row])
+        self._begun[row] += 1
+        state: Array = self._games[row].reset(seed=seed)[0]
+        return state
+
+    def _take_up(self) -> Array:
+        """Play the episodes under way once more, as far as they had come, with the instructor listening.
+
+        Returns:
+            the rows ``(N,)`` that came out otherwise, or of which none was under way: they have to begin anew.
+        """
+        under_way, self._under_way = self._under_way, []
+        self._begun = [one.ended for one in under_way]
+        going = np.array([one.state is not None for one in under_way])
+        for row in np.flatnonzero(going).tolist():
+            self._states[row] = self._begin(row)
+        self._instructor.reset(going)
+        for step in range(max(len(one.actions) for one in under_way)):
+            playing = going & [step < len(one.actions) for one in under_way]
+            self._instructor.instruct(self._states, playing)
+            for row in np.flatnonzero(playing).tolist():
+                self._states[row], _, terminated, truncated, _ = self._games[row].step(
+                    under_way[row].actions[step].tolist()
+                )
+                going[row] = not (terminated or truncated)
+        same = [
+            one.state is not None and np.array_equal(state, one.state)
+            for state, one in zip(self._states, under_way, strict=True)
+        ]
+        return ~(going & same)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
@@ -136,8 +179,23 @@ def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Ins
     return join([make_gym(env_id, kwargs) for _ in range(count)], instructor, seed)
 
 
-def join(games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor, seed: int) -> EnvBase:
-    """Let environments step together, seeded ``seed`` and up."""
-    env = InstructedEnvs(games, instructor)
+def join(
+    games: Sequence[gymnasium.Env[Any, Any]],
+    instructor: Instructor,
+    seed: int,
+    under_way: Sequence[UnderWay] = (),
+) -> EnvBase:
+    """Let environments step together, seeded ``seed`` and up; see ``InstructedEnvs``."""
+    env = InstructedEnvs(games, instructor, under_way)
     env.set_seed(seed)
     return env
+
+
+def episode_seed(row_seed: int, number: int) -> int:
+    """The seed of a training episode.
+
+    Args:
+        row_seed: of the environment that it is played in.
+        number: of episodes before it there.
+    """
+    return int(np.random.SeedSequence([row_seed, number]).generate_state(1, np.uint64)[0]) % TRAINING_SEEDS

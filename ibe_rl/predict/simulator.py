@@ -73,6 +73,19 @@ class Simulator:
             rolled = [next(workers).submit(_roll, part, policy, horizon_steps) for part in parts]
         return [part.result() for part in rolled]
 
+    def forget(self) -> None:
+        """Play with new copies from now on: old ones show traces of whom they played before."""
+        self._games.clear()
+        self.close()
+
+    def state_dict(self) -> dict[str, Any]:
+        """How much noise has been drawn, the only thing that later predictions depend on after ``forget``."""
+        return {"drawn": self._seeds.n_children_spawned}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        self._seeds = np.random.SeedSequence(self._seeds.entropy, n_children_spawned=state["drawn"])
+
     def close(self) -> None:
         """Stop the processes, if there are any."""
         for worker in self._workers:
@@ -92,6 +105,10 @@ class _Games:
     def __init__(self, make_env: MakeEnv, rule: Rule, follow_rule: bool):
         self._make_env, self._rule, self._follow_rule = make_env, rule, follow_rule
         self._games: list[Any] = []
+
+    def clear(self) -> None:
+        """Forget the copies."""
+        self._games = []
 
     def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; a seed of None repeats the original's noise."""

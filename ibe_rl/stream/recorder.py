@@ -16,7 +16,7 @@ import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 import numpy as np
@@ -28,7 +28,7 @@ from ibe_rl.data import Explanation, Task
 from ibe_rl.scene import Watched
 from ibe_rl.stream import chart, sentences, view
 from ibe_rl.stream.film import Film, Place
-from ibe_rl.stream.recording_file import RecordingFile
+from ibe_rl.stream.recording_file import RecordingFile, cut_back_to
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
@@ -42,6 +42,12 @@ HOLD_S = 30.0
 data would leave the watched episode with every batch."""
 CURVE_BYTES, VALUE_BYTES = 1700, 32
 """At most of each curve whenever rows are sent, and of each value."""
+
+
+def cut_back(path: Path, state: Mapping[str, Any]) -> None:
+    """Cut a recording back to where a ``RunRecorder``'s state was taken, before anything reads it."""
+    if state:
+        cut_back_to(path, state["recorder"]["bytes"])
 
 
 def strict() -> bool:
@@ -71,6 +77,10 @@ class NoRecorder:
         """Nothing ever happens."""
         return []
 
+    def state_dict(self) -> dict[str, Any]:
+        """Nothing to go on with."""
+        return {}
+
 
 class Recorder:
     """Writes one run to one file.
@@ -81,23 +91,31 @@ class Recorder:
         run_name: title of the recording in the viewer.
         training: False lays out the panels for watched episodes alone.
         max_bytes: the file never gets longer; None: no limit.
+        state: from ``state_dict``; the file goes on from there.
 
     Raises:
         OSError: if the file cannot be written; ``size``, ``flush`` and ``close`` say so later on.
     """
 
     def __init__(
-        self, path: Path, task: Task, run_name: str, training: bool = True, max_bytes: int | None = None
+        self,
+        path: Path,
+        task: Task,
+        run_name: str,
+        training: bool = True,
+        max_bytes: int | None = None,
+        state: Mapping[str, Any] | None = None,
     ) -> None:
         self._task = task
-        self._file = RecordingFile(path, max_bytes)
-        self._recording = rr.RecordingStream(APPLICATION, recording_id=str(uuid4()))
+        self._file = RecordingFile(path, max_bytes, state["bytes"] if state else 0)
+        self._id = state["id"] if state else str(uuid4())
+        self._recording = rr.RecordingStream(APPLICATION, recording_id=self._id)
         sink = rr.FileSink(self._file.entrance)
         self._recording.set_sinks(sink, default_blueprint=view.blueprint(task, training))
         self._recording.set_log_time_enabled(False)
         self._recording.send_recording_name(run_name)
         view.style(self._recording, task)
-        if training:
+        if training and not state:
             Place(0, 0).set(self._recording)
             self._recording.log("now", rr.TextDocument(GREETING, media_type="text/markdown"))
         self._next = Place(0, INTRO_STEPS if training else 0)
@@ -109,6 +127,25 @@ class Recorder:
         self._shown: list[int] = []  # clusters in the picture; not every refresh need be recorded
         self._film = Film(self._recording, task)
         self._open = True
+        if state:
+            self._next, self._drawn_to, self._shown = Place(*state["next"]), state["drawn_to"], list(state["shown"])
+            self._curves.update({key: [tuple(row) for row in rows] for key, rows in state["curves"].items()})
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that a recorder needs to go on with the file; all that was sent is in it then.
+
+        Raises:
+            OSError: if the file takes nothing any more.
+        """
+        self.size()
+        return {
+            "id": self._id,
+            "bytes": self._file.size,
+            "next": [self._next.frame, self._next.step],
+            "drawn_to": self._drawn_to,
+            "shown": list(self._shown),
+            "curves": {key: list(rows) for key, rows in self._curves.items()},
+        }
 
     def batch(self, frames: int, values: Mapping[str, float]) -> None:
         """Add one row of training curves; it is sent with the next refresh or episode, or after ``HOLD_S``.

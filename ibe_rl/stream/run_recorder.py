@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ibe_rl.data import Explanation, Task
 from ibe_rl.scene import Watched
@@ -32,9 +32,12 @@ class RunRecorder:
         task: what the environment declares of itself.
         run_name: title of the recording in the viewer.
         max_mb: the file never gets larger; as it fills, less and less is kept, and at the end the newest.
+        state: from ``state_dict``; the recording goes on from there.
     """
 
-    def __init__(self, path: Path, task: Task, run_name: str, max_mb: int) -> None:
+    def __init__(
+        self, path: Path, task: Task, run_name: str, max_mb: int, state: Mapping[str, Any] | None = None
+    ) -> None:
         self._max_mb, self._thinning = max_mb, Thinning(max_mb * 1_000_000)
         self._recorder: Recorder | None = None
         self._frames = self._whole_until = 0
@@ -43,8 +46,13 @@ class RunRecorder:
         self._newest_row: list[tuple[Call, float]] = []
         self._every, self._full, self._complained = 1, False, False
         self._news: list[str] = []
+        if state:
+            self._refreshes, self._rows = state["refreshes"], Counter(state["rows"])
+            self._every, self._full = state["every"], state["full"]
+            self._thinning.load_state_dict(state["thinning"])
         try:
-            self._recorder = Recorder(path, task, run_name, max_bytes=max_mb * 1_000_000)
+            of_the_file = state["recorder"] if state else None
+            self._recorder = Recorder(path, task, run_name, max_bytes=max_mb * 1_000_000, state=of_the_file)
             self._thinning.took(self._recorder.size())
         except OSError as error:
             self._end(error)
@@ -99,6 +107,24 @@ class RunRecorder:
         if self._recorder is not None:
             self._do(Recorder.close, closes=True)
             self._recorder = None
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the recording needs to go on; nothing if it cannot be written any more."""
+        if self._recorder is None:
+            return {}
+        try:
+            recorder = self._recorder.state_dict()
+        except OSError as error:
+            self._end(error)
+            return {}
+        return {
+            "recorder": recorder,
+            "refreshes": self._refreshes,
+            "rows": dict(self._rows),
+            "every": self._every,
+            "full": self._full,
+            "thinning": self._thinning.state_dict(),
+        }
 
     def news(self) -> list[str]:
         """What the person in front of the terminal should know, each line once."""

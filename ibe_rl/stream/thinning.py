@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 FOOTER_SHARE = 0.15
 """Of the file, at most: the table of contents that rerun writes at its end."""
@@ -43,6 +44,15 @@ class Thinning:
         if steps:
             self._step = max(self._step, new / steps)
             self._episode = max(self._episode, new)
+
+    def state_dict(self) -> dict[str, float]:
+        """What has been learnt so far."""
+        return {"step": self._step, "refresh": self._refresh, "episode": self._episode, "used": self.used}
+
+    def load_state_dict(self, state: Mapping[str, float]) -> None:
+        """The inverse of ``state_dict``."""
+        self._step, self._refresh, self._episode = state["step"], state["refresh"], state["episode"]
+        self.used = int(state["used"])
 
     def halves(self) -> int:
         """How often half of the room that was left has been used."""

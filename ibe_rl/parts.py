@@ -1,0 +1,168 @@
+"""What the loop of train.py works with, made from the settings, and its state to go on from another time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import torch
+from torchrl import timeit
+from torchrl.checkpoint import GlobalRNGState
+
+from ibe_rl.agent import Agent, make_agent
+from ibe_rl.checkpoint import BEST, LATEST, link, save_latest
+from ibe_rl.classroom import Classroom, NoClassroom
+from ibe_rl.command_line import run_name
+from ibe_rl.config import TrainConfig
+from ibe_rl.data import ConfigError, Instructor, Task, UnderWay
+from ibe_rl.development import FIGURES, Development
+from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.obedience import Obedience, make_obedience
+from ibe_rl.predict import Simulator, make_simulator
+from ibe_rl.progress import TrainingProgress
+from ibe_rl.resume import PARTS, State
+from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
+from ibe_rl.stream import NoRecorder, RunRecorder
+
+LATER_COLUMNS = (
+    "eval/return_mean",
+    "eval/success_rate",
+    *FIGURES,
+    "ibe/skipped",
+)
+"""Columns of metrics.csv that only some rows fill."""
+TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
+NOBODY = NoClassroom()
+
+
+@dataclass
+class Counts:
+    """What has been counted, and the times of earlier sittings of a run that was resumed."""
+
+    refreshes: int = 0
+    kept: int = 0
+    skipped: int = 0
+    best_success: float = -1.0
+    wall_s: float = 0.0
+    times_s: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
+class Parts:
+    """What the loop works with; none of the parts knows another."""
+
+    task: Task
+    agent: Agent
+    instructor: Instructor
+    predictor: Simulator
+    log: TrajectoryLog
+    recorder: RunRecorder | NoRecorder
+    watched_env: gymnasium.Env[Any, Any]
+    evaluation_envs: list[gymnasium.Env[Any, Any]]
+    classroom: Classroom | NoClassroom
+    progress: TrainingProgress
+    table: MetricsTable
+    folder: Path
+    development: Development
+    obedience: Obedience
+    random: GlobalRNGState = field(default_factory=GlobalRNGState)
+    counts: Counts = field(default_factory=Counts)
+    under_way: list[UnderWay] = field(default_factory=list)
+
+
+def build(
+    cfg: TrainConfig,
+    folder: Path,
+    owned: ExitStack,
+    classroom: Classroom | NoClassroom = NOBODY,
+    state: State | None = None,
+) -> Parts:
+    """Make the parts from their settings.
+
+    Args:
+        cfg: of the run.
+        folder: of the run.
+        owned: closes what has been opened.
+        classroom: where a person teaches, if one does.
+        state: from ``save_state``, to go on from; the random state is left to ``draw_on``.
+
+    Raises:
+        ConfigError: if the state does not fit the settings, or the folder.
+    """
+    torch.set_num_threads(1)
+    torch.manual_seed(cfg.seed)
+    make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
+    env = make_one()
+    task = task_of(env)
+    development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
+    max_mb, record, recorded = cfg.viewer.max_recording_mb, cfg.viewer.mode != "off", state and state["recorder"]
+    recorder = RunRecorder(folder / RECORDING, task, run_name(folder), max_mb, recorded) if record else NoRecorder()
+    owned.callback(recorder.close)
+    until_frames = state["frames"] if state else None
+    parts = Parts(
+        task=task,
+        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
+        instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
+        predictor=owned.enter_context(closing(make_simulator(cfg.predictor, make_one, task.rule, cfg.seed))),
+        log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
+        recorder=recorder,
+        watched_env=env,
+        evaluation_envs=[make_one() for _ in range(min(cfg.eval_episodes, 100))],
+        classroom=classroom,
+        progress=owned.enter_context(TrainingProgress(cfg.total_frames)),
+        table=owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS, until_frames)),
+        folder=folder,
+        development=development,
+        obedience=make_obedience(cfg, task, development),
+    )
+    if state:
+        _load_state(parts, state)
+    return parts
+
+
+def _load_state(parts: Parts, state: State) -> None:
+    try:
+        for name in set(PARTS) - {"recorder", "random"}:
+            getattr(parts, name).load_state_dict(state[name])
+        parts.counts = Counts(**state["counts"])
+        parts.under_way = parts.log.under_way()
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError) as error:
+        first = str(error).splitlines()[0] if str(error) else ""
+        raise ConfigError(
+            f"resume={parts.folder}: its state does not fit this version or its own settings "
+            f"({type(error).__name__}: {first}); train it anew"
+        ) from None
+
+
+def save_state(parts: Parts, wall_s: float) -> None:
+    """Keep all that the run goes on from, in one file that replaces the one before in one go."""
+    parts.log.flush()
+    counts = vars(parts.counts) | {"wall_s": wall_s, "times_s": times(parts.counts)}
+    state = {name: getattr(parts, name).state_dict() for name in PARTS}
+    save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
+
+
+def keep_best(parts: Parts, success: float) -> None:
+    """Let the state that was just kept stay as the best one if no evaluation was better before."""
+    if success > parts.counts.best_success:
+        parts.counts.best_success = success
+        link(parts.folder / CHECKPOINTS, LATEST, BEST)
+
+
+def draw_on(parts: Parts, state: State | None) -> None:
+    """Let chance go on where it was, if the run goes on; when all has been made, which draws too."""
+    if state:
+        parts.random.load_state_dict(state["random"])
+
+
+def times(counts: Counts) -> Mapping[str, float]:
+    """Seconds spent so far, in earlier sittings too, by what they were spent on."""
+    seconds = timeit.todict(percall=False)
+    return {name: seconds.get(name, 0.0) + counts.times_s.get(name, 0.0) for name in TIMES}
