@@ -47,7 +47,7 @@ from ibe_rl.resume import State, clear_way, take_up
 from ibe_rl.run_folder import CHECKPOINTS, RECORDING, REFRESHES, SUMMARY, create_run_folder, hold_folder, write_json
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation, page
 from ibe_rl.signals import StopRequest
-from ibe_rl.stream import cut_back
+from ibe_rl.stream import set_back
 
 WATCH_SEED = EVALUATION_SEED + 50_000
 News = Callable[[], list[str]]
@@ -230,7 +230,8 @@ def main(cfg: TrainConfig) -> None:
     with StopRequest() as stop, hold_folder(folder):
         if state:
             print(clear_way(folder, state))
-            cut_back(folder / RECORDING, state["recorder"])
+            if state["recorder"] and cfg.viewer.mode != "off":
+                set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
             live = serve(folder / RECORDING, ports, owned) if ports else list
