@@ -15,11 +15,11 @@ from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
 from ibe_rl.agent import Agent, make_agent
-from ibe_rl.checkpoint import BEST, LATEST, link, save_latest
+from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
 from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.command_line import run_name
 from ibe_rl.config import TrainConfig
-from ibe_rl.data import ConfigError, Instructor, Task, UnderWay
+from ibe_rl.data import ConfigError, Instructor, Task
 from ibe_rl.development import FIGURES, Development
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.instruct import make_instructor, stand_in
@@ -30,6 +30,7 @@ from ibe_rl.progress import TrainingProgress
 from ibe_rl.resume import PARTS, State
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
+from ibe_rl.under_way import UnderWay
 
 LATER_COLUMNS = (
     "eval/return_mean",
@@ -129,8 +130,9 @@ def build(
 
 def _load_state(parts: Parts, state: State) -> None:
     try:
-        for name in set(PARTS) - {"recorder", "random"}:
-            getattr(parts, name).load_state_dict(state[name])
+        parts.agent.load_state_dict(state["agent"])
+        for name in ("log", "development", "obedience", "predictor"):
+            getattr(parts, name).load_state_dict(as_arrays(state[name]))
         parts.counts = Counts(**state["counts"])
         parts.under_way = parts.log.under_way()
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError) as error:
@@ -145,7 +147,7 @@ def save_state(parts: Parts, wall_s: float) -> None:
     """Keep all that the run goes on from, in one file that replaces the one before in one go."""
     parts.log.flush()
     counts = vars(parts.counts) | {"wall_s": wall_s, "times_s": times(parts.counts)}
-    state = {name: getattr(parts, name).state_dict() for name in PARTS}
+    state = {name: as_tensors(getattr(parts, name).state_dict()) for name in PARTS}
     save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
 
 
