@@ -15,6 +15,7 @@ import yaml
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Quote, QuotedString
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
@@ -54,7 +55,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 
     try:
         main()
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ConfigError) as error:  # of a sweep, before its first run
         sys.exit(f"error: {one_line(error)}")
     except OSError as error:
         if started:
@@ -90,6 +91,8 @@ def output_folder(run_dir: str) -> Path:
 
 def run_name(folder: Path) -> str:
     """Name this run: after its folder, or in a sweep after the settings that differ in it, as ``seed=1``."""
+    if any(one.startswith("hydra.job.name=") for one in HydraConfig.get().overrides.hydra):  # by ibe_rl.sweep.launch
+        return str(HydraConfig.get().job.name)
     if not is_sweep():
         return folder.name
     given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
@@ -106,6 +109,11 @@ def _swept() -> set[str]:
         return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
     except OverrideParseException:
         return set()
+
+
+def quoted(text: str) -> str:
+    """A text as hydra takes it as a value, whatever is in it."""
+    return QuotedString(text, Quote.single).with_quotes()
 
 
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:

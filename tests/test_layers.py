@@ -18,7 +18,7 @@ LAYERS = (
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
-    {"progress", "stream", "serve", "viewer", "evaluation", "paper"},
+    {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep"},
     {"parts"},
     set(SCRIPTS),
 )
@@ -31,7 +31,7 @@ SIDEWAYS = {
         ("classroom", "explainer"),
         ("progress", "stream"),
     ),
-    *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
+    *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation"), ("sweep", "viewer")),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""
 
