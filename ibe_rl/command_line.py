@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -27,6 +27,9 @@ from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import NOT_IN_NAMES, write_atomically
 
+FOLDERS = {"explain": {"sweep": "sweep_dir"}}
+"""Settings of a script that name a folder, where hydra would look for a file in ``configs/``; what they are in it."""
+
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     """Compose the config ``name``, check it and call ``script`` with it; print an expected error as one line.
@@ -38,6 +41,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
     schemas.register()
+    sys.argv = [_spelt(one, FOLDERS.get(name, {})) for one in sys.argv]
     started = False
     refused: list[str] = []
 
@@ -65,6 +69,11 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit(130)
     if refused:
         sys.exit("\n".join(refused))
+
+
+def _spelt(argument: str, folders: Mapping[str, str]) -> str:
+    key, equals, value = argument.partition("=")
+    return f"{folders[key]}={value}" if equals and key in folders else argument
 
 
 def choices(group: str) -> dict[str, Any]:

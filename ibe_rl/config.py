@@ -270,6 +270,7 @@ class ExplainConfig:
     """``explain.py``."""
 
     run: str | None = None  # None: the newest below runs/
+    sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one

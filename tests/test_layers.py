@@ -31,7 +31,8 @@ SIDEWAYS = {
         ("classroom", "explainer"),
         ("progress", "stream"),
     ),
-    *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation"), ("sweep", "viewer")),
+    *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
+    *(("sweep", "viewer"), ("sweep", "serve"), ("sweep", "evaluation"), ("sweep", "paper")),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""
 

@@ -573,7 +573,7 @@ def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:
     assert script.returncode == 0, output
     summaries = [json.loads(path.read_text()) for path in sorted((tmp_path / "sweep").glob("*/summary.json"))]
     assert [summary["seed"] for summary in summaries] == [0, 1, 2]
-    assert len({summary["return_mean"] for summary in summaries}) == 3
+    assert len({rows(path)[-1]["train/return_mean"] for path in (tmp_path / "sweep").glob("*_seed=*")}) == 3
     recordings = sorted((tmp_path / "sweep").glob("*/recording.rrd"))
     assert [name_of(recording) for recording in recordings] == ["seed=0", "seed=1", "seed=2"]
     assert f"-m ibe_rl.viewer {tmp_path / 'sweep'}\n" in output

@@ -150,3 +150,11 @@ def make_way(run: Path) -> Path | None:
         aside.parent.mkdir(exist_ok=True)
         run.rename(aside)
     return aside
+
+
+def last_line(output: Path, begins: int = 0) -> str:
+    """The last line of a file from some byte on, in which a program that failed says why."""
+    with output.open("rb") as stream:
+        stream.seek(begins)
+        lines = stream.read().decode(errors="replace").splitlines()
+    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")

@@ -25,6 +25,7 @@ from ibe_rl.sweep.jobs import (
     STOPPED,
     Job,
     Outcome,
+    last_line,
     make_way,
     state_of,
 )
@@ -71,14 +72,6 @@ class Running:
             return Outcome(self.job, STOPPED)
         died = f"killed by {signal.Signals(-status).name}; " if status < 0 else ""
         return Outcome(self.job, FAILED, f"{died}{last_line(self.output, self.begins)}")
-
-
-def last_line(output: Path, begins: int) -> str:
-    """The last line of a file from some byte on, in which a program that failed says why."""
-    with output.open("rb") as stream:
-        stream.seek(begins)
-        lines = stream.read().decode(errors="replace").splitlines()
-    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
 
 
 def run_all(jobs: Sequence[Job], command: Command, at_once: int, board: Board) -> list[Outcome]:
