@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 import shutil
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,19 +17,11 @@ from viewers import BROWSER_FLAGS
 import explain
 from ibe_rl.data import ConfigError
 from ibe_rl.sweep.figures import LABELS, LEARNING, curves, ends
-from ibe_rl.sweep.intervals import interquartile
 from ibe_rl.sweep.records import read_sweep
 from ibe_rl.sweep.report import MAIN, main_columns, put_together, report
 from tests.sweep.made import judge, run, sweep
 
 LEVELS = {"mapping=axis": [0.5, 0.6, 0.7, 0.8, 0.9], "mapping=paper": [0.1, 0.2, 0.3], "mapping=lasso": [0.4]}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_resamples() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(interquartile, "__defaults__", (200,))
-        yield
 
 
 @pytest.fixture(scope="module")
