@@ -8,6 +8,8 @@ python explain.py run=runs/NAME viewer=live      and look at it in the browser
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
 python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
+python explain.py sweep=runs/NAME                what the runs of a sweep learnt, by what differs: figures/report.html
+python explain.py sweep=runs/NAME viewer=live    and all their recordings in the browser
 """
 
 from __future__ import annotations
@@ -42,11 +44,26 @@ from ibe_rl.run_folder import find_run
 from ibe_rl.scene import Watched
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.stream import SILENCE, Recorder, short
+from ibe_rl.sweep.report import report
+from ibe_rl.viewer import main as show
 
 
 def main(cfg: ExplainConfig) -> None:
-    """Do what ``task`` names."""
+    """Do what ``task`` names, or report a sweep."""
+    if cfg.sweep_dir is not None:
+        report_sweep(cfg)
+        return
     {"episode": explain_episode, "evaluate": evaluate, "compare": compare, "figures": reproduce}[cfg.task](cfg)
+
+
+def report_sweep(cfg: ExplainConfig) -> None:
+    """Put the runs of a sweep together; with ``viewer=live`` open all their recordings too."""
+    if cfg.run is not None or cfg.task != "episode":
+        raise ConfigError(f"sweep={cfg.sweep_dir} reports a whole sweep; allowed is neither run= nor task= beside it")
+    ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    report(Path(str(cfg.sweep_dir)))
+    if ports:
+        show([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
 
 
 def explain_episode(cfg: ExplainConfig) -> None:

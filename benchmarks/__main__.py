@@ -17,7 +17,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks import explanations, faults, frames, overhead, refreshes, skill
+from benchmarks import explanations, faults, frames, overhead, refreshes, skill, sweep
 from benchmarks.plan import Plan, make_plan
 from benchmarks.records import Record, load, replace_part, save, stamp
 from benchmarks.report import document, table
@@ -32,6 +32,7 @@ PARTS: dict[str, Callable[[Plan, Say], Iterator[Figures]]] = {
     "refresh": refreshes.run,
     "overhead": overhead.run,
     "faults": faults.run,
+    "sweep": sweep.run,
 }
 NEEDS = dict.fromkeys(("skill-ppo", "skill-dqn", "frames"), ("stable_baselines3",))
 QUICK_OUTPUT = Path("runs/benchmarks-quick")

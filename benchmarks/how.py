@@ -13,6 +13,7 @@ TITLES = {
     "refresh": "A refresh of the vocabulary",
     "overhead": "What IBE, the log and the recording cost",
     "faults": "Training speed when the live view fails",
+    "sweep": "Two runs side by side",
 }
 
 HOW = {
@@ -66,6 +67,8 @@ HOW = {
     "faults_not_installed": "The second half of a run without the viewer, against that of an undisturbed run.",
     "faults_port_taken": "The second half of a run whose port somebody else takes before the server, against that of "
     "an undisturbed run.",
+    "sweep_two_at_once": "Frames a second of a whole sweep of two shortened runs of one process each "
+    "(collect.processes=1 collect.envs_per_process=128): runs_at_once=2 against 1. Starting and imports count.",
 }
 
 

@@ -22,6 +22,7 @@ class Sizes:
         vec_env_steps: the same where its two vector environments are compared.
         short_frames: of the shortened runs of train.py.
         fault_frames: of the runs with a fault in the middle.
+        sweep_frames: of each of the two runs that are made side by side.
         default_frames: of the runs that show how the time of the default run is spent; None: its own.
         learn_frames: of Stable-Baselines3's learn() where frames a second are counted.
         collect: settings of our collector that differ from the default.
@@ -41,6 +42,7 @@ class Sizes:
     vec_env_steps: int = 256
     short_frames: int = 400_000
     fault_frames: int = 500_000
+    sweep_frames: int = 1_000_000
     default_frames: int | None = None
     learn_frames: int = 49_152
     collect: Mapping[str, int] = field(default_factory=dict)
@@ -73,6 +75,7 @@ QUICK = Sizes(
     vec_env_steps=32,
     short_frames=3000,
     fault_frames=20_000,
+    sweep_frames=3000,
     default_frames=4000,
     learn_frames=2048,
     collect=TINY_COLLECTION,

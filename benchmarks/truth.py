@@ -18,16 +18,15 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from scipy.stats import trim_mean
 
 from benchmarks.truth_report import draw, insert_tables
 from ibe_rl.data import Array
 from ibe_rl.run_folder import EVALUATION, SUMMARY, write_json
+from ibe_rl.sweep.intervals import interquartile
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "truth.json"
 HORIZON = 60
-REPS = 5_000
 Summarise = Callable[[Array], list[dict[str, float]]]
 """Values ``(runs, metrics)`` to a mean with its interval for each metric."""
 METRICS = (
@@ -136,20 +135,6 @@ def _of_agent(runs: list[dict[str, Any]], summarise: Summarise) -> dict[str, Any
     for (name, metric), mean in zip(known, means, strict=True):
         found[name][metric] = mean
     return found
-
-
-def interquartile(values: Array) -> list[dict[str, float]]:
-    """Interquartile means of ``(runs, metrics)`` with 95 % intervals by rliable's bootstrap over the runs."""
-    from rliable import library  # of `make bench`; the tests do without
-
-    np.random.seed(0)  # noqa: NPY002 - rliable draws from here, whatever generator it is given
-    points, intervals = library.get_interval_estimates(
-        {"all": values},
-        lambda sample: trim_mean(sample, 0.25, axis=0),
-        reps=REPS,
-    )
-    columns = zip(points["all"], *intervals["all"], strict=True)
-    return [{"value": float(value), "low": float(low), "high": float(high)} for value, low, high in columns]
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,6 +15,7 @@ import yaml
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Quote, QuotedString
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
@@ -27,6 +28,9 @@ from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import NOT_IN_NAMES, write_atomically
 
+FOLDERS = {"explain": {"sweep": "sweep_dir"}}
+"""Settings of a script that name a folder, where hydra would look for a file in ``configs/``; what they are in it."""
+
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     """Compose the config ``name``, check it and call ``script`` with it; print an expected error as one line.
@@ -38,6 +42,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
     register()
+    sys.argv = [_spelt(one, FOLDERS.get(name, {})) for one in sys.argv]
     started = False
     refused: list[str] = []
 
@@ -55,7 +60,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 
     try:
         main()
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ConfigError) as error:  # of a sweep, before its first run
         sys.exit(f"error: {one_line(error)}")
     except OSError as error:
         if started:
@@ -65,6 +70,11 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit(130)
     if refused:
         sys.exit("\n".join(refused))
+
+
+def _spelt(argument: str, folders: Mapping[str, str]) -> str:
+    key, equals, value = argument.partition("=")
+    return f"{folders[key]}={value}" if equals and key in folders else argument
 
 
 def choices(group: str) -> dict[str, Any]:
@@ -91,6 +101,8 @@ def output_folder(run_dir: str) -> Path:
 
 def run_name(folder: Path) -> str:
     """Name this run: after its folder, or in a sweep after the settings that differ in it, as ``seed=1``."""
+    if any(one.startswith("hydra.job.name=") for one in HydraConfig.get().overrides.hydra):  # by ibe_rl.sweep.launch
+        return str(HydraConfig.get().job.name)
     if not is_sweep():
         return folder.name
     given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
@@ -107,6 +119,11 @@ def _swept() -> set[str]:
         return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
     except OverrideParseException:
         return set()
+
+
+def quoted(text: str) -> str:
+    """A text as hydra takes it as a value, whatever is in it."""
+    return QuotedString(text, Quote.single).with_quotes()
 
 
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:

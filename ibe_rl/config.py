@@ -205,6 +205,7 @@ class TrainConfig:
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
     stop_after_frames: int | None = setting(None, low=1)  # end in order there, in the middle of all schedules
     run_dir: str = MISSING
+    runs_at_once: int | None = setting(None, low=1, high=1024)  # of a sweep (-m); None: a core for each process
     resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
     resume_from: str = setting("latest", choices=("latest", "best"))  # its latest state, or that of its best evaluation
     checkpoint_every_frames: int = setting(100_000, low=1)  # and at refreshes, evaluations: the state to resume from
@@ -266,6 +267,7 @@ class ExplainConfig:
     """``explain.py``."""
 
     run: str | None = None  # None: the newest below runs/
+    sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one

@@ -29,7 +29,7 @@ CALIBRATION = "calibration.json"
 FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
-NOT_IN_NAMES = ("run_dir", "viewer")
+NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once")
 """Settings that say nothing about a run when it is named after its settings."""
 
 

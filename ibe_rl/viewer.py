@@ -82,7 +82,7 @@ def with_curves(runs: Mapping[str, Path]) -> dict[str, Path]:
 
 def run_names(runs: Sequence[Path]) -> list[str]:
     """Name runs after the settings in which they differ, else after their folders; no two alike."""
-    given = [_overrides(run) for run in runs]
+    given = [overrides_of(run) for run in runs]
     told = [overrides for overrides in given if overrides]
     keys = [key for key in dict.fromkeys(key for overrides in told for key in overrides) if key not in NOT_IN_NAMES]
     differ = [key for key in keys if len({overrides.get(key) for overrides in told}) > 1]
@@ -97,7 +97,7 @@ def _told_apart(names: Sequence[str], longer: Sequence[str]) -> list[str]:
     return [name if counts[name] == 1 else instead for name, instead in zip(names, longer, strict=True)]
 
 
-def _overrides(run: Path) -> dict[str, str]:
+def overrides_of(run: Path) -> dict[str, str]:
     """The settings that a run was started with; none if that cannot be told."""
     try:
         given = yaml.safe_load((run / OVERRIDES).read_text())

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
-from benchmarks import explaining, explanations, faults, frames, ours, overhead, refilling, refreshes, skill, why
+from benchmarks import explaining, explanations, faults, frames, ours, overhead, refilling, refreshes, skill, sweep, why
 from benchmarks.child import measure
 from benchmarks.how import HOW, TITLES
 from benchmarks.levels import Measured, Point, figure, median, plain, reached, to_level
@@ -34,7 +34,7 @@ from ibe_rl.metrics import motion_auc
 from tests.by_hand import TASK, column, defy, obey
 
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
-PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults")
+PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults", "sweep")
 ABOUT = {"date": "2026-01-02 03:04 UTC", "versions": {"python": "3.11.1"}}
 MACHINE = {"processor": "A processor", "cores": 2, "memory_gb": 8.0}
 
@@ -158,6 +158,7 @@ def test_every_figure_says_how_it_was_measured():
         *explanations.figures([{"batched": 4, "naive": 1, "engine": 5, "live_ms": 6, "game_frame_ms": 20}]),
         *refreshes.figures({name: [{"seconds": 1.0, "mb": 2.0}] for name in refreshes.COMPARED}),
         *overhead.figures({name: [run] for name in (*overhead.SWITCHES, "default")}),
+        *sweep.figures({1: [1000.0], 2: [1800.0]}),
         *faults.figures({name: [(1.0, 2.0)] for name in (*faults.FAULTS, *faults.FROM_THE_START)}),
     ]
     assert {made["name"] for made in found} == HOW.keys() - {"sb3_dummy_frames", "sb3_subproc_frames"}
@@ -377,3 +378,8 @@ def test_number_of_flights_is_checked_before_any(capsys: pytest.CaptureFixture[s
     with pytest.raises(SystemExit):
         why.main(["demo", "--episodes", "0"])
     assert "--episodes=0: allowed is at least 1" in capsys.readouterr().err
+
+
+def test_two_runs_side_by_side_are_held_against_one_after_the_other():
+    [made] = sweep.figures({1: [1000.0, 1100.0, 900.0], 2: [1700.0, 1900.0, 1800.0]})
+    assert (made["name"], made["ours"], made["other"], made["ratio"]) == ("sweep_two_at_once", 1800, 1000, 1.8)

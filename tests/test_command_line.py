@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ibe_rl.command_line import output_folder, run_name, run_script
+from ibe_rl.command_line import output_folder, quoted, run_name, run_script
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -20,7 +20,7 @@ def names(monkeypatch: pytest.MonkeyPatch, *arguments: str, argv_is_known: bool 
             monkeypatch.setattr(sys, "argv", ["a worker of another launcher"])
         found.append(run_name(output_folder(cfg.run_dir)))
 
-    monkeypatch.setattr(sys, "argv", ["train.py", *arguments])
+    monkeypatch.setattr(sys, "argv", ["train.py", *arguments, "hydra/launcher=basic"])
     run_script(script, CONFIGS, "train")
     return found
 
@@ -48,7 +48,7 @@ def test_a_sweep_in_a_config_file_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_p
     (tmp_path / "sweep").mkdir()
     lines = ["# @package _global_", "hydra:", "  sweeper:", "    params:", "      seed: 4,5"]
     (tmp_path / "sweep" / "mine.yaml").write_text("\n".join(lines))
-    given = ["-m", "--config-dir", str(tmp_path), "+sweep=mine", "agent=ppo,dqn", f"run_dir={tmp_path}"]
+    given = ["-m", "--config-dir", str(tmp_path), "sweep=mine", "agent=ppo,dqn", f"run_dir={tmp_path}"]
     assert set(names(monkeypatch, *given)) == {f"seed={s}, agent={a}" for s in (4, 5) for a in ("ppo", "dqn")}
 
 
@@ -60,3 +60,15 @@ def test_where_the_swept_are_not_known_all_are_named(monkeypatch: pytest.MonkeyP
 
 def test_a_sweep_of_one_run_has_a_name_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert names(monkeypatch, "-m", f"run_dir={tmp_path}") == ["0_"]
+
+
+def test_a_run_of_the_parallel_launcher_is_named_after_what_it_is_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    name = "agent.hidden=[8,8], env.kwargs.pad='left'"
+    assert names(monkeypatch, f"run_dir={tmp_path}", f"hydra.job.name={quoted(name)}") == [name]
+
+
+@pytest.mark.parametrize("text", ["plain", "a, b", "it's", "[1,2]", "a=b", "ends in \\", "{x: y}", " "])
+def test_a_quoted_text_comes_back_as_it_was(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert names(monkeypatch, f"run_dir={quoted(f'runs/{text}')}") == [Path(f"runs/{text}").name]

@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from ibe_rl import config as schemas
@@ -27,6 +30,7 @@ from ibe_rl.config import (
 )
 from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
+from ibe_rl.development import check_development
 from ibe_rl.env.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.lessons import PASSED_ON, check_mapping
@@ -36,6 +40,8 @@ ROOT = Path(__file__).parent.parent
 CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
 NEEDED = {"recorded": ["instructor.recording=a_run"]}
 """What a choice cannot do without."""
+SWEPT = {"horizon": "horizon_steps", "clusters": "n_clusters", "mappings": "mapping", "agents": "agent"}
+"""What a sweep varies, where it is not called just so."""
 SCHEMAS = sorted(
     (item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)),
     key=lambda item: item.__name__,
@@ -55,7 +61,7 @@ def test_every_root_composes(root: str):
     assert isinstance(composed(root), {"train": TrainConfig, "explain": ExplainConfig}[root])
 
 
-@pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] != "experiment"])
+@pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] not in ("experiment", "sweep")])
 def test_every_choice_composes(group: str, name: str):
     chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
     told = getattr(chosen, "kind", getattr(chosen, "mode", None))
@@ -76,6 +82,34 @@ def test_the_papers_experiment_trains_its_kind_of_agent_and_reports():
     cfg = composed("train", "experiment=paper")
     assert (cfg.agent.kind, cfg.report) == ("dqn", True)
     assert not composed("train").report
+
+
+@pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "sweep"])
+def test_every_sweep_varies_what_it_is_called_after_and_each_of_its_runs_can_work(name: str):
+    register()
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        swept = compose("train", [f"sweep={name}"], return_hydra_config=True).hydra.sweeper.params
+        loader = GlobalHydra.instance().config_loader()
+        parsed = OverridesParser.create(loader).parse_overrides([f"{key}={values}" for key, values in swept.items()])
+        runs = BasicSweeper.split_arguments(parsed, None)[0]
+    varied = {key.rpartition(".")[2] for key in swept}
+    assert varied == {"seeds": {"seed"}}.get(name, {"seed", SWEPT.get(name, name)})
+    assert len({tuple(run) for run in runs}) == len(runs) >= 5
+    for run in runs:
+        if "seed=0" not in run:  # the others differ in nothing else
+            continue
+        cfg = composed("train", f"sweep={name}", *run)
+        check_development(cfg, LANDER_TASK)
+        assert replace(cfg, run_dir="") == replace(composed("train", *run), run_dir="")  # nothing else is changed
+
+
+def test_the_sweep_of_mappings_has_every_mapping():
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        values = compose("train", ["sweep=mappings"], return_hydra_config=True).hydra.sweeper.params.mapping
+        parser = OverridesParser.create(GlobalHydra.instance().config_loader())
+        [override] = parser.parse_overrides([f"mapping={values}"])
+        names = list(override.sweep_string_iterator())
+    assert sorted(names) == sorted(name for group, name in CHOICES if group == "mapping")
 
 
 def test_every_kind_has_a_file():

@@ -29,7 +29,7 @@ LAYERS = (
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
-    {"progress", "stream", "serve", "viewer", "evaluation", "paper"},
+    {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep"},
     {"parts"},
     set(SCRIPTS),
 )
@@ -43,6 +43,7 @@ SIDEWAYS = {
         ("progress", "stream"),
     ),
     *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
+    *(("sweep", "viewer"), ("sweep", "serve"), ("sweep", "evaluation"), ("sweep", "paper")),
 }
 """Imports on one line that are meant; on the lowest line all are, as long as there is no circle."""
 

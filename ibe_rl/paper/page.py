@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from ibe_rl.evaluation.figures import save
@@ -135,7 +135,7 @@ def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, 
     for old in {*folder.glob("strip_*.png")} - {*files}:  # of a report before, with other episodes
         old.unlink()
     encoded = {path.name: base64.b64encode(path.read_bytes()).decode() for path in files}
-    page = _template().render(
+    page = template("ibe_rl.paper").render(
         found=found,
         first=next(picture for picture in every if picture.file == first),
         headlines=headlines(found),
@@ -151,19 +151,20 @@ def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, 
     return files, folder / "report.html"
 
 
-def _template() -> Any:
+def template(package: str) -> Any:
+    """The page ``report.html.jinja`` of a package; it may include what lies beside this file."""
     environment = Environment(
-        loader=PackageLoader("ibe_rl.paper", "."),
+        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader("ibe_rl.paper", ".")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = _number
+    environment.filters["number"] = number
     return environment.get_template("report.html.jinja")
 
 
-def _number(told: dict[str, Any] | None, digits: int = 2, sign: bool = False) -> str:
+def number(told: dict[str, Any] | None, digits: int = 2, sign: bool = False) -> str:
     """A value with its interval."""
     if told is None or told["value"] is None:
         return "-"
