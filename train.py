@@ -40,7 +40,7 @@ from ibe_rl.metrics import happened
 from ibe_rl.obedience import check_obedience
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.paper.lab import check_report
-from ibe_rl.parts import NOBODY, Parts, build, draw_on, keep_best, save_state, times
+from ibe_rl.parts import NOBODY, Parts, begin, build, keep_best, save_state, times
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, recent_mean
 from ibe_rl.resume import State, clear_way, take_up
@@ -87,9 +87,7 @@ def train(
         source = owned.enter_context(closing(batches(collector, parts.agent, *ahead)))
         owned.callback(parts.classroom.hurry)
         stop.when_asked(parts.classroom.hurry)
-        draw_on(parts, state)
-        if not state:
-            save_state(parts, wall_s=0.0)  # from here on it can be resumed, whenever it is killed
+        begin(parts, state)
     agent, log = parts.agent, parts.log
     often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.keep_policy_every_frames, cfg.checkpoint_every_frames
     refresh_due, evaluation_due, keeping_due, checkpoint_due = (Every(frames, log.frames) for frames in often)

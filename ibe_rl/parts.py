@@ -92,7 +92,7 @@ def build(
         folder: of the run.
         owned: closes what has been opened.
         classroom: where a person teaches, if one does.
-        state: from ``save_state``, to go on from; the random state is left to ``draw_on``.
+        state: from ``save_state``, to go on from; the random state is left to ``begin``.
 
     Raises:
         ConfigError: if the state does not fit the settings, or the folder.
@@ -158,10 +158,12 @@ def keep_best(parts: Parts, success: float) -> None:
         link(parts.folder / CHECKPOINTS, LATEST, BEST)
 
 
-def draw_on(parts: Parts, state: State | None) -> None:
-    """Let chance go on where it was, if the run goes on; when all has been made, which draws too."""
+def begin(parts: Parts, state: State | None) -> None:
+    """Let chance go on where it was, when all has been made, which draws too; or keep the state of the beginning."""
     if state:
         parts.random.load_state_dict(state["random"])
+    else:
+        save_state(parts, wall_s=0.0)  # from here on the run can be resumed, whenever it is killed
 
 
 def times(counts: Counts) -> Mapping[str, float]:
