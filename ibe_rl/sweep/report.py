@@ -114,9 +114,10 @@ def short_table(conditions: Sequence[dict[str, Any]]) -> Table:
     table = Table(box=SIMPLE, show_edge=False, title_justify="left")
     table.title = "interquartile means over the runs [95 % intervals]"
     columns = main_columns(conditions)
-    for heading in ("condition", "runs", *columns):
-        left = heading == "condition"
-        table.add_column(heading.replace("/", "/\n"), justify="left" if left else "right", no_wrap=not left)
+    table.add_column("condition", overflow="fold")
+    for heading in ("runs", *columns):
+        lines = heading.replace("/", "/\n").replace("_disobeyed", "\n_disobeyed")
+        table.add_column(lines, justify="right", no_wrap=True)
     for one in conditions:
         cells = [number(one["ends"].get(column), DIGITS.get(column, 3)).replace(" [", "\n[") for column in columns]
         table.add_row(one["name"], str(one["runs"]), *cells)

@@ -139,7 +139,7 @@ def trains(cmdline: Path, run: Path) -> bool:
 
 def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(tmp_path: Path) -> None:
     sweep = tmp_path / "sweep"
-    longer = ["total_frames=40000", "checkpoint_every_frames=2000", "refresh_every_frames=40000"]
+    longer = ["total_frames=20000", "checkpoint_every_frames=2000", "refresh_every_frames=20000"]
     asked = ["-m", "seed=0,1", *SMALL, *longer, "viewer=off", f"run_dir={sweep}"]
     script = start("train.py", *asked, "runs_at_once=2")
     killed, other = sweep / "1_seed=1", sweep / "0_seed=0"
@@ -160,8 +160,8 @@ def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(tmp_path: Path)
     assert "going on at" in (killed / "output.log").read_text()
     assert (other / "summary.json").stat().st_mtime_ns == before
     for run in (other, killed):
-        assert json.loads((run / "summary.json").read_text())["frames"] == 40_960
-        assert [int(row["frames"]) for row in read_rows(run / "metrics.csv")] == [1024 * (i + 1) for i in range(40)]
+        assert json.loads((run / "summary.json").read_text())["frames"] == 20_480
+        assert [int(row["frames"]) for row in read_rows(run / "metrics.csv")] == [1024 * (i + 1) for i in range(20)]
     assert not (ROOT / "multirun.yaml").exists()
 
 
