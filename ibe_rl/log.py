@@ -6,7 +6,6 @@ the last state only), and the oldest make room. Plain ``.npy`` files open withou
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -16,8 +15,9 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
+from ibe_rl.arrays import map_array
 from ibe_rl.data import Array, Episode, UnderWay
-from ibe_rl.run_folder import write_atomically, write_json
+from ibe_rl.run_folder import read_json, write_atomically, write_json
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 INDEX = np.dtype(
@@ -229,11 +229,22 @@ class TrajectoryLog:
         """Open the files and keep the episodes of ``index`` that still lie in them."""
         try:
             if self.episodes_ended:
-                paths = {name: self.folder / f"{name}.npy" for name in COLUMNS}
-                self._columns = {n: np.load(path, mmap_mode=mode, allow_pickle=False) for n, path in paths.items()}
+                self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in COLUMNS}
+            self._check(index)
             self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])
         except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError) as error:
             raise ValueError(f"{self.folder} is not a readable log: {error}") from None
+
+    def _check(self, index: Array) -> None:
+        """Hold files and index against each other; raises ValueError."""
+        for name, column in self._columns.items():
+            if len(column) != self.capacity_frames or column.dtype.kind not in "biuf":
+                raise ValueError(f"{name}.npy has {len(column):,} of {column.dtype}, not {self.capacity_frames:,} numbers")
+        start, steps, context = index["start"], index["steps"], index["context"]
+        rows = np.asarray(self.capacity_frames)
+        inside = (start >= 0) & (start < rows) & (steps > 0) & (steps < rows - start)
+        if not np.all(inside & (context >= 0) & (context < len(self.contexts))):
+            raise ValueError("its index names rows or contexts that are not there")
 
     @classmethod
     def open(cls, folder: Path) -> TrajectoryLog:
@@ -243,11 +254,13 @@ class TrajectoryLog:
             ValueError: if the folder is not a log or is damaged.
         """
         try:
-            about = json.loads((folder / "log.json").read_text())
+            about = read_json(folder / "log.json")
             log = cls(folder, int(about["capacity_frames"]), [str(name) for name in about["contexts"]])
             log.frames, log.episodes_ended = int(about["frames"]), int(about["episodes_ended"])
-            index = np.load(folder / "episodes.npy", allow_pickle=False).astype(INDEX)
-        except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+            index = np.array(map_array(folder / "episodes.npy"))
+            if index.dtype != INDEX or index.ndim != 1:
+                raise ValueError(f"episodes.npy has {index.dtype}, not records of episodes")
+        except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
             raise ValueError(f"{folder} is not a readable log: {error}") from None
         log._load(index, "r")
         return log

@@ -49,6 +49,19 @@ def write_json(path: Path, values: Mapping[str, Any]) -> None:
     write_atomically(path, lambda stream: stream.write(text.encode()))
 
 
+def read_json(path: Path) -> Any:
+    """Read values back.
+
+    Raises:
+        ValueError: if it is no JSON.
+        OSError: if it cannot be read.
+    """
+    try:
+        return json.loads(path.read_text())
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
 def create_run_folder(path: Path) -> Path:
     """Make the folder of a new run, with the folders in it.
 
