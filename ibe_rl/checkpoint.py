@@ -63,8 +63,9 @@ def load(path: Path) -> Any:
 def _check_whole(path: Path) -> None:
     """Look at what torch does not: checksums, and what would take up more memory than the file has bytes."""
     with ZipFile(path) as archive:
-        packed = [part.filename for part in archive.infolist() if part.compress_type != ZIP_STORED]
-        if packed or (damaged := archive.testzip()):
-            raise ValueError(f"{(packed or [damaged])[0]} in it is {'packed' if packed else 'damaged'}")
+        if any(part.compress_type != ZIP_STORED for part in archive.infolist()):
+            raise ValueError("it is packed")
+        if damaged := archive.testzip():
+            raise ValueError(f"{damaged} in it is damaged")
         if any(b"bytearray" in archive.read(name) for name in archive.namelist() if name.endswith(".pkl")):
             raise ValueError("a bytearray in it")  # of any size that a few bytes name

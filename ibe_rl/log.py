@@ -35,6 +35,10 @@ INDEX = np.dtype(
 """One record an episode: where it lies, and what can be asked without reading it; ``frame`` is when it ended."""
 
 
+class UnreadableLogError(ValueError):
+    """Files of a log are missing or damaged; the message says which."""
+
+
 class TrajectoryLog:
     """Whole episodes of all environments, joined across batches.
 
@@ -214,6 +218,8 @@ class TrajectoryLog:
 
         Episodes that made room for what came after it are gone.
 
+        Without any of the files, of what was ended by then nothing is kept.
+
         Raises:
             ValueError: if the files are not those of the state.
         """
@@ -223,23 +229,27 @@ class TrajectoryLog:
         self.frames, self.episodes_ended, self._head = state["frames"], state["episodes_ended"], state["head"]
         self._open = [[{n: column.numpy() for n, column in part.items()} for part in row] for row in state["open"]]
         self._ended, self._taken_up = list(state["ended"]), True
-        self._load(index, "r+")
+        there = any((self.folder / f"{name}.npy").exists() for name in COLUMNS)
+        self._head = self._head if there else 0
+        self._load(index if there else index[:0], "r+")
 
     def _load(self, index: Array, mode: Literal["r", "r+"]) -> None:
         """Open the files and keep the episodes of ``index`` that still lie in them."""
         try:
-            if self.episodes_ended:
+            if index.size:
                 self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in COLUMNS}
             self._check(index)
             self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])
-        except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError) as error:
-            raise ValueError(f"{self.folder} is not a readable log: {error}") from None
+        except (ValueError, KeyError, IndexError, TypeError) as error:
+            raise UnreadableLogError(f"{self.folder} is not a readable log: {error}") from None
 
     def _check(self, index: Array) -> None:
         """Hold files and index against each other; raises ValueError."""
         for name, column in self._columns.items():
             if len(column) != self.capacity_frames or column.dtype.kind not in "biuf":
-                raise ValueError(f"{name}.npy has {len(column):,} of {column.dtype}, not {self.capacity_frames:,} numbers")
+                raise ValueError(
+                    f"{name}.npy has {len(column):,} of {column.dtype}, not {self.capacity_frames:,} numbers"
+                )
         start, steps, context = index["start"], index["steps"], index["context"]
         rows = np.asarray(self.capacity_frames)
         inside = (start >= 0) & (start < rows) & (steps > 0) & (steps < rows - start)
@@ -261,7 +271,7 @@ class TrajectoryLog:
             if index.dtype != INDEX or index.ndim != 1:
                 raise ValueError(f"episodes.npy has {index.dtype}, not records of episodes")
         except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
-            raise ValueError(f"{folder} is not a readable log: {error}") from None
+            raise UnreadableLogError(f"{folder} is not a readable log: {error}") from None
         log._load(index, "r")
         return log
 

@@ -23,11 +23,11 @@ from ibe_rl.data import ConfigError, Instructor, Task, UnderWay
 from ibe_rl.development import FIGURES, Development
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, make_obedience
 from ibe_rl.predict import Simulator, make_simulator
 from ibe_rl.progress import TrainingProgress
-from ibe_rl.resume import PARTS, State
+from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
 
@@ -128,17 +128,23 @@ def build(
 
 
 def _load_state(parts: Parts, state: State) -> None:
-    try:
-        for name in set(PARTS) - {"recorder", "random"}:
+    _load_log(parts, state["log"])
+    with must_fit(parts.folder):
+        for name in set(PARTS) - {"log", "recorder", "random"}:
             getattr(parts, name).load_state_dict(state[name])
         parts.counts = Counts(**state["counts"])
         parts.under_way = parts.log.under_way()
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError) as error:
-        first = str(error).splitlines()[0] if str(error) else ""
-        raise ConfigError(
-            f"resume={parts.folder}: its state does not fit this version or its own settings "
-            f"({type(error).__name__}: {first}); train it anew"
-        ) from None
+
+
+def _load_log(parts: Parts, state: State) -> None:
+    with must_fit(parts.folder):
+        try:
+            parts.log.load_state_dict(state)
+        except UnreadableLogError as error:
+            raise ConfigError(
+                f"resume={parts.folder}: {error}; put the file back from a copy, or move {parts.log.folder} "
+                "out of the way to go on with an empty log"
+            ) from None
 
 
 def save_state(parts: Parts, wall_s: float) -> None:
@@ -159,7 +165,8 @@ def keep_best(parts: Parts, success: float) -> None:
 def draw_on(parts: Parts, state: State | None) -> None:
     """Let chance go on where it was, if the run goes on; when all has been made, which draws too."""
     if state:
-        parts.random.load_state_dict(state["random"])
+        with must_fit(parts.folder):
+            parts.random.load_state_dict(state["random"])
 
 
 def times(counts: Counts) -> Mapping[str, float]:

@@ -8,10 +8,13 @@ import io
 import json
 import math
 import os
+import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
+
+import yaml
 
 from ibe_rl.data import ConfigError
 
@@ -60,6 +63,45 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text())
     except RecursionError:
         raise ValueError("nested too deeply") from None
+
+
+def read_yaml(path: Path) -> Any:
+    """Read plain values back: no tags of other types, nothing that stands for more than is written.
+
+    Raises:
+        ValueError: if it is no such YAML.
+        OSError: if it cannot be read.
+    """
+    try:
+        text = path.read_text()
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+            raise ValueError("an alias (*) in it; allowed are plain values")
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f"no plain YAML: {' '.join(str(error).split())[:200]}") from None
+
+
+def read_overrides(path: Path) -> list[str]:
+    """The settings that a run was started with; none if that cannot be told."""
+    try:
+        given = read_yaml(path)
+    except (OSError, ValueError):
+        return []
+    return [one for one in given if isinstance(one, str)] if isinstance(given, list) else []
+
+
+def refuse_special_files(path: Path) -> None:
+    """Refuse a run's folder with a link in it, through which files elsewhere would be written, or a pipe, which hangs.
+
+    Raises:
+        ConfigError: naming it.
+    """
+    for found in path.rglob("*"):
+        with suppress(FileNotFoundError):  # a run that still trains replaces files
+            mode = found.lstat().st_mode
+            if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+                kind = "a link to another place" if stat.S_ISLNK(mode) else "neither a file nor a folder"
+                raise ConfigError(f"{found}: {kind}; allowed is a run folder of plain files")
 
 
 def create_run_folder(path: Path) -> Path:
@@ -174,7 +216,7 @@ def read_rows(path: Path, above_frames: float = -1, until_frames: float = math.i
         with path.open(newline="") as stream:
             return [row for row in csv.DictReader(stream) if above_frames < int(row["frames"]) <= until_frames]
     except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
-        raise ConfigError(f"{path}: not the readable table of a run ({error!r})") from None
+        raise ConfigError(f"{path}: not the readable table of a run ({error!r:.200})") from None
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, str]], columns: Iterable[str] = ()) -> None:

@@ -107,7 +107,7 @@ class Space:
             weights = tuple(np.asarray(layer["weights"], float) for layer in layers)
             biases = tuple(np.asarray(layer["bias"], float) for layer in layers)
             mean, power = np.asarray(values["mean"], float), float(values["power"])
-            if not all(np.isfinite(numbers).all() for numbers in (mean, power, *weights, *biases)):
+            if not all(np.isfinite(numbers).all() for numbers in (mean, np.array(power), *weights, *biases)):
                 raise ValueError("the space is damaged: not all of its numbers are finite")
             return cls(mean, weights, biases, power)
         except (KeyError, TypeError, OverflowError) as error:
