@@ -17,11 +17,13 @@ def map_array(path: Path, mode: Literal["r", "r+"] = "r") -> Array:
         ValueError: if it is missing, cut short, damaged, or holds anything that would have to run code.
     """
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        with np.errstate(over="raise"):
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
         there, declared = path.stat().st_size, array.offset + array.nbytes
         if there != declared:
             raise ValueError(f"{there:,} bytes are there, its head declares {declared:,}")
         # only now: numpy fills up with zeros what is cut short, as long as it declares to be
         return array if mode == "r" else np.load(path, mmap_mode=mode, allow_pickle=False)
     except Exception as error:  # numpy raises a dozen types for damaged files
-        raise ValueError(f"{path}: not a readable array ({' '.join(str(error).split())[:200]})") from None
+        first = str(error).partition(". If you trust")[0].splitlines()[0][:200] if str(error) else type(error).__name__
+        raise ValueError(f"{path.name} is not a readable array ({first})") from None

@@ -20,6 +20,8 @@ from ibe_rl.data import Array, Episode, UnderWay
 from ibe_rl.run_folder import read_json, write_atomically, write_json
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
+DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1}
+"""Of the columns' arrays; actions may have one or two."""
 INDEX = np.dtype(
     [
         ("start", "i8"),
@@ -246,9 +248,10 @@ class TrajectoryLog:
     def _check(self, index: Array) -> None:
         """Hold files and index against each other; raises ValueError."""
         for name, column in self._columns.items():
-            if len(column) != self.capacity_frames or column.dtype.kind not in "biuf":
+            fits = len(column) == self.capacity_frames and column.dtype.kind in "biuf"
+            if not fits or column.ndim != DIMENSIONS.get(name, column.ndim):
                 raise ValueError(
-                    f"{name}.npy has {len(column):,} of {column.dtype}, not {self.capacity_frames:,} numbers"
+                    f"{name}.npy has {column.shape} of {column.dtype}, not {self.capacity_frames:.7g} rows"
                 )
         start, steps, context = index["start"], index["steps"], index["context"]
         rows = np.asarray(self.capacity_frames)

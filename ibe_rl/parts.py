@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -102,8 +102,7 @@ def build(
     env = make_one()
     task = task_of(env)
     development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
-    max_mb, record, recorded = cfg.viewer.max_recording_mb, cfg.viewer.mode != "off", state and state["recorder"]
-    recorder = RunRecorder(folder / RECORDING, task, run_name(folder), max_mb, recorded) if record else NoRecorder()
+    recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = state["frames"] if state else None
     parts = Parts(
@@ -125,6 +124,14 @@ def build(
     if state:
         _load_state(parts, state)
     return parts
+
+
+def _recorder(cfg: TrainConfig, folder: Path, task: Task, state: State | None) -> RunRecorder | NoRecorder:
+    if cfg.viewer.mode == "off":
+        return NoRecorder()
+    name, max_mb = run_name(folder), cfg.viewer.max_recording_mb
+    with must_fit(folder) if state else nullcontext():
+        return RunRecorder(folder / RECORDING, task, name, max_mb, state and state["recorder"])
 
 
 def _load_state(parts: Parts, state: State) -> None:

@@ -85,7 +85,11 @@ def read_state(folder: Path, name: str) -> State:
         state = load(path)
     except ConfigError as error:
         raise ConfigError(f"{error}; {allowed}") from None
-    if not isinstance(state, dict) or not {"frames", *PARTS} <= state.keys() or type(state["frames"]) is not int:
+    if (
+        not isinstance(state, dict)
+        or not {"frames", "counts", *PARTS} <= state.keys()
+        or type(state["frames"]) is not int
+    ):
         raise ConfigError(f"{path}: not a state of this version of ibe_rl to resume from; {allowed}")
     return state
 

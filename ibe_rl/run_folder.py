@@ -32,6 +32,7 @@ CALIBRATION = "calibration.json"
 FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
+LONGEST_YAML, DEEPEST_YAML = 100_000, 500
 NOT_IN_NAMES = ("run_dir", "viewer")
 """Settings that say nothing about a run when it is named after its settings."""
 
@@ -74,6 +75,8 @@ def read_yaml(path: Path) -> Any:
     """
     try:
         text = path.read_text()
+        if len(text) > LONGEST_YAML or text.count("[") + text.count("{") > DEEPEST_YAML:
+            raise ValueError("longer, or nested more deeply, than settings are")  # the parser would take minutes
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
             raise ValueError("an alias (*) in it; allowed are plain values")
         return yaml.safe_load(text)

@@ -142,11 +142,12 @@ def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:
 
 
 def _load_policy(path: Path, config: TrainConfig, env: gymnasium.Env[Any, Any]) -> GreedyPolicy:
-    task, widths = task_of(env), config.agent.hidden
+    task = task_of(env)
+    widths = [task.observation_size, *config.agent.hidden]
     state = load(path)
-    if min(widths, default=1) < 1 or sum(math.prod(pair) for pair in pairwise(widths)) > path.stat().st_size:
+    if min(widths) < 1 or sum(math.prod(pair) for pair in pairwise(widths)) > path.stat().st_size:
         raise ConfigError(
-            f"{path}: not a policy of this run (agent.hidden={list(widths)}, which it has no weights for)"
+            f"{path}: not a policy of this run (agent.hidden={config.agent.hidden}, which it has no weights for)"
         )
     agent = make_agent(config.agent, task.observation_size, env.action_space, config.total_frames, task.state_names)
     try:

@@ -18,6 +18,11 @@ MOST_BYTES = 1_500_000_000
 LONGEST_S = 20
 
 
+def chance_of(*seed: object) -> random.Random:
+    """The same for the same seed."""
+    return random.Random(str(seed))  # noqa: S311 - no secret
+
+
 def damaged(data: bytes, chance: random.Random) -> bytes:
     """Cut short, overwrite or lengthen a file."""
     way = chance.randrange(5)
