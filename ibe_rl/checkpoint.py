@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 from zipfile import ZIP_STORED, ZipFile
@@ -54,7 +55,7 @@ def load(path: Path) -> Any:
     try:
         _check_whole(path)
         # mapped, torch looks no further than to the end of the file, whatever the sizes in it say
-        return torch.load(path, weights_only=True, mmap=True)
+        return deepcopy(torch.load(path, weights_only=True, mmap=True))  # off the file, which may change
     except Exception as error:  # torch raises a dozen types for damaged files
         first = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ConfigError(f"{path}: not a readable checkpoint ({first})") from None

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from ibe_rl.arrays import map_array
+from ibe_rl.arrays import make_array, map_array
 from ibe_rl.data import Array, Episode, UnderWay
 from ibe_rl.run_folder import read_json, write_atomically, write_json
 
@@ -164,8 +164,7 @@ class TrajectoryLog:
     def _column(self, name: str, like: Array) -> Array:
         if name not in self._columns:
             shape = (self.capacity_frames, *like.shape[1:])
-            path = self.folder / f"{name}.npy"
-            self._columns[name] = np.lib.format.open_memmap(path, mode="w+", dtype=like.dtype, shape=shape)
+            self._columns[name] = make_array(self.folder / f"{name}.npy", like.dtype, shape)
         return self._columns[name]
 
     def read(self, rows: Iterable[int]) -> list[Episode]:
