@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,16 @@ class Development:
             )
             self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
         return learnt
+
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Go back to the vocabulary before if anything goes wrong in here."""
+        before = dict(vars(self))
+        try:
+            yield
+        except Exception:
+            vars(self).update(before)
+            raise
 
     def save(self, folder: Path, refresh: Refresh) -> None:
         """Keep a refresh that was taken as JSON, and with the first one the probe."""
