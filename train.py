@@ -28,7 +28,7 @@ from torchrl import timeit
 from ibe_rl.agent import check_agent
 from ibe_rl.checkpoint import BETWEEN, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, batches, check_collect, make_collector, steps_of
+from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, check_collect, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.development import check_development, figures
@@ -101,8 +101,9 @@ def train(
         stop.when_asked(parts.classroom.hurry)
         draw_on(parts, state)
     agent, log = parts.agent, parts.log
-    often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.keep_policy_every_frames, cfg.checkpoint_every_frames
-    refresh_due, evaluation_due, keeping_due, checkpoint_due = (Every(frames, log.frames) for frames in often)
+    often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
+    refresh_due, evaluation_due, checkpoint_due = (Every(frames, log.frames) for frames in often)
+    keeping_due = Rarer(cfg.keep_policy_every_frames, log.frames)
     last = False
 
     for batch in timed("collect", source):  # environment → batch
