@@ -45,7 +45,7 @@ from ibe_rl.paper.lab import check_report
 from ibe_rl.parts import NOBODY, Parts, build, draw_on, keep_best, save_state, times
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, recent_mean
-from ibe_rl.resume import State, clear_way, take_up
+from ibe_rl.resume import State, clear_way, must_fit, take_up
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     RECORDING,
@@ -58,7 +58,7 @@ from ibe_rl.run_folder import (
 )
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation, page
 from ibe_rl.signals import StopRequest
-from ibe_rl.stream import cut_back
+from ibe_rl.stream import set_back
 
 WATCH_SEED = EVALUATION_SEED + 50_000
 News = Callable[[], list[str]]
@@ -255,7 +255,9 @@ def main(cfg: TrainConfig) -> None:
     with StopRequest() as stop, hold_folder(folder):
         if state:
             print(clear_way(folder, state))
-            cut_back(folder / RECORDING, state["recorder"])
+            if state["recorder"] and cfg.viewer.mode != "off":
+                with must_fit(folder):
+                    set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
             live = serve(folder / RECORDING, ports, owned) if ports else list

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 from zipfile import ZIP_STORED, ZipFile
 
+import numpy as np
 import torch
 
 from ibe_rl.data import ConfigError
@@ -29,6 +31,26 @@ def save_policy(folder: Path, frames: int, state: dict[str, torch.Tensor], kind:
 def save_latest(folder: Path, state: dict[str, Any]) -> None:
     """Replace the full state of the run by the present one."""
     write_atomically(folder / LATEST, lambda stream: torch.save(state, stream))
+
+
+def as_tensors(values: Any) -> Any:
+    """The same state with its arrays as tensors, which a checkpoint is made of; any depth of dicts, lists, tuples."""
+    return _each(values, np.ndarray, torch.from_numpy)
+
+
+def as_arrays(values: Any) -> Any:
+    """The inverse of ``as_tensors``."""
+    return _each(values, torch.Tensor, torch.Tensor.numpy)
+
+
+def _each(values: Any, kind: type, convert: Callable[[Any], Any]) -> Any:
+    if isinstance(values, kind):
+        return convert(values)
+    if isinstance(values, dict):
+        return {name: _each(value, kind, convert) for name, value in values.items()}
+    if isinstance(values, list | tuple):
+        return type(values)(_each(value, kind, convert) for value in values)
+    return values
 
 
 def link(folder: Path, name: str, also: str) -> None:

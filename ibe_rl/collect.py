@@ -19,10 +19,11 @@ from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.data import Array, ConfigError, Instructor, Task, UnderWay
+from ibe_rl.data import Array, ConfigError, Instructor, Task
 from ibe_rl.env.make import TRAINING_SEEDS, join, make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.under_way import UnderWay
 
 SEEDS_PER_RUN = 100_000
 """Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""

@@ -21,6 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
 
 from ibe_rl import config as schemas
+from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
@@ -35,7 +36,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         name: the root config in it.
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
-    schemas.register()
+    register()
     started = False
     refused: list[str] = []
 

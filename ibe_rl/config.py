@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 from ibe_rl.limits import TINY, setting
@@ -208,9 +207,7 @@ class TrainConfig:
     run_dir: str = MISSING
     resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
     resume_from: str = setting("latest", choices=("latest", "best"))  # its latest state, or that of its best evaluation
-    checkpoint_every_frames: int = setting(
-        100_000, low=1
-    )  # the state to resume from; also at refreshes and evaluations
+    checkpoint_every_frames: int = setting(100_000, low=1)  # and at refreshes, evaluations: the state to resume from
     refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
@@ -279,25 +276,3 @@ class ExplainConfig:
     compare: CompareConfig = field(default_factory=CompareConfig)
     figures: FiguresConfig = field(default_factory=FiguresConfig)
     output: str | None = None  # where the recording goes; None: into the run's folder
-
-
-def register() -> None:
-    """Tell hydra the schemas; the files in configs/ refer to them by these names."""
-    store = ConfigStore.instance()
-    store.store(name="train_schema", node=TrainConfig)
-    store.store(name="explain_schema", node=ExplainConfig)
-    groups: dict[str, type] = {
-        "env/schema": EnvConfig,
-        "agent/ppo_schema": PPOConfig,
-        "agent/dqn_schema": DQNConfig,
-        "instructor/schema": InstructorConfig,
-        "instructor/flawed_schema": FlawedConfig,
-        "instructor/recorded_schema": RecordedConfig,
-        "instructor/human_schema": HumanConfig,
-        "mapping/schema": MappingConfig,
-        "predictor/schema": PredictorConfig,
-        "viewer/schema": ViewerConfig,
-    }
-    for path, node in groups.items():
-        group, name = path.split("/")
-        store.store(group=group, name=name, node=node)

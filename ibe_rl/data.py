@@ -99,21 +99,6 @@ class Episode:
 
 
 @dataclass(frozen=True)
-class UnderWay:
-    """Where an environment stands in the middle of an episode, as far as it can be brought there again.
-
-    Attributes:
-        ended: episodes that it has played before this one.
-        actions: ``(t,)`` or ``(t, A)`` what was done in this one so far.
-        state: ``(S,)`` that these actions led to; None if there is nothing to take up and an episode begins.
-    """
-
-    ended: int
-    actions: Array
-    state: Array | None
-
-
-@dataclass(frozen=True)
 class Moment:
     """A point in an episode from which the future can be predicted.
 

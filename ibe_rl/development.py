@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, Task, observe
@@ -136,7 +135,7 @@ class Development:
             save_refresh(folder, refresh, self._config, self._task, self.calibration)
 
     def state_dict(self) -> dict[str, Any]:
-        """All that the next refresh stands on, as tensors and plain values."""
+        """All that the next refresh stands on, as arrays and plain values."""
         arrays = {"actions": self._actions}
         if self.probe is not None:
             arrays |= {"delta": self.probe.delta, "observations": self.probe.observations}
@@ -146,8 +145,8 @@ class Development:
             "calibration": None if self.calibration is None else self.calibration.to_dict(),
             "learnt_at": self._learnt_at,
             "next_id": self._next_id,
-            "judged": [[torch.from_numpy(column) for column in one] for one in self._judged],
-            **{name: None if array is None else torch.from_numpy(array) for name, array in arrays.items()},
+            "judged": [list(one) for one in self._judged],
+            **arrays,
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -158,9 +157,9 @@ class Development:
         self.spans = {steps: ClusterMapping.from_dict(each) for steps, each in state["spans"].items()}
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
-        self._judged.extend((features.numpy(), true.numpy()) for features, true in state["judged"])
-        self.probe = Probe(state["delta"].numpy(), state["observations"].numpy())
-        self._actions = state["actions"].numpy()
+        self._judged.extend((features, true) for features, true in state["judged"])
+        self.probe = Probe(state["delta"], state["observations"])
+        self._actions = state["actions"]
 
     def mapping_of(self, horizon_steps: int) -> ClusterMapping | None:
         """The vocabulary that stands for a span of time, None before the first refresh."""

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import torch
 
 from ibe_rl.arrays import make_array, map_array
-from ibe_rl.data import Array, Episode, UnderWay
+from ibe_rl.data import Array, Episode
 from ibe_rl.run_folder import read_json, write_atomically, write_json
+from ibe_rl.under_way import UnderWay
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1}
@@ -200,18 +200,15 @@ class TrajectoryLog:
         write_atomically(self.folder / "episodes.npy", lambda stream: np.save(stream, self.index))
 
     def state_dict(self) -> dict[str, Any]:
-        """All that is not in the files, as tensors and plain values; see ``load_state_dict``."""
+        """All that is not in the files, as arrays and plain values; see ``load_state_dict``."""
         index = self.index
-        parts = [
-            [{name: torch.from_numpy(column) for name, column in part.items()} for part in row] for row in self._open
-        ]
         return {
             "frames": self.frames,
             "episodes_ended": self.episodes_ended,
             "head": self._head,
-            "index": {name: torch.from_numpy(index[name].copy()) for name in INDEX.names or ()},
-            "open": parts,
-            "ended": self._ended,
+            "index": {name: index[name].copy() for name in INDEX.names or ()},
+            "open": [list(parts) for parts in self._open],
+            "ended": list(self._ended),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -226,9 +223,9 @@ class TrajectoryLog:
         """
         index = np.empty(len(state["index"]["start"]), INDEX)
         for name in INDEX.names or ():
-            index[name] = state["index"][name].numpy()
+            index[name] = state["index"][name]
         self.frames, self.episodes_ended, self._head = state["frames"], state["episodes_ended"], state["head"]
-        self._open = [[{n: column.numpy() for n, column in part.items()} for part in row] for row in state["open"]]
+        self._open = [list(parts) for parts in state["open"]]
         self._ended, self._taken_up = list(state["ended"]), True
         there = any((self.folder / f"{name}.npy").exists() for name in COLUMNS)
         self._head = self._head if there else 0

@@ -62,12 +62,12 @@ class Obedience:
         return {"obeyed": mean, "extra_reward": float(extra.mean())}
 
     def state_dict(self) -> dict[str, Any]:
-        """The newest steps, which those to come are judged with, as tensors."""
-        return {name: torch.from_numpy(column) for name, column in (self._before or {}).items()}
+        """The newest steps, which those to come are judged with, as arrays."""
+        return dict(self._before or {})
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """The inverse of ``state_dict``."""
-        self._before = {name: column.numpy() for name, column in state.items()} or None
+        self._before = dict(state) or None
 
     def _windows(self, batch: TensorDictBase) -> tuple[dict[str, Array], Array, Array]:
         """The steps that n steps begin with, the changes over these, and where both can be judged: ``(N, T, ...)``."""

@@ -15,11 +15,11 @@ from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
 from ibe_rl.agent import Agent, make_agent
-from ibe_rl.checkpoint import BEST, LATEST, link, save_latest
+from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
 from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.command_line import run_name
 from ibe_rl.config import TrainConfig
-from ibe_rl.data import ConfigError, Instructor, Task, UnderWay
+from ibe_rl.data import ConfigError, Instructor, Task
 from ibe_rl.development import FIGURES, Development
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.instruct import make_instructor, stand_in
@@ -30,6 +30,7 @@ from ibe_rl.progress import TrainingProgress
 from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
+from ibe_rl.under_way import UnderWay
 
 LATER_COLUMNS = (
     "eval/return_mean",
@@ -137,8 +138,9 @@ def _recorder(cfg: TrainConfig, folder: Path, task: Task, state: State | None) -
 def _load_state(parts: Parts, state: State) -> None:
     _load_log(parts, state["log"])
     with must_fit(parts.folder):
-        for name in set(PARTS) - {"log", "recorder", "random"}:
-            getattr(parts, name).load_state_dict(state[name])
+        parts.agent.load_state_dict(state["agent"])
+        for name in ("development", "obedience", "predictor"):
+            getattr(parts, name).load_state_dict(as_arrays(state[name]))
         parts.counts = Counts(**state["counts"])
         parts.under_way = parts.log.under_way()
 
@@ -146,7 +148,7 @@ def _load_state(parts: Parts, state: State) -> None:
 def _load_log(parts: Parts, state: State) -> None:
     with must_fit(parts.folder):
         try:
-            parts.log.load_state_dict(state)
+            parts.log.load_state_dict(as_arrays(state))
         except UnreadableLogError as error:
             raise ConfigError(
                 f"resume={parts.folder}: {error}; put the file back from a copy, or move {parts.log.folder} "
@@ -158,7 +160,7 @@ def save_state(parts: Parts, wall_s: float) -> None:
     """Keep all that the run goes on from, in one file that replaces the one before in one go."""
     parts.log.flush()
     counts = vars(parts.counts) | {"wall_s": wall_s, "times_s": times(parts.counts)}
-    state = {name: getattr(parts, name).state_dict() for name in PARTS}
+    state = {name: as_tensors(getattr(parts, name).state_dict()) for name in PARTS}
     save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
 
 

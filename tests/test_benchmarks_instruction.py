@@ -16,10 +16,10 @@ from processes import call
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
 from benchmarks.instruction_report import insert, success, table
 from benchmarks.robustness_report import anew_table, flaws_table, growth
-from ibe_rl import config as schemas
 from ibe_rl.agent import check_agent
 from ibe_rl.collect import check_collect
 from ibe_rl.config import FlawedConfig, PredictorConfig
+from ibe_rl.config_store import register
 from ibe_rl.data import Array
 from ibe_rl.development import check_development
 from ibe_rl.env import LANDER_TASK
@@ -114,7 +114,7 @@ def test_quick_figures_are_kept_apart(program: Any, capsys: pytest.CaptureFixtur
 
 
 def composed(*overrides: str) -> Any:
-    schemas.register()
+    register()
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         return OmegaConf.to_object(compose("train", list(overrides)))
 

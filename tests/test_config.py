@@ -25,6 +25,7 @@ from ibe_rl.config import (
     TrainConfig,
     ViewerConfig,
 )
+from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.env.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
@@ -42,7 +43,7 @@ SCHEMAS = sorted(
 
 
 def composed(root: str, *overrides: str) -> Any:
-    schemas.register()
+    register()
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         values = OmegaConf.to_object(compose(root, list(overrides)))
     check(values)

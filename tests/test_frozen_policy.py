@@ -7,9 +7,9 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-import ibe_rl.config as schemas
 from benchmarks.refilling import steps_of_episode
 from ibe_rl.config import InstructorConfig
+from ibe_rl.config_store import register
 from ibe_rl.data import Episode
 from ibe_rl.development import Development
 from ibe_rl.evaluation import TrainedRun, load_run
@@ -49,7 +49,7 @@ def logs(run: TrainedRun, tmp_path_factory: pytest.TempPathFactory) -> list[Traj
 @pytest.fixture(scope="module", params=["paper", "axis"])
 def refreshes(request: pytest.FixtureRequest, run: TrainedRun, logs: list[TrajectoryLog]) -> list[Refresh]:
     """The vocabulary learnt from each of them, one after the other, as the mapping of this name does it."""
-    schemas.register()
+    register()
     with initialize_config_dir(str(DEMO.parent / "configs"), version_base="1.3"):
         chosen: Any = OmegaConf.to_object(compose("train", [f"mapping={request.param}"]))
     development = Development(chosen.mapping, run.task, seed=0)

@@ -12,8 +12,19 @@ SCRIPTS = ("train", "explain")
 
 LAYERS = (
     {
-        *("data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line"),
-        *("checkpoint", "resume", "arrays", "ending"),
+        *(
+            "data",
+            "scene",
+            "colours",
+            "config",
+            "config_store",
+            "limits",
+            "ports",
+            "run_folder",
+            "signals",
+            "command_line",
+        ),
+        *("checkpoint", "resume", "under_way", "arrays", "ending"),
     },
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
@@ -137,7 +148,7 @@ def test_only_the_view_knows_rerun():
 
 
 def test_only_the_settings_know_hydra():
-    assert users("hydra", "omegaconf") <= {"config", "command_line", *SCRIPTS}
+    assert users("hydra", "omegaconf") <= {"config", "config_store", "command_line", *SCRIPTS}
 
 
 def test_agents_know_no_environment_and_predictors_no_agent():

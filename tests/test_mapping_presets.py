@@ -12,8 +12,8 @@ from by_hand import TASK
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from ibe_rl import config as schemas
 from ibe_rl.config import MappingConfig
+from ibe_rl.config_store import register
 from ibe_rl.data import Array, Episode, Mapping
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.lessons import fit_mapping
@@ -43,7 +43,7 @@ def episodes() -> tuple[Episode, ...]:
 
 
 def settings(preset: str) -> MappingConfig:
-    schemas.register()
+    register()
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         chosen: Any = OmegaConf.to_object(compose("train", [f"mapping={preset}"]))
     return replace(chosen.mapping, horizon_steps=HORIZON_STEPS, spans_steps=[])

@@ -13,7 +13,8 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.data import Array, ConfigError, Instructor, Task, UnderWay, observe
+from ibe_rl.data import Array, ConfigError, Instructor, Task, observe
+from ibe_rl.under_way import UnderWay
 
 TRAINING_SEEDS = 2_000_000_000
 """Seeds of training episodes are below it, those of all others are not."""

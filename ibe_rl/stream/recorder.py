@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from uuid import uuid4
 
 import numpy as np
 import rerun as rr
+from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
 from ibe_rl import colours
@@ -28,7 +30,7 @@ from ibe_rl.data import Explanation, Task
 from ibe_rl.scene import Watched
 from ibe_rl.stream import chart, sentences, view
 from ibe_rl.stream.film import Film, Place
-from ibe_rl.stream.recording_file import RecordingFile, cut_back_to
+from ibe_rl.stream.recording_file import RecordingFile, earlier
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
@@ -42,12 +44,6 @@ HOLD_S = 30.0
 data would leave the watched episode with every batch."""
 CURVE_BYTES, VALUE_BYTES = 1700, 32
 """At most of each curve whenever rows are sent, and of each value."""
-
-
-def cut_back(path: Path, state: Mapping[str, Any]) -> None:
-    """Cut a recording back to where a ``RunRecorder``'s state was taken, before anything reads it."""
-    if state:
-        cut_back_to(path, state["recorder"]["bytes"])
 
 
 def strict() -> bool:
@@ -91,7 +87,7 @@ class Recorder:
         run_name: title of the recording in the viewer.
         training: False lays out the panels for watched episodes alone.
         max_bytes: the file never gets longer; None: no limit.
-        state: from ``state_dict``; the file goes on from there.
+        state: from ``state_dict``; the recording begins with the ``earlier`` part of the file.
 
     Raises:
         OSError: if the file cannot be written; ``size``, ``flush`` and ``close`` say so later on.
@@ -107,7 +103,7 @@ class Recorder:
         state: Mapping[str, Any] | None = None,
     ) -> None:
         self._task = task
-        self._file = RecordingFile(path, max_bytes, state["bytes"] if state else 0)
+        self._file = RecordingFile(path, max_bytes)
         self._id = state["id"] if state else str(uuid4())
         self._recording = rr.RecordingStream(APPLICATION, recording_id=self._id)
         sink = rr.FileSink(self._file.entrance)
@@ -128,8 +124,17 @@ class Recorder:
         self._film = Film(self._recording, task)
         self._open = True
         if state:
+            self._repeat(earlier(path))
             self._next, self._drawn_to, self._shown = Place(*state["next"]), state["drawn_to"], list(state["shown"])
             self._curves.update({key: [tuple(row) for row in rows] for key, rows in state["curves"].items()})
+
+    def _repeat(self, before: Path) -> None:
+        """Send what another recorder had written: rerun's table of contents counts from the head of the file."""
+        if before.exists():
+            with warnings.catch_warnings(action="ignore"):  # it has no table of contents
+                self._recording.send_chunks(RrdReader(before).stream())
+            self.size()
+            before.unlink()
 
     def state_dict(self) -> dict[str, Any]:
         """All that a recorder needs to go on with the file; all that was sent is in it then.

@@ -31,7 +31,6 @@ class RecordingFile:
     Args:
         path: the file, written anew; its folder must exist.
         max_bytes: it never gets longer than this; None: no limit.
-        goes_on_at: so many bytes of it stay, as far as they are whole messages, and what rerun writes follows them.
 
     Attributes:
         entrance: the path that rerun is to write to.
@@ -42,14 +41,13 @@ class RecordingFile:
         OSError: if the file cannot be made.
     """
 
-    def __init__(self, path: Path, max_bytes: int | None = None, goes_on_at: int = 0) -> None:
+    def __init__(self, path: Path, max_bytes: int | None = None) -> None:
         self._path, self._max_bytes = path, max_bytes
-        self.size = cut_back_to(path, goes_on_at)
-        self._file = path.open("ab" if self.size else "wb", buffering=0)
-        self._to_skip = HEAD_BYTES if self.size else 0  # a recording has one head
+        self._file = path.open("wb", buffering=0)
         self._pipe, self._end = os.pipe()
         os.set_blocking(self._pipe, False)
         self.entrance = Path(f"/dev/fd/{self._end}")
+        self.size = 0
         self.error: OSError | None = None
         self._lock, self._closing = Lock(), Event()
         self._thread = Thread(target=self._move_on, name="recording file", daemon=True)
@@ -89,8 +87,7 @@ class RecordingFile:
     def _drain(self) -> None:
         with self._lock, suppress(BlockingIOError):  # it is empty
             while data := os.read(self._pipe, PIECE_BYTES):
-                skipped, self._to_skip = data[self._to_skip :], max(0, self._to_skip - len(data))
-                self._write(memoryview(skipped))
+                self._write(memoryview(data))
 
     def _write(self, data: memoryview) -> None:
         if self.error is not None:
@@ -112,14 +109,17 @@ class RecordingFile:
             self._file.truncate(self.size)
 
 
-def cut_back_to(path: Path, size: int) -> int:
-    """Cut off what is not among the first ``size`` bytes of a recording, or no whole message; returns what is left."""
-    if not size or not path.exists():
-        return 0
-    with path.open("r+b") as file:
-        size = whole_messages(file, min(size, os.fstat(file.fileno()).st_size))
-        file.truncate(size)
-    return size
+def earlier(path: Path) -> Path:
+    """Where the part of a recording lies that is to be written into it once more."""
+    return path.with_suffix(".earlier.rrd")
+
+
+def set_back(path: Path, size: int) -> None:
+    """Keep the first ``size`` bytes of a recording, as far as they are whole messages, as its ``earlier`` part."""
+    if not earlier(path).exists() and path.exists():  # or else the last one who went on with it was killed here
+        with path.open("r+b") as file:
+            file.truncate(whole_messages(file, min(size, os.fstat(file.fileno()).st_size)))
+        path.replace(earlier(path))
 
 
 def next_message(file: BinaryIO, begin: int, size: int) -> tuple[int, int] | None:

@@ -1,5 +1,6 @@
 """The batched environment says what the games below it said: nothing lost, nothing made up."""
 
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,14 +14,15 @@ from torchrl.envs.utils import check_env_specs, step_mdp
 from ibe_rl.config import InstructorConfig
 from ibe_rl.data import Array, ConfigError, observe
 from ibe_rl.env import LANDER_ID, LANDER_TASK
-from ibe_rl.env.make import make_env, make_gym, task_of
+from ibe_rl.env.make import TRAINING_SEEDS, episode_seed, join, make_env, make_gym, task_of
 from ibe_rl.instruct import make_instructor
+from ibe_rl.under_way import UnderWay
 
-ROWS, STEPS, SEED = 3, 500, 100
+ROWS, STEPS, SEED = 3, 500, 110
 
 
-def make(kind: str = "oracle", count: int = ROWS, **kwargs: Any) -> Any:
-    return make_env(LANDER_ID, kwargs, count, make_instructor(InstructorConfig(kind), LANDER_TASK), SEED)
+def make(kind: str = "oracle", rows: int = ROWS, **kwargs: Any) -> Any:
+    return make_env(LANDER_ID, kwargs, rows, make_instructor(InstructorConfig(kind), LANDER_TASK), SEED)
 
 
 def pilot(tensordict: TensorDictBase) -> TensorDictBase:
@@ -45,9 +47,8 @@ def test_torchrls_checker_passes():
 def test_every_row_equals_the_game_played_alone(flown: TensorDictBase):
     """Also the last state of an episode, which is neither zeros nor the first one of the next."""
     for row in range(ROWS):
-        game = make_gym(LANDER_ID, {})
-        game.reset(seed=SEED + row)  # set_seed resets once, then the roll-out does
-        state, _ = game.reset()
+        game, begun = make_gym(LANDER_ID, {}), count()
+        state, _ = game.reset(seed=episode_seed(SEED + row, next(begun)))
         for t in range(STEPS):
             step = flown[row, t]
             np.testing.assert_array_equal(step["state"], state)
@@ -63,7 +64,7 @@ def test_every_row_equals_the_game_played_alone(flown: TensorDictBase):
             )
             assert ends == (terminated, truncated, terminated or truncated, info["landed"])
             if terminated or truncated:
-                state, _ = game.reset()
+                state, _ = game.reset(seed=episode_seed(SEED + row, next(begun)))
 
 
 def test_a_step_begins_where_the_one_before_ended(flown: TensorDictBase):
@@ -174,20 +175,75 @@ def test_the_same_seed_flies_the_same():
     assert (fly() == fly()).all()
 
 
+def test_every_episode_has_a_seed_of_its_own_below_those_of_evaluations():
+    seeds = [episode_seed(row, number) for row in (*range(20), 99_999_999) for number in range(200)]
+    assert len(set(seeds)) == len(seeds)
+    assert all(0 <= seed < TRAINING_SEEDS for seed in seeds)
+    assert episode_seed(3, 5) == episode_seed(3, 5)
+
+
+STOP = 130
+"""Steps of ``flown`` after which it is taken up again."""
+
+
+def standing(flown: TensorDictBase) -> list[UnderWay]:
+    """Where the rows stood after ``STOP`` steps."""
+    found = []
+    for row in range(ROWS):
+        ends = flown["next", "done"][row, :STOP, 0].nonzero().flatten().tolist()
+        begin = ends[-1] + 1 if ends else 0
+        state = flown["next", "state"][row, STOP - 1].numpy() if begin < STOP else None
+        found.append(UnderWay(len(ends), flown["action"][row, begin:STOP].numpy(), state))
+    return found
+
+
+def take_up(rows: list[UnderWay], instructor: Any = None) -> Any:
+    instructor = instructor or make_instructor(InstructorConfig(), LANDER_TASK)
+    return join([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED, rows)
+
+
+def test_episodes_under_way_go_on_to_the_last_bit(flown: TensorDictBase):
+    rows = standing(flown)
+    assert any(one.ended for one in rows)
+    assert all(len(one.actions) > 10 for one in rows)
+    again, whole = take_up(rows).rollout(300, pilot, break_when_any_done=False), flown[:, STOP : STOP + 300]
+    assert whole["next", "done"].any()
+    for name in ("state", "action", "instruction", ("next", "reward"), ("next", "done"), ("next", "state")):
+        assert torch.equal(again[name], whole[name]), name
+
+
+def test_a_row_between_two_episodes_begins_its_next_one(flown: TensorDictBase):
+    rows = [UnderWay(7, np.zeros(0, np.int64), None), *standing(flown)[1:]]
+    state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 7))[0]
+    states = take_up(rows).reset()["state"]
+    np.testing.assert_array_equal(states[0], state)
+    assert torch.equal(states[1:], flown["state"][1:, STOP])
+
+
+@pytest.mark.parametrize("actions", [[0, 1, 2], [0] * 600])
+def test_an_episode_that_comes_out_otherwise_is_left_and_the_next_one_begun(flown: TensorDictBase, actions: list[int]):
+    """Another machine or library may calculate otherwise: then the state is another one, or the game is over."""
+    rows = [UnderWay(2, np.array(actions), np.ones(9, np.float32)), *standing(flown)[1:]]
+    instructor = Noting()
+    state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 3))[0]
+    np.testing.assert_array_equal(take_up(rows, instructor).reset()["state"][0], state)
+    np.testing.assert_array_equal(instructor.resets, [[True] * ROWS, [True, False, False]])
+    assert np.sum(instructor.asked, axis=0)[1:].tolist() == [len(one.actions) + 1 for one in rows[1:]]
+
+
 def test_arguments_reach_the_environment():
-    data = make(pad="left", count=4).rollout(2)
+    data = make(pad="left", rows=4).rollout(2)
     assert (data["state"][..., 8] == np.float32(-0.6)).all()
 
 
 def test_continuous_engines_take_a_row_of_numbers_each():
     torch.manual_seed(0)
-    check_env_specs(make(continuous=True, count=2))
-    data = make(continuous=True, count=2).rollout(5)
+    check_env_specs(make(continuous=True, rows=2))
+    data = make(continuous=True, rows=2).rollout(5)
     assert data["action"].shape == (2, 5, 2)
     for row in range(2):
         game = make_gym(LANDER_ID, {"continuous": True})
-        game.reset(seed=SEED + row)
-        game.reset()
+        game.reset(seed=episode_seed(SEED + row, 0))
         for step in data[row]:
             state, *_ = game.step(step["action"].numpy())
             np.testing.assert_array_equal(step["next", "state"], state)

@@ -21,8 +21,8 @@ from ibe_rl.parts import build, draw_on
 from ibe_rl.resume import must_fit, read_state
 from ibe_rl.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.serve.overlay import Metrics
-from ibe_rl.stream import cut_back
-from ibe_rl.stream.recording_file import cut_back_to
+from ibe_rl.stream import set_back
+from ibe_rl.stream.recording_file import whole_messages
 from ibe_rl.viewer import Messages, run_names, runs_at
 
 
@@ -46,8 +46,9 @@ def resumed(run: Path) -> None:
     config: Any = load_config(run / CONFIG, TrainConfig)
     check(config)
     state = read_state(run, "latest")
-    with must_fit(run):
-        cut_back(run / RECORDING, state["recorder"])
+    if state["recorder"]:
+        with must_fit(run):
+            set_back(run / RECORDING, state["recorder"]["recorder"]["bytes"])
     with ExitStack() as owned, patch("ibe_rl.parts.run_name", lambda folder: folder.name):  # hydra's to know
         parts = build(config, run, owned, state=state)
         draw_on(parts, state)
@@ -65,7 +66,8 @@ def viewed(run: Path) -> None:
     run_names([*runs_at(run), run.parent])
     with tempfile.TemporaryFile() as shown:
         Messages(run / RECORDING).copy(shown)
-    cut_back_to(run / RECORDING, 10**9)
+    with (run / RECORDING).open("rb") as file:
+        whole_messages(file, (run / RECORDING).stat().st_size)
 
 
 def lesson(run: Path) -> None:
