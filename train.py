@@ -100,6 +100,8 @@ def train(
         owned.callback(parts.classroom.hurry)
         stop.when_asked(parts.classroom.hurry)
         draw_on(parts, state)
+        if not state:
+            save_state(parts, wall_s=0.0)  # from here on it can be resumed, whenever it is killed
     agent, log = parts.agent, parts.log
     often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
     refresh_due, evaluation_due, checkpoint_due = (Every(frames, log.frames) for frames in often)

@@ -1,6 +1,7 @@
 """The log joins what belongs together, keeps the newest whole, and opens without running code."""
 
 import json
+from copy import deepcopy
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from ibe_rl.data import Array, Episode
 from ibe_rl.log import INDEX, TrajectoryLog
 
 CONTEXTS = ("even", "odd")
+FILES = ("log.json", "episodes.npy", "state.npy", "action.npy", "reward.npy", "instruction.npy", "given.npy")
+REFUSED = pytest.raises(ValueError, match="is not a readable log")
 
 
 def context_of(state: Array) -> str:
@@ -165,6 +168,66 @@ def test_a_log_opened_while_it_grows_shows_no_damaged_episode(tmp_path: Path):
         assert_same(one, episodes[int(one.states[0, 0])])
 
 
+def test_a_row_that_does_not_go_on_is_a_mistake(tmp_path: Path):
+    log = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
+    steps = joined([make_episode(1, 30), make_episode(2, 30)], np.stack)
+    log.add({name: column[:, :10] for name, column in steps.items()}, context_of)
+    backwards = {name: np.stack([column[0, 10:], column[1, :9:-1]]) for name, column in steps.items()}
+    with pytest.raises(ValueError, match="row 1 does not go on where it stopped"):
+        log.add(backwards, context_of)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_log_that_is_taken_up_goes_on_as_if_nothing_had_been(seed: int, tmp_path: Path):
+    """Also where it had gone on after its state was taken, and in the folder that it had gone on in."""
+    steps, episodes = experience(seed, rows=3, total=200, longest=25)
+    whole, log = (TrajectoryLog(tmp_path / name, 300, CONTEXTS) for name in ("whole", "log"))
+    ended = [number for batch in fill(whole, steps, [0, 90, 120, 200]) for number in batch]
+    fill(log, steps, [0, 90])
+    state = deepcopy(log.state_dict())
+    fill(log, steps, [90, 120])
+    again = TrajectoryLog(tmp_path / "log", 300, CONTEXTS)
+    again.load_state_dict(state)
+    assert again.frames == 270
+    fill(again, steps, [90, 120, 200])
+    assert_holds(again, episodes, ended[-len(again.index) :])
+    for log in (whole, again):
+        log.flush()
+    np.testing.assert_array_equal(again.index, whole.index)
+    assert (again.frames, again.episodes_ended) == (whole.frames, whole.episodes_ended)
+    for mine, other in zip(again.under_way(), whole.under_way(), strict=True):
+        assert mine.ended == other.ended
+        np.testing.assert_array_equal(mine.actions, other.actions)
+        np.testing.assert_array_equal(mine.state, other.state)
+
+
+def test_where_each_row_stands(tmp_path: Path):
+    log = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
+    line, ended = joined([make_episode(1, 5), make_episode(2, 20)], np.concatenate), make_episode(3, 10)
+    log.add({name: np.stack([line[name][:10], ended[name]]) for name in line}, context_of)
+    first, second = log.under_way()
+    assert (first.ended, second.ended) == (1, 1)
+    np.testing.assert_array_equal(first.actions, line["action"][5:10])
+    np.testing.assert_array_equal(first.state, [2, 5])
+    assert (len(second.actions), second.state) == (0, None)
+
+
+def test_an_episode_that_could_not_be_taken_up_counts_as_played_and_is_not_kept(tmp_path: Path):
+    log = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
+    log.add({name: column[None, :10] for name, column in make_episode(1, 30).items()}, context_of)
+    again = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
+    again.load_state_dict(log.state_dict())
+    other = make_episode(2, 20)
+    again.add({name: column[None] for name, column in other.items()}, context_of)
+    assert_same(again.read([0])[0], other)
+    assert (len(again.index), again.under_way()[0].ended) == (1, 2)
+
+
+def test_a_state_without_its_files_is_refused(saved: TrajectoryLog, tmp_path: Path):
+    with REFUSED:
+        TrajectoryLog(tmp_path / "other", 200, CONTEXTS).load_state_dict(saved.state_dict())
+
+
 @pytest.fixture
 def saved(tmp_path: Path) -> TrajectoryLog:
     steps, _ = experience(3, rows=3, total=150, longest=20)
@@ -190,10 +253,6 @@ def test_an_opened_log_is_the_one_that_was_flushed(saved: TrajectoryLog):
 def test_a_log_without_an_episode_opens_empty(tmp_path: Path):
     TrajectoryLog(tmp_path, 100, CONTEXTS).flush()
     assert len(TrajectoryLog.open(tmp_path).index) == 0
-
-
-FILES = ("log.json", "episodes.npy", "state.npy", "action.npy", "reward.npy", "instruction.npy", "given.npy")
-REFUSED = pytest.raises(ValueError, match="is not a readable log")
 
 
 @pytest.mark.parametrize("name", FILES)

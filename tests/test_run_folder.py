@@ -21,9 +21,12 @@ from ibe_rl.run_folder import (
     MetricsTable,
     create_run_folder,
     find_run,
+    hold_folder,
     is_run,
+    read_rows,
     write_atomically,
     write_json,
+    write_rows,
 )
 
 
@@ -131,3 +134,51 @@ def test_metrics_take_no_new_column(tmp_path: Path):
         with pytest.raises(ValueError, match="new"):
             table.write({"frames": 200, "new": 1})
     assert len(rows(tmp_path / METRICS)) == 1
+
+
+def test_metrics_go_on_behind_the_rows_up_to_there(tmp_path: Path):
+    path = tmp_path / METRICS
+    with MetricsTable(path, later=["eval/x"]) as table:
+        for frames in (100, 200, 300):
+            table.write({"frames": frames, "old": 1})
+    with MetricsTable(path, later=["eval/x"], until_frames=200) as table:
+        assert len(rows(path)) == 3  # nothing is lost before there is something new
+        table.write({"frames": 300, "new": 2, "eval/x": 3})
+    assert rows(path) == [
+        {"frames": "100", "new": "", "eval/x": "", "old": "1"},
+        {"frames": "200", "new": "", "eval/x": "", "old": "1"},
+        {"frames": "300", "new": "2", "eval/x": "3", "old": ""},
+    ]
+
+
+def test_rows_after_some_frames_are_read_and_written(tmp_path: Path):
+    with MetricsTable(tmp_path / METRICS) as table:
+        for frames in (100, 200, 300):
+            table.write({"frames": frames})
+    assert [row["frames"] for row in read_rows(tmp_path / METRICS, above_frames=100)] == ["200", "300"]
+    write_rows(tmp_path / "other.csv", read_rows(tmp_path / METRICS, above_frames=100, until_frames=200))
+    assert rows(tmp_path / "other.csv") == [{"frames": "200"}]
+
+
+@pytest.mark.parametrize("text", [None, "frames\nmany\n", "steps\n100\n", "frames\n\0\n"])
+def test_a_table_that_is_none_is_refused(text: str | None, tmp_path: Path):
+    if text is not None:
+        (tmp_path / METRICS).write_text(text)
+    with pytest.raises(ConfigError, match="not the readable table of a run"):
+        read_rows(tmp_path / METRICS)
+
+
+def test_a_folder_is_held_by_one_training_at_a_time(tmp_path: Path):
+    folder = create_run_folder(tmp_path / "run")
+    with hold_folder(folder), pytest.raises(ConfigError, match=f"resume={folder}: it is training"), hold_folder(folder):
+        pass
+    with hold_folder(folder):
+        pass
+
+
+def test_a_folder_that_cannot_be_held_is_refused(tmp_path: Path):
+    with (
+        pytest.raises(ConfigError, match=r"run_dir=.*: allowed is a folder that can be written to \("),
+        hold_folder(tmp_path),
+    ):
+        pass

@@ -22,7 +22,6 @@ from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
 from view_data import column, frames, read
 
-import train
 from ibe_rl.command_line import load_config
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import DOES_NOT_KNOW
@@ -32,6 +31,7 @@ from ibe_rl.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES, Calibration
+from ibe_rl.parts import TIMES
 from ibe_rl.run_folder import CONFIG
 
 SUMMARY_KEYS = {
@@ -58,7 +58,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_leaves_what_the_contract_names(run: Path) -> None:
     summary = json.loads((run / "summary.json").read_text())
     assert summary.keys() >= SUMMARY_KEYS
-    assert summary["time_s"].keys() == set(train.TIMES)
+    assert summary["time_s"].keys() == set(TIMES)
     assert sum(summary["time_s"].values()) == pytest.approx(summary["wall_s"], rel=0.05)
     assert summary["frames"] == 6144  # 6,000 rounded up to whole batches of 1,024
     assert summary["refreshes"] + summary["refreshes_kept"] + summary["refreshes_skipped"] == 3
@@ -66,6 +66,7 @@ def test_a_run_leaves_what_the_contract_names(run: Path) -> None:
     assert summary["refreshes"] == len(list((run / "refreshes").glob("*.json"))) >= 1
     assert (run / ".hydra" / "config.yaml").is_file()
     assert [path.name for path in sorted((run / "checkpoints").iterdir())] == [
+        "best.pt",
         "latest.pt",
         "policy_000000003072.pt",
         "policy_000000006144.pt",
@@ -571,9 +572,9 @@ def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:
     script = start("train.py", "-m", "seed=0,1,2", *SMALL, f"run_dir={tmp_path / 'sweep'}", "viewer=file")
     output, _ = script.communicate(timeout=200)
     assert script.returncode == 0, output
-    summaries = [json.loads(path.read_text()) for path in sorted((tmp_path / "sweep").glob("*/summary.json"))]
-    assert [summary["seed"] for summary in summaries] == [0, 1, 2]
-    assert len({summary["return_mean"] for summary in summaries}) == 3
+    found = sorted((tmp_path / "sweep").glob("*/summary.json"))
+    assert [json.loads(path.read_text())["seed"] for path in found] == [0, 1, 2]
+    assert len({rows(path.parent)[-1]["train/return_mean"] for path in found}) == 3
     recordings = sorted((tmp_path / "sweep").glob("*/recording.rrd"))
     assert [name_of(recording) for recording in recordings] == ["seed=0", "seed=1", "seed=2"]
     assert f"-m ibe_rl.viewer {tmp_path / 'sweep'}\n" in output

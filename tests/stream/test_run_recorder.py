@@ -10,7 +10,8 @@ from processes import assert_whole
 from rerun.chunk import RrdReader
 from view_data import TASK, filmed, refreshed
 
-from ibe_rl.stream import run_recorder
+from ibe_rl.stream import run_recorder, set_back
+from ibe_rl.stream.recording_file import earlier
 from ibe_rl.stream.run_recorder import RunRecorder
 
 ROW = {"train/return_mean": 1.0, "train/success_rate": 0.5}
@@ -188,3 +189,51 @@ def test_a_broken_end_after_a_full_disk_is_a_bug_all_the_same(tmp_path: Path, mo
     monkeypatch.setattr(run_recorder.Recorder, "close", broken)
     with pytest.raises(ValueError, match="a bug"):
         recorder.skipped(0, "why")
+
+
+def go_on(path: Path, refreshes: int, state: dict[str, Any] | None = None) -> tuple[RunRecorder, dict[str, Any]]:
+    """Record some more and what follows the state that is returned, as if the process then were killed."""
+    recorder = RunRecorder(path, TASK, "run", max_mb=4, state=state)
+    first = state["refreshes"] if state else 0
+    for number in range(first, first + refreshes):
+        recorder.batch(number * 1_000 + 500, ROW)
+        recorder.refresh(replace(refreshed(), frame=(number + 1) * 1_000))
+        recorder.watched((number + 1) * 1_000, *filmed())
+        recorder.batch((number + 1) * 1_000, RARE)
+    return recorder, recorder.state_dict()
+
+
+def test_a_recording_goes_on_where_its_state_was_taken(tmp_path: Path) -> None:
+    whole, path = tmp_path / "whole.rrd", tmp_path / "recording.rrd"
+    go_on(whole, refreshes=6)[0].close()
+    state: dict[str, Any] | None = None
+    for _ in range(3):
+        if state:
+            set_back(path, state["recorder"]["bytes"])
+        recorder, state = go_on(path, 2, state)
+        recorder.refresh(replace(refreshed(), frame=50_000))  # is cut off, or else of no importance
+    recorder, _ = go_on(set_back_again(path, state), 0, state)
+    recorder.close()
+    assert_whole(path)
+    for entity in ("/vocabulary/centres", "/scene/background", "/scene/says"):
+        assert sorted(columns(path, entity)) == sorted(columns(whole, entity))
+        assert sorted(columns(path, entity, "watched_step")) == sorted(columns(whole, entity, "watched_step"))
+    assert not earlier(path).exists()
+
+
+def set_back_again(path: Path, state: dict[str, Any] | None) -> Path:
+    """As one does who was killed before all had been written once more: what is there by then does not count."""
+    assert state is not None
+    set_back(path, state["recorder"]["bytes"])
+    path.write_bytes(earlier(path).read_bytes()[:1_000])
+    set_back(path, 500)
+    return path
+
+
+def test_a_recording_that_takes_nothing_has_no_state(tmp_path: Path) -> None:
+    recorder = RunRecorder(Path("/dev/full"), TASK, "run", max_mb=4)
+    assert recorder.state_dict() == {}
+    recorder.close()
+    recorder = RunRecorder(tmp_path / "recording.rrd", TASK, "run", max_mb=4)
+    recorder.close()
+    assert recorder.state_dict() == {}
