@@ -160,7 +160,8 @@ def save_state(parts: Parts, wall_s: float) -> None:
     """Keep all that the run goes on from, in one file that replaces the one before in one go."""
     parts.log.flush()
     counts = vars(parts.counts) | {"wall_s": wall_s, "times_s": times(parts.counts)}
-    state = {name: as_tensors(getattr(parts, name).state_dict()) for name in PARTS}
+    state = {name: as_tensors(getattr(parts, name).state_dict()) for name in set(PARTS) - {"agent"}}
+    state["agent"] = parts.agent.state_dict()  # torch's own already; a copy would lack what it notes beside the values
     save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
 
 
