@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from importlib.metadata import version
 from pathlib import Path
+from traceback import format_exception
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,11 @@ from torchrl import timeit
 from ibe_rl.agent import check_agent
 from ibe_rl.checkpoint import BETWEEN, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, batches, check_collect, make_collector, steps_of
+from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, check_collect, make_collector, steps_of
 from ibe_rl.command_line import installed, is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.development import check_development, figures
+from ibe_rl.ending import nothing_lost
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
@@ -43,8 +45,17 @@ from ibe_rl.paper.lab import check_report
 from ibe_rl.parts import NOBODY, Parts, begin, build, keep_best, save_state, times
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, recent_mean
-from ibe_rl.resume import State, clear_way, take_up
-from ibe_rl.run_folder import CHECKPOINTS, RECORDING, REFRESHES, SUMMARY, create_run_folder, hold_folder, write_json
+from ibe_rl.resume import State, clear_way, must_fit, take_up
+from ibe_rl.run_folder import (
+    CHECKPOINTS,
+    RECORDING,
+    REFRESHES,
+    SUMMARY,
+    create_run_folder,
+    hold_folder,
+    write_atomically,
+    write_json,
+)
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation, page
 from ibe_rl.signals import StopRequest
 from ibe_rl.stream import set_back
@@ -78,6 +89,7 @@ def train(
     timeit.erase()
     with timeit("setup"):
         parts = build(cfg, folder, owned, classroom, state)
+        owned.enter_context(nothing_lost(folder, parts.log.flush, lambda: parts.log.frames))
         start -= parts.counts.wall_s
         made_from = cfg.env, cfg.collect, parts.task, cfg.instructor, cfg.seed
         collector = make_collector(parts.agent, *made_from, parts.classroom.open_lesson, parts.under_way)
@@ -89,8 +101,9 @@ def train(
         stop.when_asked(parts.classroom.hurry)
         begin(parts, state)
     agent, log = parts.agent, parts.log
-    often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.keep_policy_every_frames, cfg.checkpoint_every_frames
-    refresh_due, evaluation_due, keeping_due, checkpoint_due = (Every(frames, log.frames) for frames in often)
+    often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
+    refresh_due, evaluation_due, checkpoint_due = (Every(frames, log.frames) for frames in often)
+    keeping_due = Rarer(cfg.keep_policy_every_frames, log.frames)
     last = False
 
     for batch in timed("collect", source):  # environment → batch
@@ -153,14 +166,13 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     """Learn the vocabulary anew, fly one greedy episode and explain it step by step."""
     frames, policy = parts.log.frames, parts.agent.greedy
     try:
-        with timeit("refresh"):
+        with timeit("refresh"), parts.development.all_or_nothing():
             refresh = parts.development.refresh(parts.log, policy)
             parts.development.save(parts.folder / REFRESHES, refresh)
-    except TooLittleDataError as reason:
-        parts.counts.skipped += 1
-        parts.recorder.skipped(frames, str(reason))
-        parts.progress.skipped(frames, str(reason))
-        return {"ibe/skipped": parts.counts.skipped}
+    except OSError:
+        raise  # the disk's, which everything else writes to as well
+    except Exception as error:
+        return skip(parts, error)
     counts = parts.counts
     counts.refreshes += refresh.taken
     counts.kept += not refresh.taken
@@ -177,6 +189,19 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         parts.classroom.refresh(frames, voice)
         parts.progress.refreshed(counts.refreshes, refresh, said[-1].said, row["ibe/came_true"])
     return row
+
+
+def skip(parts: Parts, error: Exception) -> dict[str, float]:
+    """Go on with the vocabulary before, whatever was wrong with a new one."""
+    frames, reason = parts.log.frames, str(error)
+    if not isinstance(error, TooLittleDataError):
+        path = parts.folder / REFRESHES / f"failed_{frames:012d}.txt"
+        write_atomically(path, lambda stream: stream.write("".join(format_exception(error)).encode()))
+        reason = f"it failed ({type(error).__name__}: {' '.join(reason.split())[:200]}), the details are in {path}"
+    parts.counts.skipped += 1
+    parts.recorder.skipped(frames, reason)
+    parts.progress.skipped(frames, reason)
+    return {"ibe/skipped": parts.counts.skipped}
 
 
 def evaluate(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
@@ -231,7 +256,8 @@ def main(cfg: TrainConfig) -> None:
         if state:
             print(clear_way(folder, state))
             if state["recorder"] and cfg.viewer.mode != "off":
-                set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
+                with must_fit(folder):
+                    set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
             live = serve(folder / RECORDING, ports, owned) if ports else list

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Generator, MutableSequence, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -186,3 +187,27 @@ class Every:
             return False
         before, self._passed = self._passed, frames // self._frames
         return last or self._passed > before
+
+
+DENSE = 200
+"""So many times a ``Rarer`` clock is as fast as it began, twice; then it is half as fast as often again, and so on."""
+
+
+class Rarer:
+    """A clock for what stays for ever: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
+
+    Args:
+        frames: between two times, at the beginning; None stands for never.
+        now: what it starts at.
+    """
+
+    def __init__(self, frames: int | None, now: int = 0):
+        self._frames, self._last = frames, now
+
+    def __call__(self, frames: int) -> bool:
+        """Whether a multiple has been reached since the last call."""
+        if self._frames is None:
+            return False
+        every = self._frames * 2 ** max(0, int(math.log2(frames / (DENSE * self._frames))))
+        before, self._last = self._last, frames
+        return frames // every > before // every

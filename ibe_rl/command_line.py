@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import hydra
-import yaml
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -26,7 +25,7 @@ from ibe_rl import config as schemas
 from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
-from ibe_rl.run_folder import NOT_IN_NAMES, write_atomically
+from ibe_rl.run_folder import NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
 
 FOLDERS = {"explain": {"sweep": "sweep_dir"}}
 """Settings of a script that name a folder, where hydra would look for a file in ``configs/``; what they are in it."""
@@ -129,7 +128,7 @@ def quoted(text: str) -> str:
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
     """Write the composed config and the overrides the way hydra does; of a run that ``goes_on`` behind those before."""
     given = [one for one in HydraConfig.get().overrides.task if not one.startswith("resume")]
-    before = yaml.safe_load((folder / "overrides.yaml").read_text()) if goes_on else []
+    before = read_overrides(folder / "overrides.yaml") if goes_on else []
     for name, content in (("config", OmegaConf.structured(values)), ("overrides", OmegaConf.create([*before, *given]))):
         write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
 
@@ -145,13 +144,14 @@ def load_config(path: Path, schema: type) -> Any:
         ConfigError: if the file does not fit the schema.
     """
     try:
-        saved = OmegaConf.load(path)
+        saved = OmegaConf.create(read_yaml(path))
         agent = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig}[saved.agent.kind]
         instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
         typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent(), instructor=instructor())), saved)
         return OmegaConf.to_object(typed)
-    except (OmegaConfBaseException, yaml.YAMLError, AttributeError, KeyError, OSError, ValueError) as error:
-        raise ConfigError(f"{path}: not the config of a run of this version ({one_line(error)})") from None
+    except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
+        reason = one_line(error)[:200]
+        raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
 
 
 def changed(saved: Any, fixed: Sequence[str]) -> Any:

@@ -215,7 +215,7 @@ class TrainConfig:
     explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds
     eval_every_frames: int = setting(400_000, low=1)  # and at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
-    keep_policy_every_frames: int | None = setting(10_000, low=1)  # to take agents of any skill from later; None: never
+    keep_policy_every_frames: int | None = setting(10_000, low=1)  # for agents of any skill, rarer later; None: never
     report: bool = False  # in the end do the paper's experiments with it, as explain.py task=figures
     env: EnvConfig = MISSING
     collect: CollectConfig = field(default_factory=CollectConfig)

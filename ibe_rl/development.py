@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,8 @@ from ibe_rl.refresh import Change, Refresh, Spans, learn_vocabulary, save_refres
 from ibe_rl.run_folder import write_atomically
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
+JUDGED_EPISODES = 200
+"""The newest ones, that the confidence is calibrated on."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
 FIGURES = (
     *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
@@ -70,7 +74,7 @@ class Development:
         mapping: the vocabulary that stands, None before the first refresh.
         spans: those of the other spans of time, by their horizon in steps.
         probe: drawn from the episodes of the first refresh.
-        calibration: how probable it is that what is said comes true, from the episodes judged so far.
+        calibration: how probable it is that what is said comes true, from the newest ``JUDGED_EPISODES``.
     """
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
@@ -81,7 +85,7 @@ class Development:
         self._learnt_at = self._next_id = 0
         self._actions: Array | None = None
         self.calibration: Calibration | None = None
-        self._judged: list[tuple[Array, Array]] = []
+        self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
 
     def refresh(self, log: TrajectoryLog, policy: Policy) -> Refresh:
         """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
@@ -113,6 +117,16 @@ class Development:
             self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
         return learnt
 
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Go back to the vocabulary before if anything goes wrong in here."""
+        before = dict(vars(self))
+        try:
+            yield
+        except Exception:
+            vars(self).update(before)
+            raise
+
     def save(self, folder: Path, refresh: Refresh) -> None:
         """Keep a refresh that was taken as JSON, and with the first one the probe."""
         if refresh.change is None and self.probe is not None:
@@ -143,7 +157,7 @@ class Development:
         self.spans = {steps: ClusterMapping.from_dict(each) for steps, each in state["spans"].items()}
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
-        self._judged = [(features, true) for features, true in state["judged"]]
+        self._judged.extend((features, true) for features, true in state["judged"])
         self.probe = Probe(state["delta"], state["observations"])
         self._actions = state["actions"]
 

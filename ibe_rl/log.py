@@ -6,7 +6,6 @@ the last state only), and the oldest make room. Plain ``.npy`` files open withou
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -15,11 +14,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ibe_rl.arrays import make_array, map_array
 from ibe_rl.data import Array, Episode
-from ibe_rl.run_folder import write_atomically, write_json
+from ibe_rl.run_folder import read_json, write_atomically, write_json
 from ibe_rl.under_way import UnderWay
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
+DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1}
+"""Of the columns' arrays; actions may have one or two."""
 INDEX = np.dtype(
     [
         ("start", "i8"),
@@ -33,6 +35,10 @@ INDEX = np.dtype(
     ]
 )
 """One record an episode: where it lies, and what can be asked without reading it; ``frame`` is when it ended."""
+
+
+class UnreadableLogError(ValueError):
+    """Files of a log are missing or damaged; the message says which."""
 
 
 class TrajectoryLog:
@@ -158,8 +164,7 @@ class TrajectoryLog:
     def _column(self, name: str, like: Array) -> Array:
         if name not in self._columns:
             shape = (self.capacity_frames, *like.shape[1:])
-            path = self.folder / f"{name}.npy"
-            self._columns[name] = np.lib.format.open_memmap(path, mode="w+", dtype=like.dtype, shape=shape)
+            self._columns[name] = make_array(self.folder / f"{name}.npy", like.dtype, shape)
         return self._columns[name]
 
     def read(self, rows: Iterable[int]) -> list[Episode]:
@@ -211,6 +216,8 @@ class TrajectoryLog:
 
         Episodes that made room for what came after it are gone.
 
+        Without any of the files, of what was ended by then nothing is kept.
+
         Raises:
             ValueError: if the files are not those of the state.
         """
@@ -220,17 +227,33 @@ class TrajectoryLog:
         self.frames, self.episodes_ended, self._head = state["frames"], state["episodes_ended"], state["head"]
         self._open = [list(parts) for parts in state["open"]]
         self._ended, self._taken_up = list(state["ended"]), True
-        self._load(index, "r+")
+        there = any((self.folder / f"{name}.npy").exists() for name in COLUMNS)
+        self._head = self._head if there else 0
+        self._load(index if there else index[:0], "r+")
 
     def _load(self, index: Array, mode: Literal["r", "r+"]) -> None:
         """Open the files and keep the episodes of ``index`` that still lie in them."""
         try:
-            if self.episodes_ended:
-                paths = {name: self.folder / f"{name}.npy" for name in COLUMNS}
-                self._columns = {n: np.load(path, mmap_mode=mode, allow_pickle=False) for n, path in paths.items()}
+            if index.size:
+                self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in COLUMNS}
+            self._check(index)
             self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])
-        except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError) as error:
-            raise ValueError(f"{self.folder} is not a readable log: {error}") from None
+        except (ValueError, KeyError, IndexError, TypeError) as error:
+            raise UnreadableLogError(f"{self.folder} is not a readable log: {error}") from None
+
+    def _check(self, index: Array) -> None:
+        """Hold files and index against each other; raises ValueError."""
+        for name, column in self._columns.items():
+            fits = len(column) == self.capacity_frames and column.dtype.kind in "biuf"
+            if not fits or column.ndim != DIMENSIONS.get(name, column.ndim):
+                raise ValueError(
+                    f"{name}.npy has {column.shape} of {column.dtype}, not {self.capacity_frames:.7g} rows"
+                )
+        start, steps, context = index["start"], index["steps"], index["context"]
+        rows = np.asarray(self.capacity_frames)
+        inside = (start >= 0) & (start < rows) & (steps > 0) & (steps < rows - start)
+        if not np.all(inside & (context >= 0) & (context < len(self.contexts))):
+            raise ValueError("its index names rows or contexts that are not there")
 
     @classmethod
     def open(cls, folder: Path) -> TrajectoryLog:
@@ -240,12 +263,14 @@ class TrajectoryLog:
             ValueError: if the folder is not a log or is damaged.
         """
         try:
-            about = json.loads((folder / "log.json").read_text())
+            about = read_json(folder / "log.json")
             log = cls(folder, int(about["capacity_frames"]), [str(name) for name in about["contexts"]])
             log.frames, log.episodes_ended = int(about["frames"]), int(about["episodes_ended"])
-            index = np.load(folder / "episodes.npy", allow_pickle=False).astype(INDEX)
-        except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
-            raise ValueError(f"{folder} is not a readable log: {error}") from None
+            index = np.array(map_array(folder / "episodes.npy"))
+            if index.dtype != INDEX or index.ndim != 1:
+                raise ValueError(f"episodes.npy has {index.dtype}, not records of episodes")
+        except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
+            raise UnreadableLogError(f"{folder} is not a readable log: {error}") from None
         log._load(index, "r")
         return log
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,11 +23,11 @@ from ibe_rl.data import ConfigError, Instructor, Task
 from ibe_rl.development import FIGURES, Development
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, make_obedience
 from ibe_rl.predict import Simulator, make_simulator
 from ibe_rl.progress import TrainingProgress
-from ibe_rl.resume import PARTS, State
+from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
 from ibe_rl.under_way import UnderWay
@@ -103,8 +103,7 @@ def build(
     env = make_one()
     task = task_of(env)
     development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
-    max_mb, record, recorded = cfg.viewer.max_recording_mb, cfg.viewer.mode != "off", state and state["recorder"]
-    recorder = RunRecorder(folder / RECORDING, task, run_name(folder), max_mb, recorded) if record else NoRecorder()
+    recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = state["frames"] if state else None
     parts = Parts(
@@ -128,26 +127,41 @@ def build(
     return parts
 
 
+def _recorder(cfg: TrainConfig, folder: Path, task: Task, state: State | None) -> RunRecorder | NoRecorder:
+    if cfg.viewer.mode == "off":
+        return NoRecorder()
+    name, max_mb = run_name(folder), cfg.viewer.max_recording_mb
+    with must_fit(folder) if state else nullcontext():
+        return RunRecorder(folder / RECORDING, task, name, max_mb, state and state["recorder"])
+
+
 def _load_state(parts: Parts, state: State) -> None:
-    try:
+    _load_log(parts, state["log"])
+    with must_fit(parts.folder):
         parts.agent.load_state_dict(state["agent"])
-        for name in ("log", "development", "obedience", "predictor"):
+        for name in ("development", "obedience", "predictor"):
             getattr(parts, name).load_state_dict(as_arrays(state[name]))
         parts.counts = Counts(**state["counts"])
         parts.under_way = parts.log.under_way()
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError) as error:
-        first = str(error).splitlines()[0] if str(error) else ""
-        raise ConfigError(
-            f"resume={parts.folder}: its state does not fit this version or its own settings "
-            f"({type(error).__name__}: {first}); train it anew"
-        ) from None
+
+
+def _load_log(parts: Parts, state: State) -> None:
+    with must_fit(parts.folder):
+        try:
+            parts.log.load_state_dict(as_arrays(state))
+        except UnreadableLogError as error:
+            raise ConfigError(
+                f"resume={parts.folder}: {error}; put the file back from a copy, or move {parts.log.folder} "
+                "out of the way to go on with an empty log"
+            ) from None
 
 
 def save_state(parts: Parts, wall_s: float) -> None:
     """Keep all that the run goes on from, in one file that replaces the one before in one go."""
     parts.log.flush()
     counts = vars(parts.counts) | {"wall_s": wall_s, "times_s": times(parts.counts)}
-    state = {name: as_tensors(getattr(parts, name).state_dict()) for name in PARTS}
+    state = {name: as_tensors(getattr(parts, name).state_dict()) for name in set(PARTS) - {"agent"}}
+    state["agent"] = parts.agent.state_dict()  # torch's own already; a copy would lack what it notes beside the values
     save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
 
 
@@ -161,7 +175,8 @@ def keep_best(parts: Parts, success: float) -> None:
 def begin(parts: Parts, state: State | None) -> None:
     """Let chance go on where it was, when all has been made, which draws too; or keep the state of the beginning."""
     if state:
-        parts.random.load_state_dict(state["random"])
+        with must_fit(parts.folder):
+            parts.random.load_state_dict(state["random"])
     else:
         save_state(parts, wall_s=0.0)  # from here on the run can be resumed, whenever it is killed
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from ibe_rl.ibe import ClusterMapping, TooLittleDataError, Transition, Windows, 
 from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
-from ibe_rl.run_folder import write_json
+from ibe_rl.run_folder import read_json, write_json
 
 Spans = Dict[int, ClusterMapping]
 """Vocabularies by their horizon in steps."""
@@ -230,10 +229,10 @@ def load_refresh(path: Path) -> Saved:
         ValueError: if the file is damaged.
     """
     try:
-        saved: dict[str, Any] = json.loads(path.read_text())
+        saved: dict[str, Any] = read_json(path)
         spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
         mapping = ClusterMapping.from_dict(saved["mapping"])
         calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
         return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans, calibration)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise ValueError(f"{path} is not a readable refresh: {error}") from None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -25,6 +27,7 @@ from ibe_rl.run_folder import (
     SUMMARY,
     is_run,
     read_rows,
+    refuse_special_files,
     write_rows,
 )
 
@@ -34,6 +37,7 @@ FIXED = (
     *("agent.kind", "agent.hidden", "agent.ignores", "agent.n_steps", "agent.buffer_frames"),
 )
 """What a run keeps: its state would not fit otherwise, or it would be another experiment."""
+DOES_NOT_FIT = (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, ArithmeticError)
 PARTS = ("agent", "log", "development", "obedience", "predictor", "recorder", "random")
 """What a checkpoint holds the state of."""
 
@@ -50,6 +54,7 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     folder = Path(cfg.resume or "")
     if not is_run(folder):
         raise ConfigError(f"resume={folder}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
+    refuse_special_files(folder)
     saved = load_config(folder / CONFIG, TrainConfig)
     if isinstance(saved.instructor, RecordedConfig):
         raise ConfigError(f"resume={folder}: instructor=recorded repeats a session from its beginning; train it anew")
@@ -74,10 +79,38 @@ def read_state(folder: Path, name: str) -> State:
         raise ConfigError(
             f"resume={folder}: it has no {CHECKPOINTS}/{path.name}, it ended before the first one; train it anew"
         )
-    state = load(path)
-    if not isinstance(state, dict) or not {"frames", *PARTS} <= state.keys():
-        raise ConfigError(f"{path}: not a state of this version to resume from; train it anew")
+    other = folder / CHECKPOINTS / BEST
+    allowed = f"allowed is resume_from=best ({other.name})" if name == "latest" and other.is_file() else "train it anew"
+    try:
+        state = load(path)
+    except ConfigError as error:
+        raise ConfigError(f"{error}; {allowed}") from None
+    if (
+        not isinstance(state, dict)
+        or not {"frames", "counts", *PARTS} <= state.keys()
+        or type(state["frames"]) is not int
+    ):
+        raise ConfigError(f"{path}: not a state of this version of ibe_rl to resume from; {allowed}")
     return state
+
+
+@contextmanager
+def must_fit(folder: Path) -> Iterator[None]:
+    """What goes wrong in here is the state's fault.
+
+    Raises:
+        ConfigError: naming the run.
+    """
+    try:
+        yield
+    except ConfigError:
+        raise
+    except DOES_NOT_FIT as error:
+        first = str(error).splitlines()[0][:200] if str(error) else ""
+        raise ConfigError(
+            f"resume={folder}: its state does not fit this version of ibe_rl or its own settings "
+            f"({type(error).__name__}: {first}); train it anew"
+        ) from None
 
 
 def without_episodes(state: State) -> State:
@@ -101,13 +134,20 @@ def clear_way(folder: Path, state: State) -> str:
     """
     try:
         aside = _set_aside(folder, state)
-        state_file = folder / CHECKPOINTS / LATEST
-        if load(state_file)["frames"] != state["frames"]:
+        if _frames(folder / CHECKPOINTS / LATEST) != state["frames"]:
             link(folder / CHECKPOINTS, BEST, LATEST)
     except OSError as error:
         raise ConfigError(f"resume={folder}: allowed is a folder that can be written to ({error.strerror})") from None
     moved = f"; what it had logged after that is in {aside}" if aside else ""
     return f"going on at {state['frames']:,} frames{moved}"
+
+
+def _frames(path: Path) -> int | None:
+    """Of a state; None if it is damaged."""
+    with suppress(ConfigError, KeyError, TypeError):
+        frames: int = load(path)["frames"]
+        return frames
+    return None
 
 
 def _set_aside(folder: Path, state: State) -> Path | None:

@@ -8,10 +8,14 @@ import io
 import json
 import math
 import os
+import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from io import FileIO
 from pathlib import Path
-from typing import Any, BinaryIO, TextIO
+from typing import Any, BinaryIO
+
+import yaml
 
 from ibe_rl.data import ConfigError
 
@@ -29,24 +33,91 @@ CALIBRATION = "calibration.json"
 FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
+LONGEST_YAML, DEEPEST_YAML = 100_000, 500
 NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once")
 """Settings that say nothing about a run when it is named after its settings."""
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Let ``write`` fill a file under another name, then put it in the place of ``path`` in one go."""
+    """Let ``write`` fill a file under another name, then put it in the place of ``path`` in one go.
+
+    Raises:
+        OSError: naming ``path``; what was there before is there still.
+    """
     temporary = path.with_name(path.name + ".partial")
-    with temporary.open("wb") as stream:
-        write(stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(path)
+    try:
+        with temporary.open("wb") as stream:
+            write(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    except Exception as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        failed = error if isinstance(error, OSError) else error.__context__  # torch raises another one on top
+        if isinstance(failed, OSError) and failed.errno:
+            raise OSError(failed.errno, failed.strerror, str(path)) from None
+        raise
 
 
 def write_json(path: Path, values: Mapping[str, Any]) -> None:
     """Write ``values`` atomically, readable for people too."""
     text = json.dumps(values, indent=2, allow_nan=False) + "\n"
     write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def read_json(path: Path) -> Any:
+    """Read values back.
+
+    Raises:
+        ValueError: if it is no JSON.
+        OSError: if it cannot be read.
+    """
+    try:
+        return json.loads(path.read_text())
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+def read_yaml(path: Path) -> Any:
+    """Read plain values back: no tags of other types, nothing that stands for more than is written.
+
+    Raises:
+        ValueError: if it is no such YAML.
+        OSError: if it cannot be read.
+    """
+    try:
+        text = path.read_text()
+        if len(text) > LONGEST_YAML or text.count("[") + text.count("{") > DEEPEST_YAML:
+            raise ValueError("longer, or nested more deeply, than settings are")  # the parser would take minutes
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+            raise ValueError("an alias (*) in it; allowed are plain values")
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f"no plain YAML: {' '.join(str(error).split())[:200]}") from None
+
+
+def read_overrides(path: Path) -> list[str]:
+    """The settings that a run was started with; none if that cannot be told."""
+    try:
+        given = read_yaml(path)
+    except (OSError, ValueError):
+        return []
+    return [one for one in given if isinstance(one, str)] if isinstance(given, list) else []
+
+
+def refuse_special_files(path: Path) -> None:
+    """Refuse a run's folder with a link in it, through which files elsewhere would be written, or a pipe, which hangs.
+
+    Raises:
+        ConfigError: naming it.
+    """
+    for found in path.rglob("*"):
+        with suppress(FileNotFoundError):  # a run that still trains replaces files
+            mode = found.lstat().st_mode
+            if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+                kind = "a link to another place" if stat.S_ISLNK(mode) else "neither a file nor a folder"
+                raise ConfigError(f"{found}: {kind}; allowed is a run folder of plain files")
 
 
 def create_run_folder(path: Path) -> Path:
@@ -122,8 +193,8 @@ class MetricsTable:
     def __init__(self, path: Path, later: Iterable[str] = (), until_frames: int | None = None):
         self._path, self._later = path, tuple(later)
         self._rows = [] if until_frames is None else read_rows(path, until_frames=until_frames)
-        self._stream: TextIO | None = None
-        self._writer: csv.DictWriter[str] | None = None
+        self._columns: list[str] = []
+        self._stream: FileIO | None = None
 
     def __enter__(self) -> MetricsTable:
         return self
@@ -137,40 +208,62 @@ class MetricsTable:
 
         Raises:
             ValueError: for a name that is no column.
+            OSError: if the disk does not take it; the file ends with the row before.
         """
-        if self._writer is None or self._stream is None:
-            self._stream, self._writer = self._begin(row)
-        self._writer.writerow({name: _short(value) for name, value in row.items()})
-        self._stream.flush()
+        if self._stream is None:
+            self._stream = self._begin(row)
+        line = _table([{name: _short(value) for name, value in row.items()}], self._columns)
+        append(self._stream, line, self._path)
 
-    def _begin(self, row: Mapping[str, float]) -> tuple[TextIO, csv.DictWriter[str]]:
+    def _begin(self, row: Mapping[str, float]) -> FileIO:
         """Write the head and the rows before, in one go, with the columns of them all."""
-        columns = list(dict.fromkeys([*row, *self._later, *(self._rows[0] if self._rows else ())]))
-        write_rows(self._path, self._rows, columns)
-        stream = self._path.open("a", newline="")
-        return stream, csv.DictWriter(stream, columns, restval="")
+        self._columns = list(dict.fromkeys([*row, *self._later, *(self._rows[0] if self._rows else ())]))
+        write_rows(self._path, self._rows, self._columns)
+        self._rows = []
+        return self._path.open("ab", buffering=0)
+
+
+def append(stream: FileIO, data: bytes, path: Path) -> None:
+    """Write all of it at the end of a file, or nothing.
+
+    Raises:
+        OSError: naming ``path``.
+    """
+    before, left = os.fstat(stream.fileno()).st_size, memoryview(data)
+    try:
+        while left:
+            left = left[stream.write(left) :]
+    except OSError as error:
+        with suppress(OSError):
+            stream.truncate(before)
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def read_rows(path: Path, above_frames: float = -1, until_frames: float = math.inf) -> list[dict[str, str]]:
-    """The rows of a ``metrics.csv`` between two frames, the first one excluded.
+    """The rows of a ``metrics.csv`` between two frames, the first one excluded; a last one that was cut off is not.
 
     Raises:
         ConfigError: if it cannot be read.
     """
     try:
-        with path.open(newline="") as stream:
-            return [row for row in csv.DictReader(stream) if above_frames < int(row["frames"]) <= until_frames]
+        whole, _, _ = path.read_bytes().decode().rpartition("\n")
+        rows = csv.DictReader(io.StringIO(whole, newline=""))
+        return [row for row in rows if above_frames < int(row["frames"]) <= until_frames]
     except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
-        raise ConfigError(f"{path}: not the readable table of a run ({error!r})") from None
+        raise ConfigError(f"{path}: not the readable table of a run ({error!r:.200})") from None
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, str]], columns: Iterable[str] = ()) -> None:
     """Write a table in one go, by default with the columns of its first row."""
+    names = list(columns) or list(rows[0])
+    table = _table([dict(zip(names, names, strict=True)), *rows], names)
+    write_atomically(path, lambda stream: stream.write(table))
+
+
+def _table(rows: Iterable[Mapping[str, str]], columns: Sequence[str]) -> bytes:
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(columns) or list(rows[0]), restval="")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomically(path, lambda stream: stream.write(text.getvalue().encode()))
+    csv.DictWriter(text, columns, restval="").writerows(rows)
+    return text.getvalue().encode()
 
 
 def _short(value: float) -> str:

@@ -21,10 +21,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-import yaml
-
 from ibe_rl.data import ConfigError
-from ibe_rl.run_folder import CONFIG, METRICS, NOT_IN_NAMES, OVERRIDES, RECORDING, find_run
+from ibe_rl.run_folder import (
+    CONFIG,
+    METRICS,
+    NOT_IN_NAMES,
+    OVERRIDES,
+    RECORDING,
+    find_run,
+    read_overrides,
+    refuse_special_files,
+)
 from ibe_rl.serve.overlay import Overlay
 from ibe_rl.serve.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
 from ibe_rl.signals import StopRequest
@@ -43,11 +50,14 @@ def runs_at(place: Path) -> list[Path]:
     if place.is_file():
         return [place.parent if place.name == RECORDING else place]
     if _holds_run(place):
+        refuse_special_files(place)
         return [place]
     below = [folder for folder in place.glob("*") if _holds_run(folder)]
     if not below:
         allowed = "the folder of a run or of a sweep that train.py made, or a recording"
         raise ConfigError(f"{place}: nothing to open; allowed is {allowed}")
+    for folder in below:
+        refuse_special_files(folder)
     return sorted(below, key=lambda folder: (int("0" + re.sub(r"\D.*", "", folder.name)), folder.name))
 
 
@@ -99,11 +109,7 @@ def _told_apart(names: Sequence[str], longer: Sequence[str]) -> list[str]:
 
 def overrides_of(run: Path) -> dict[str, str]:
     """The settings that a run was started with; none if that cannot be told."""
-    try:
-        given = yaml.safe_load((run / OVERRIDES).read_text())
-    except (OSError, ValueError, yaml.YAMLError):
-        return {}
-    pairs = [str(one).lstrip("+").partition("=") for one in given] if isinstance(given, list) else []
+    pairs = [one.lstrip("+").partition("=") for one in read_overrides(run / OVERRIDES)]
     return {key: value for key, _, value in pairs}
 
 

@@ -15,7 +15,17 @@ from torchrl.collectors import Collector
 
 from ibe_rl import collect
 from ibe_rl.agent import Agent, make_agent
-from ibe_rl.collect import EVALUATION_SEED, Every, batches, check_collect, env_of_worker, make_collector, steps_of
+from ibe_rl.collect import (
+    DENSE,
+    EVALUATION_SEED,
+    Every,
+    Rarer,
+    batches,
+    check_collect,
+    env_of_worker,
+    make_collector,
+    steps_of,
+)
 from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, InstructorConfig, PPOConfig, TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_ID, LANDER_TASK
@@ -279,3 +289,29 @@ def test_every_is_true_at_the_end_unless_it_never_is():
     assert [Every(100)(150, last) for last in (False, True)] == [True, True]
     assert [Every(100)(50, last) for last in (False, True)] == [False, True]
     assert [Every(None)(150, last) for last in (False, True)] == [False, False]
+
+
+def kept(every: int, until: int, batch: int, now: int = 0) -> list[int]:
+    due = Rarer(every, now)
+    return [frames for frames in range(now + batch, until + 1, batch) if due(frames)]
+
+
+def test_what_stays_for_ever_is_kept_more_and_more_rarely():
+    often, end = kept(10, 16 * DENSE * 10, batch=10), 16 * DENSE * 10
+    assert often[: 2 * DENSE - 1] == list(range(10, 2 * DENSE * 10, 10))
+    for times in (2, 4, 8):  # of DENSE
+        within = [frames for frames in often if times * DENSE * 10 <= frames < 2 * times * DENSE * 10]
+        assert len(within) == DENSE
+        assert set(np.diff(within)) == {10 * times}
+    assert often[-1] == end
+    assert len(kept(10, end, batch=70)) <= len(often)
+
+
+def test_a_clock_that_is_taken_up_rings_as_if_it_had_never_stood_still():
+    end = 9 * DENSE * 10
+    for now in (70, 7 * 900, 7 * 1_000):
+        assert kept(10, end, 7, now) == [frames for frames in kept(10, end, 7) if frames > now]
+
+
+def test_a_rare_clock_that_never_rings():
+    assert not Rarer(None)(10**9)

@@ -24,7 +24,7 @@ LAYERS = (
             "signals",
             "command_line",
         ),
-        *("checkpoint", "resume", "under_way"),
+        *("checkpoint", "resume", "under_way", "arrays", "ending"),
     },
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},

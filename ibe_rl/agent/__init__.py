@@ -23,7 +23,11 @@ class Agent(Protocol):
     greedy: GreedyPolicy
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
-        """Learn from a batch ``[N, T]``; returns figures for the log, the same names every time."""
+        """Learn from a batch ``[N, T]``; returns figures for the log, the same names every time.
+
+        Raises:
+            FloatingPointError: if the loss or the weights are no finite numbers any more.
+        """
 
     def publish(self) -> None:
         """Let ``policy`` have what has been learnt; not while it collects, which would not be repeatable."""

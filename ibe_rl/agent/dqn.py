@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from ibe_rl.agent.networks import GreedyPolicy, linear, make_network
+from ibe_rl.agent.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import DQNConfig
 
@@ -109,6 +109,9 @@ class DQN:
         """Take in a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon.
 
         Row i of every batch has to be the same environment, going on where it stopped.
+
+        Raises:
+            FloatingPointError: if the loss or the weights are no finite numbers any more.
         """
         self._store(batch)
         self._anneal()
@@ -117,6 +120,7 @@ class DQN:
         updates = self._frames // every - before // every
         if self._frames >= self._config.learn_after_frames and updates and len(self._buffer):
             loss = self._learn(updates)
+            check_finite({"q_loss": loss}, self._network.parameters())
             self._target.update_parameters(self._network)
             self.greedy.follow(self._network)
         return {"q_loss": loss, "epsilon": self._epsilon}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -79,6 +80,19 @@ class GreedyPolicy:
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
         """The inverse of ``state_dict``."""
         self._average.load_state_dict(state)
+
+
+def check_finite(losses: Mapping[str, float], parameters: Iterable[Tensor]) -> None:
+    """Look whether an update has gone wrong.
+
+    Raises:
+        FloatingPointError: naming the loss that is not a finite number, or that it is the weights.
+    """
+    for name, loss in losses.items():
+        if not math.isfinite(loss):
+            raise FloatingPointError(f"{name}={loss:g}")
+    if not all(bool(weights.isfinite().all()) for weights in parameters):
+        raise FloatingPointError("weights are not finite numbers")
 
 
 def _move(share: float, average: Tensor, present: Tensor, updates: Tensor | int) -> Tensor:

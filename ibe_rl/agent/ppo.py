@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
-from ibe_rl.agent.networks import GreedyPolicy, make_network
+from ibe_rl.agent.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import PPOConfig
 
@@ -102,7 +102,11 @@ class PPO:
         self._optimizer = torch.optim.Adam(self._parameters, lr=config.learning_rate, eps=1e-5, fused=True)
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
-        """Learn from a batch ``[N, T]``; returns the last minibatch's losses."""
+        """Learn from a batch ``[N, T]``; returns the last minibatch's losses.
+
+        Raises:
+            FloatingPointError: if these, or the weights, are no finite numbers any more.
+        """
         left = 1 - min(self._frames / self._total_frames, 1)  # of the run
         self._optimizer.param_groups[0]["lr"] = left * self._config.learning_rate
         self._frames += batch.numel()
@@ -110,6 +114,7 @@ class PPO:
         for _ in range(self._config.epochs):
             for rows in torch.randperm(batch.numel()).split(self._config.minibatch_size):
                 losses = self._step(Steps(*(column[rows] for column in steps)), left * self._config.entropy)
+        check_finite(losses, self._parameters)
         self.greedy.follow(self._actor)
         return losses
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from ibe_rl.ibe import ClusterMapping
 from ibe_rl.limits import check
 from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
-from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES
+from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, read_json, refuse_special_files
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ def load_run(folder: Path) -> TrainedRun:
     Raises:
         ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
     """
+    refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
     env = make_gym(config.env.id, config.env.kwargs)
@@ -75,9 +77,8 @@ def load_run(folder: Path) -> TrainedRun:
     frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
     policy = _load_policy(path, config, env)
     saved = _last_refresh(folder, frame)
-    dimensions = len(saved.mapping.space.mean)
-    if dimensions != len(task.state_names):
-        raise ConfigError(f"{folder}: its vocabulary is for {dimensions} state dimensions, not {len(task.state_names)}")
+    for steps, mapping in {**saved.spans, saved.horizon_steps: saved.mapping}.items():
+        _check_vocabulary(folder, steps, mapping, task)
     calibration = _judged_calibration(folder, saved) or saved.calibration
     if calibration is not None and calibration.names != CONFIDENCE_FEATURES:
         known = ", ".join(CONFIDENCE_FEATURES)
@@ -96,13 +97,24 @@ def load_run(folder: Path) -> TrainedRun:
     )
 
 
+def _check_vocabulary(folder: Path, horizon_steps: int, mapping: ClusterMapping, task: Task) -> None:
+    dimensions, numbers = len(mapping.space.mean), mapping.expressions.shape[1]
+    if dimensions != len(task.state_names):
+        raise ConfigError(f"{folder}: its vocabulary is for {dimensions} state dimensions, not {len(task.state_names)}")
+    if numbers != task.instruction_size:
+        raise ConfigError(f"{folder}: its vocabulary is for {numbers} numbers in an instruction")
+    if not 1 <= horizon_steps <= task.max_episode_steps:
+        most = task.max_episode_steps
+        raise ConfigError(f"{folder}: its vocabulary is for {horizon_steps} steps; allowed are 1 to {most}")
+
+
 def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
     """That of ``task=evaluate``, from many more episodes, if it is of this vocabulary."""
     path = folder / EVALUATION / CALIBRATION
     if not path.exists():
         return None
     try:
-        told = json.loads(path.read_text())
+        told = read_json(path)
         mine = (told["mapping_frame"], told["horizon_steps"]) == (saved.frame, saved.horizon_steps)
         return Calibration.from_dict(told["calibration"]) if mine else None
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -131,9 +143,15 @@ def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:
 
 def _load_policy(path: Path, config: TrainConfig, env: gymnasium.Env[Any, Any]) -> GreedyPolicy:
     task = task_of(env)
+    widths = [task.observation_size, *config.agent.hidden]
+    state = load(path)
+    if min(widths) < 1 or sum(math.prod(pair) for pair in pairwise(widths)) > path.stat().st_size:
+        raise ConfigError(
+            f"{path}: not a policy of this run (agent.hidden={config.agent.hidden}, which it has no weights for)"
+        )
     agent = make_agent(config.agent, task.observation_size, env.action_space, config.total_frames, task.state_names)
     try:
-        agent.greedy.load_state_dict(load(path))
+        agent.greedy.load_state_dict(state)
     except (RuntimeError, AttributeError, TypeError) as error:
         raise ConfigError(f"{path}: not a policy of this run ({' '.join(str(error).split())[:200]})") from None
     return agent.greedy

@@ -95,11 +95,13 @@ class ClusterMapping:
         """
         try:
             arrays: dict[str, Any] = {name: np.asarray(values[name], float) for name in _ARRAYS}
+            if not all(np.isfinite(array).all() for array in arrays.values()):
+                raise ValueError("the mapping is damaged: not all of its numbers are finite")
             space, membership, width = Space.from_dict(values["space"]), values["membership"], values["width"]
             return cls(space, **arrays, membership=str(membership), width=float(width))
         except KeyError as error:
             raise ValueError(f"the mapping lacks {error}") from None
-        except TypeError as error:
+        except (TypeError, OverflowError) as error:
             raise ValueError(f"the mapping is damaged: {error}") from None
 
 

@@ -106,8 +106,11 @@ class Space:
             layers = values["layers"]
             weights = tuple(np.asarray(layer["weights"], float) for layer in layers)
             biases = tuple(np.asarray(layer["bias"], float) for layer in layers)
-            return cls(np.asarray(values["mean"], float), weights, biases, float(values["power"]))
-        except (KeyError, TypeError) as error:
+            mean, power = np.asarray(values["mean"], float), float(values["power"])
+            if not all(np.isfinite(numbers).all() for numbers in (mean, np.array(power), *weights, *biases)):
+                raise ValueError("the space is damaged: not all of its numbers are finite")
+            return cls(mean, weights, biases, power)
+        except (KeyError, TypeError, OverflowError) as error:
             raise ValueError(f"the space is damaged: {error}") from None
 
 

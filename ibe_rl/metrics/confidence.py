@@ -163,7 +163,7 @@ class Calibration:
         try:
             names = tuple(str(name) for name in values["names"])
             return cls(names, **{name: values[name] for name in cls.__dataclass_fields__ if name != "names"})
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the calibration is damaged: {error!r}") from None
 
 

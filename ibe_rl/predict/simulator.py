@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -107,8 +108,13 @@ class _Games:
         self._games: list[Any] = []
 
     def clear(self) -> None:
-        """Forget the copies."""
+        """Forget the copies.
+
+        Each is held by itself in a circle, and Python, which does not see the memory of the engine behind it, leaves
+        such circles lie for so long that a training grows by a megabyte a refresh.
+        """
         self._games = []
+        gc.collect()
 
     def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; a seed of None repeats the original's noise."""

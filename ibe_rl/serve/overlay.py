@@ -72,7 +72,7 @@ class Metrics:
             rows = list(reader)
             return {name: _curve(rows, name) for name in COLUMNS if name in (self._header or ())}
         except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
-            raise ConfigError(f"{self._path}: allowed are the metrics that train.py writes ({error!r})") from None
+            raise ConfigError(f"{self._path}: allowed are the metrics that train.py writes ({error!r:.200})") from None
 
     def _complete_lines(self) -> list[str]:
         """Lines that have their end; the rest is being written and is taken the next time."""

@@ -46,6 +46,15 @@ CURVE_BYTES, VALUE_BYTES = 1700, 32
 """At most of each curve whenever rows are sent, and of each value."""
 
 
+def _taken(state: Mapping[str, Any]) -> tuple[Place, int, list[int], dict[str, list[tuple[int, float]]]]:
+    """Place, steps drawn, clusters shown and curves of a state; raises what there is to raise if it is none."""
+    curves = {
+        str(key): [(int(frames), float(value)) for frames, value in rows] for key, rows in state["curves"].items()
+    }
+    frame, step = state["next"]
+    return Place(int(frame), int(step)), int(state["drawn_to"]), [int(one) for one in state["shown"]], curves
+
+
 def strict() -> bool:
     """True if rerun was asked to raise wrong calls instead of warning of them."""
     return strict_mode()
@@ -103,8 +112,11 @@ class Recorder:
         state: Mapping[str, Any] | None = None,
     ) -> None:
         self._task = task
+        taken = (
+            _taken(state) if state else None
+        )  # before there is a file: what is not closed in order waits at the exit
         self._file = RecordingFile(path, max_bytes)
-        self._id = state["id"] if state else str(uuid4())
+        self._id = str(state["id"]) if state else str(uuid4())
         self._recording = rr.RecordingStream(APPLICATION, recording_id=self._id)
         sink = rr.FileSink(self._file.entrance)
         self._recording.set_sinks(sink, default_blueprint=view.blueprint(task, training))
@@ -123,10 +135,10 @@ class Recorder:
         self._shown: list[int] = []  # clusters in the picture; not every refresh need be recorded
         self._film = Film(self._recording, task)
         self._open = True
-        if state:
+        if taken:
             self._repeat(earlier(path))
-            self._next, self._drawn_to, self._shown = Place(*state["next"]), state["drawn_to"], list(state["shown"])
-            self._curves.update({key: [tuple(row) for row in rows] for key, rows in state["curves"].items()})
+            self._next, self._drawn_to, self._shown, waiting = taken
+            self._curves.update(waiting)
 
     def _repeat(self, before: Path) -> None:
         """Send what another recorder had written: rerun's table of contents counts from the head of the file."""

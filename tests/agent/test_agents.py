@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from ibe_rl.agent import Agent, GreedyPolicy, make_agent
-from ibe_rl.agent.networks import linear, make_network
+from ibe_rl.agent.networks import check_finite, linear, make_network
 from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import AgentConfig, DQNConfig, PPOConfig
 from ibe_rl.data import ConfigError
@@ -273,3 +273,18 @@ def test_actions_must_be_discrete():
 def test_an_unknown_agent_is_refused():
     with pytest.raises(ConfigError, match="agent=AgentConfig: allowed is one of PPOConfig, DQNConfig"):
         make_agent(AgentConfig(kind="sac"), 2, gymnasium.spaces.Discrete(3), TOTAL)
+
+
+@pytest.mark.parametrize("losses", [{"loss": float("nan")}, {"fine": 0.0, "loss": float("inf")}])
+def test_a_loss_that_is_no_number_is_named(losses: dict[str, float]):
+    with pytest.raises(FloatingPointError, match=rf"^loss={losses['loss']}$"):
+        check_finite(losses, [])
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("-inf")])
+def test_weights_that_are_no_numbers_are_found(value: float):
+    weights = [torch.zeros(3), torch.zeros(2, 2)]
+    check_finite({"loss": 1.0}, weights)
+    weights[1][1, 0] = value
+    with pytest.raises(FloatingPointError, match=r"^weights are not finite numbers$"):
+        check_finite({"loss": 1.0}, weights)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from by_hand import TASK, WORDS, config, obey, on_a_line, plain, stay
 
+from ibe_rl import development as module
 from ibe_rl.data import Episode, Explanation
 from ibe_rl.development import Development
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, put_in_words
@@ -137,6 +138,17 @@ def test_the_calibration_grows_from_episode_to_episode(log: TrajectoryLog):
     ours.judge(refresh, upwards(4), predicted([[DOWN, UP, UP], DOWN, UP, UP], refresh.standing), every_steps=1)
     seen, true = [*seen, (2 / 3, 1), (1, 1), (1, 1), (1, 1)], [*true, True, False, False, False]
     assert same(ours.calibration, fitted(seen, true))
+
+
+def test_only_the_newest_episodes_count_for_the_calibration(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
+    """Else it, and each state of the run, would grow for as long as a run is."""
+    monkeypatch.setattr(module, "JUDGED_EPISODES", 2)
+    refresh, ours = refreshed(log, says(-1, 0, 1)), development()
+    for ways in ([[DOWN, DOWN, UP]] * 4, [UP, UP, STILL, STILL], [UP, UP, UP, UP]):
+        ours.judge(refresh, upwards(4), predicted(ways, refresh.standing), every_steps=1)
+    seen, true = [(1.0, 1.0)] * 8, [True] * 4 + [True, True, False, False]
+    assert same(ours.calibration, fitted(seen, true))
+    assert len(ours.state_dict()["judged"]) == 2
 
 
 def chance(ours: Development, agreement: float) -> float:

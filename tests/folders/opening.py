@@ -1,0 +1,81 @@
+"""All ways in which the program opens what lies in the folder of a run."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from ibe_rl.command_line import load_config
+from ibe_rl.config import TrainConfig
+from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.refit import open_log
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.instruct.recorded import read_lesson
+from ibe_rl.limits import check
+from ibe_rl.parts import build, draw_on
+from ibe_rl.resume import must_fit, read_state
+from ibe_rl.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
+from ibe_rl.serve.overlay import Metrics
+from ibe_rl.stream import set_back
+from ibe_rl.stream.recording_file import whole_messages
+from ibe_rl.viewer import Messages, run_names, runs_at
+
+
+def explained(run: Path) -> None:
+    """As explain.py does."""
+    opened = load_run(run)
+    kept_policies(opened, "policy", "between")
+    kept_refreshes(opened)
+    read_overrides(run / ".hydra" / "overrides.yaml")
+
+
+def log(run: Path) -> None:
+    """As explain.py task=compare does."""
+    opened = open_log(load_run(run))
+    opened.read(range(len(opened.index)))
+    assert len(opened.context_names) == len(opened.index)
+
+
+def resumed(run: Path) -> None:
+    """As train.py resume=DIR does, up to the first step."""
+    config: Any = load_config(run / CONFIG, TrainConfig)
+    check(config)
+    state = read_state(run, "latest")
+    if state["recorder"]:
+        with must_fit(run):
+            set_back(run / RECORDING, state["recorder"]["recorder"]["bytes"])
+    with ExitStack() as owned, patch("ibe_rl.parts.run_name", lambda folder: folder.name):  # hydra's to know
+        parts = build(config, run, owned, state=state)
+        draw_on(parts, state)
+        parts.log.read(range(len(parts.log.index)))
+
+
+def tabled(run: Path) -> None:
+    """As resume and the viewer read metrics.csv."""
+    read_rows(run / METRICS)
+    Metrics(run / METRICS).new()
+
+
+def viewed(run: Path) -> None:
+    """As the viewer does."""
+    run_names([*runs_at(run), run.parent])
+    with tempfile.TemporaryFile() as shown:
+        Messages(run / RECORDING).copy(shown)
+    with (run / RECORDING).open("rb") as file:
+        whole_messages(file, (run / RECORDING).stat().st_size)
+
+
+def lesson(run: Path) -> None:
+    """As instructor=recorded does."""
+    config: Any = load_config(run / CONFIG, TrainConfig)
+    read_lesson(run / "lesson.jsonl", task_of(make_gym(config.env.id, config.env.kwargs)).instruction_size)
+
+
+WAYS: dict[str, Callable[[Path], None]] = {
+    one.__name__: one for one in (explained, log, resumed, tabled, viewed, lesson)
+}
