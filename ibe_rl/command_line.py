@@ -25,6 +25,7 @@ from ibe_rl import config as schemas
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import NOT_IN_NAMES, write_atomically
+from ibe_rl.workers import LostWorkerError
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
@@ -49,7 +50,11 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
             started = True
             with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
                 script(values)
-        except (ConfigError, OmegaConfBaseException) as error:  # kept from hydra, which adds lines; a sweep goes on
+        except (
+            ConfigError,
+            LostWorkerError,
+            OmegaConfBaseException,
+        ) as error:  # kept from hydra, which adds lines; a sweep goes on
             refused.append(f"error: {one_line(error)}")
 
     try:

@@ -36,6 +36,7 @@ class CollectConfig:
     steps_per_batch: int = setting(64, low=1, high=100_000)  # of each environment
     overlap: bool = False  # collect a batch, in processes of its own, while learning from the one before
     ahead_batches: int = setting(1, low=1, high=16)  # with overlap: so many may be under way
+    timeout_s: float | None = setting(300.0, low=1.0)  # a worker without a batch for so long hangs: the run ends
 
 
 @dataclass

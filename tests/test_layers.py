@@ -13,7 +13,7 @@ SCRIPTS = ("train", "explain")
 LAYERS = (
     {
         *("data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line"),
-        *("checkpoint", "resume"),
+        *("checkpoint", "resume", "workers"),
     },
     {"env", "log", "ibe"},
     {"instruct", "agent", "predict", "metrics"},
