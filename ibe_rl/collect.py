@@ -21,8 +21,9 @@ from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.data import Array, ConfigError, Instructor, Task, UnderWay
 from ibe_rl.env.make import TRAINING_SEEDS, join, make_gym
 from ibe_rl.instruct import make_instructor
+from ibe_rl.ray_workers import RayWorkers, check_ray
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.workers import Processes, end_with_parent, next_of, starting
+from ibe_rl.workers import Processes, Workers, end_with_parent, next_of, starting
 
 SEEDS_PER_RUN = 100_000
 """Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""
@@ -67,7 +68,7 @@ def _draws(first: int, under_way: Sequence[UnderWay]) -> int:
 
 def apart(collect: CollectConfig) -> bool:
     """True if others than the training process collect."""
-    return collect.processes > 1 or collect.overlap
+    return collect.processes > 1 or collect.overlap or collect.engine == "ray"
 
 
 def make_collector(
@@ -99,6 +100,9 @@ def make_collector(
     settings = (env, collect, task, instructor, seed, lesson, under_way)
     factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
+    if collect.engine == "ray":
+        with interrupts_stay_here():
+            return RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
     with interrupts_stay_here(), script_stays_here(), starting(collect.timeout_s if apart(collect) else None):
         return Collector(
             factories if apart(collect) else factories[0],
@@ -116,11 +120,19 @@ def check_collect(config: CollectConfig) -> None:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
+    check_ray(config)
     if config.ahead_batches > 1 and not config.overlap:
         raise ConfigError(
             f"collect.ahead_batches={config.ahead_batches} with collect.overlap=false: allowed is 1, "
             "or collect.overlap=true, without which no batch is collected ahead"
         )
+
+
+def workers_of(collector: BaseCollector) -> Workers:
+    """Those who collect for it."""
+    if isinstance(collector, RayWorkers):
+        return collector.workers
+    return Processes(getattr(collector, "procs", ()), getattr(collector, "pipes", ()))
 
 
 def batches(
@@ -142,9 +154,9 @@ def batches(
     """
     asked: SimpleQueue[TensorDictBase | None] = SimpleQueue()
     coming: SimpleQueue[TensorDictBase | Exception] = SimpleQueue()
-    workers = Processes(getattr(collector, "procs", ()), getattr(collector, "pipes", ()))
-    alone = not hasattr(collector, "procs")  # else a worker that hangs would keep the program from ending
-    Thread(target=_collect, args=(collector, asked, coming), daemon=not alone).start()
+    workers = workers_of(collector)
+    apart = bool(workers.names)  # one that hangs would keep the program from ending
+    Thread(target=_collect, args=(collector, asked, coming), daemon=apart).start()
 
     def ask() -> None:
         agent.publish()
@@ -154,7 +166,7 @@ def batches(
         for _ in range(ahead_batches if overlap else 1):
             ask()
         while True:
-            batch = next_of(coming, workers, None if alone else timeout_s)
+            batch = next_of(coming, workers, timeout_s if apart else None)
             if overlap:
                 ask()
             yield batch.reshape(-1, batch.shape[-1])

@@ -39,8 +39,11 @@ def _end_after(sentinel: int) -> None:
 class Workers(Protocol):
     """Those who collect, as one sees them who waits for their batches."""
 
-    def dead(self) -> list[str]:
-        """Those who have ended, and how."""
+    names: list[str]
+    """None if there are no others than the trainer itself."""
+
+    def dead(self, error: Exception | None = None) -> list[str]:
+        """Those who have ended, and how; ``error`` is what ended the collecting, if anything did."""
 
     def silent(self) -> list[str]:
         """Those who do not answer; takes up to ``ANSWER_S``."""
@@ -59,12 +62,14 @@ class Processes:
 
     def __init__(self, processes: Sequence[Any] = (), pipes: Sequence[Any] = ()):
         self._processes, self._pipes = list(processes), list(pipes)
-        self._names = [f"worker {i} of {len(processes)} (process {one.pid})" for i, one in enumerate(processes)]
+        self.names = [f"worker {i} of {len(processes)} (process {one.pid})" for i, one in enumerate(processes)]
 
-    def dead(self) -> list[str]:
+    def dead(self, error: Exception | None = None) -> list[str]:
         """See ``Workers``."""
+        if error is not None:
+            time.sleep(POLL_S)  # the system may be later than the error
         codes = [_exit_code(process) for process in self._processes]
-        found = [(code, name) for code, name in zip(codes, self._names, strict=True) if code is not None]
+        found = [(code, name) for code, name in zip(codes, self.names, strict=True) if code is not None]
         own = [pair for pair in found if pair[0] != -signal.SIGTERM]  # with that TorchRL ends the others
         return [f"{name} has ended ({ending(code)})" for code, name in own or found]
 
@@ -75,7 +80,7 @@ class Processes:
                 pipe.send(("closed", "get_distant_attr"))  # any question that TorchRL's worker answers between batches
         until = time.monotonic() + ANSWER_S
         heard = [_answers(pipe, until) for pipe in self._pipes]
-        return [name for name, answered in zip(self._names, heard, strict=True) if not answered]
+        return [name for name, answered in zip(self.names, heard, strict=True) if not answered]
 
     def kill(self) -> None:
         """See ``Workers``."""
@@ -158,13 +163,12 @@ def next_of(coming: SimpleQueue[Any], workers: Workers, timeout_s: float | None)
             got = coming.get(timeout=POLL_S)
         except Empty:
             got = None
-        if isinstance(got, Exception):
-            time.sleep(POLL_S)  # the system may be later than the error
-        if (got is None or isinstance(got, Exception)) and (dead := workers.dead()):
+        error = got if isinstance(got, Exception) else None
+        if (got is None or error) and (dead := workers.dead(error)):
             workers.kill()
             raise LostWorkerError(", ".join(dead))
-        if isinstance(got, Exception):
-            raise got
+        if error:
+            raise error
         if got is not None:
             return got
     silent = " and ".join(workers.silent())

@@ -15,7 +15,7 @@ LAYERS = (
         *("data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line"),
         *("checkpoint", "resume", "workers"),
     },
-    {"env", "log", "ibe"},
+    {"env", "log", "ibe", "ray_workers"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
     {"progress", "stream", "serve", "viewer", "evaluation", "paper"},

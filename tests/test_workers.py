@@ -123,9 +123,9 @@ class Crew:
     """In the place of workers."""
 
     def __init__(self, dead: list[str], silent: list[str]):
-        self._dead, self._silent, self.killed = dead, silent, False
+        self.names, self._dead, self._silent, self.killed = ["worker 0", "worker 1"], dead, silent, False
 
-    def dead(self) -> list[str]:
+    def dead(self, _error: Exception | None = None) -> list[str]:
         return self._dead
 
     def silent(self) -> list[str]:
