@@ -16,6 +16,7 @@ import logging
 import os
 import re
 import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -36,7 +37,7 @@ HERE = {"address": "local", "include_dashboard": False}
 
 
 def check_ray(config: CollectConfig) -> None:
-    """Refuse, before anything is made, what is not installed.
+    """Refuse, before anything is made, what is not installed or not there.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -48,6 +49,18 @@ def check_ray(config: CollectConfig) -> None:
             f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
             "or collect.engine=ray, without which nobody connects to it"
         )
+    if config.address is not None:
+        _check_address(config.address)
+
+
+def _check_address(address: str) -> None:
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), ANSWER_S).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise ConfigError(
+            f"collect.address={address}: allowed is host:port of a Ray cluster that this machine is part of ({error})"
+        ) from None
 
 
 class RayWorkers(RayCollector):
