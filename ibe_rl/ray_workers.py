@@ -18,9 +18,11 @@ import re
 import signal
 import socket
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
+from threading import Timer
 from typing import Any
 
 from tensordict import TensorDictBase
@@ -30,7 +32,7 @@ from torchrl.envs import EnvBase
 
 from ibe_rl.config import CollectConfig
 from ibe_rl.data import ConfigError
-from ibe_rl.workers import ANSWER_S, START_S, LostWorkerError
+from ibe_rl.workers import ANSWER_S, POLL_S, START_S, LostWorkerError
 
 HERE = {"address": "local", "include_dashboard": False}
 """Ray on this machine, for this run alone."""
@@ -85,23 +87,36 @@ class RayWorkers(RayCollector):
         config: CollectConfig,
     ):
         _connect(config.address, len(factories))
-        super().__init__(
-            list(factories),
-            policy,
-            frames_per_batch=frames,
-            total_frames=sys.maxsize,
-            sync=True,
-            weight_sync_schemes={},
-            collector_kwargs={"auto_register_policy_transforms": False},
-            remote_configs={"num_cpus": 1, "scheduling_strategy": "SPREAD"},
-        )
+        allowed_s = max(config.timeout_s or 0.0, START_S)
+        late: list[bool] = []
+
+        def give_up() -> None:
+            late.append(True)
+            Actors(self._remote_collectors).kill()
+
+        self._remote_collectors: list[Any] = []
+        timer = Timer(allowed_s, give_up)
+        timer.daemon = True
+        timer.start()
+        try:  # it waits until all are ready
+            super().__init__(
+                list(factories),
+                policy,
+                frames_per_batch=frames,
+                total_frames=sys.maxsize,
+                sync=True,
+                weight_sync_schemes={},
+                collector_kwargs={"auto_register_policy_transforms": False},
+                remote_configs={"num_cpus": 1, "scheduling_strategy": "SPREAD"},
+            )
+        except Exception as error:  # of Ray, some of which are its own and some are not
+            why = f"they were not ready within {allowed_s:g} s" if late else _first_error(str(error))
+            _disconnect()
+            raise LostWorkerError(f"the workers could not be started: {why}") from None
+        finally:
+            timer.cancel()
         self._weight_sync_initialized = True  # update_policy_weights_ does it, without the schemes
         self.workers = Actors(self.remote_collectors)
-        try:
-            self.workers.wait(max(config.timeout_s or 0.0, START_S))
-        except LostWorkerError:
-            self.shutdown()
-            raise
 
     def update_policy_weights_(self, weights: TensorDictBase) -> None:
         """Let all workers have the weights, and the policy's buffers; back when they do."""
@@ -127,10 +142,27 @@ def _connect(address: str | None, workers: int) -> None:
     except (ConnectionError, ValueError, RuntimeError) as error:
         first = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise ConfigError(f"collect.address={address}: allowed is the address of a Ray cluster ({first})") from None
-    free = int(ray.available_resources().get("CPU", 0))
+    free = _free_processors(workers)
     if free < workers:
-        ray.shutdown()
+        _disconnect()
         raise ConfigError(f"collect.processes={workers}: allowed is at most {free}, the free processors of the cluster")
+
+
+def _disconnect() -> None:
+    """Leave the cluster; it ends if it was started by this process."""
+    import ray
+
+    ray.shutdown()
+
+
+def _free_processors(wanted: int) -> int:
+    """How many processors of the cluster are free; a new one takes some time to tell."""
+    import ray
+
+    until = time.monotonic() + ANSWER_S
+    while (free := int(ray.available_resources().get("CPU", 0))) < wanted and time.monotonic() < until:
+        time.sleep(POLL_S)
+    return free
 
 
 @contextmanager
@@ -157,20 +189,10 @@ class Actors:
         """What each of them answers: True; False if it does not in time, or why it cannot."""
         import ray
 
-        answers = [actor.get_distant_attr.remote("closed") for actor in self._actors]
-        ready, _ = ray.wait(answers, num_returns=len(answers), timeout=within_s)
-        return [_answer(answer) if answer in ready else False for answer in answers]
-
-    def wait(self, within_s: float) -> None:
-        """Wait until all are ready.
-
-        Raises:
-            LostWorkerError: if they are not in time, or cannot be.
-        """
-        for name, answer in zip(self.names, self._asked(within_s), strict=True):
-            if answer is not True:
-                why = _why(answer) if answer else f"was not ready within {within_s:g} s"
-                raise LostWorkerError(f"the workers could not be started: {name} {why}")
+        asked = [_ask(actor) for actor in self._actors]
+        waiting = [answer for answer in asked if not isinstance(answer, Exception)]
+        ready = ray.wait(waiting, num_returns=len(waiting), timeout=within_s)[0] if waiting else []
+        return [_answer(one) if one in ready else isinstance(one, Exception) and one for one in asked]
 
     def dead(self, error: Exception | None = None) -> list[str]:
         """See ``Workers``; as long as no error has come from them nobody is asked."""
@@ -192,6 +214,13 @@ class Actors:
                 ray.kill(actor)
 
 
+def _ask(actor: Any) -> Any:
+    try:
+        return actor.get_distant_attr.remote("closed")
+    except Exception as error:  # Ray's core raises nothing else when it knows of no such worker any more
+        return error
+
+
 def _answer(answer: Any) -> Exception | bool:
     import ray
 
@@ -200,6 +229,12 @@ def _answer(answer: Any) -> Exception | bool:
     except ray.exceptions.RayError as error:
         return error
     return True
+
+
+def _first_error(told: str) -> str:
+    """The line of a worker's traceback that says what was wrong."""
+    found = re.findall(r"^\s*(?:\w+\.)*(\w+(?:Error|Exception): .+)$", told, re.MULTILINE)
+    return found[0] if found else (told.strip() or "for no reason known").splitlines()[0]
 
 
 def _why(error: Exception | bool) -> str:

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def test_ray_is_refused_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatc
     check_collect(CollectConfig())
 
 
-def test_an_address_is_refused_where_nobody_connects_to_it(monkeypatch: pytest.MonkeyPatch):
+def test_an_address_is_refused_where_nobody_connects_to_it():
     with pytest.raises(ConfigError, match=r"^collect\.address=here:1 with collect\.engine=processes: allowed is null"):
         check_collect(CollectConfig(address="here:1"))
 
@@ -192,7 +193,8 @@ def test_training_on_two_nodes_is_that_in_two_processes(cluster: Any, tmp_path: 
     for engine in (("collect.engine=ray", f"collect.address={cluster.address}"), ("collect.engine=processes",)):
         folder = tmp_path / engine[0]
         command = [sys.executable, "train.py", *RUN, *engine, "refresh_every_frames=3000", f"run_dir={folder}"]
-        subprocess.run(command, cwd=ROOT, check=True, capture_output=True, env=os.environ | HERE_ONLY)
+        ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | HERE_ONLY)
+        assert ended.returncode == 0, ended.stdout + ended.stderr
         summary = json.loads((folder / "summary.json").read_text())
         assert summary["frames"] >= 6000
         assert summary["episodes"] > 10
@@ -216,7 +218,7 @@ def actor(node: Any) -> int:
 
 FAULTS = {
     "worker": (lambda node: os.kill(actor(node), signal.SIGKILL), r"is lost: it has ended \(pid: \d+, ip: [\d.]+\)"),
-    "node": (lambda node: os.kill(raylet(node), signal.SIGKILL), r"is lost: its machine is gone .*"),
+    "node": (lambda node: os.kill(raylet(node), signal.SIGKILL), r"is lost: .*"),
     "hangs": (lambda node: os.kill(actor(node), signal.SIGSTOP), r"hangs: no batch for 5 s \(collect.timeout_s\)"),
 }
 
@@ -253,15 +255,44 @@ def test_a_cluster_that_is_too_small(cluster: Any):
         make_collector(make_dqn(), ENV, config, LANDER_TASK, InstructorConfig(), seed=3)
 
 
-def breaks(*_: Any) -> Any:
-    raise OSError("no such game")
+BAD = {
+    "breaks": (partial(int, "no game"), "ValueError: invalid literal"),
+    "sleeps": (partial(time.sleep, 600), "they were not ready within 10 s"),
+}
 
 
 @needs_ray
 @pytest.mark.soak
-def test_a_worker_over_ray_that_never_gets_ready():
-    with pytest.raises(LostWorkerError, match="the workers could not be started: worker 0 of 1"):
-        RayWorkers([breaks], make_dqn().policy, 100, CollectConfig(engine="ray"))
+@pytest.mark.parametrize("factory", BAD)
+def test_a_worker_over_ray_that_never_gets_ready(factory: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ray_workers, "START_S", 10.0 if factory == "sleeps" else 60.0)
+    make, why = BAD[factory]
+    with pytest.raises(LostWorkerError, match=f"^the workers could not be started: {why}"):
+        RayWorkers([make], make_dqn().policy, 100, CollectConfig(engine="ray", timeout_s=1.0))
+
+
+def test_the_first_error_of_a_traceback_says_what_was_wrong():
+    told = "The actor died\n  File x\nray.exceptions.RaySystemError: System error: No module named 'a'\nKeyError: 3"
+    assert ray_workers._first_error(told) == "RaySystemError: System error: No module named 'a'"
+    assert ray_workers._first_error("it died\nof age") == "it died"
+    assert ray_workers._first_error("") == "for no reason known"
+
+
+@pytest.mark.parametrize(
+    ("told", "what"),
+    [
+        (
+            "died\n\tpid: 12\n\tip: 10.0.0.2\nits worker process has died",
+            "is lost: it has ended (pid: 12, ip: 10.0.0.2)",
+        ),
+        (
+            "The actor died because its node has died. Node Id: 1",
+            "is lost: its machine is gone (The actor died because its node has died. Node Id: 1)",
+        ),
+    ],
+)
+def test_an_end_is_told_in_a_few_words(told: str, what: str):
+    assert ray_workers._why(RuntimeError(told)) == what
 
 
 def test_nobody_is_asked_as_long_as_nothing_has_gone_wrong():
