@@ -111,6 +111,7 @@ class RayWorkers(RayCollector):
             )
         except Exception as error:  # of Ray, some of which are its own and some are not
             why = f"they were not ready within {allowed_s:g} s" if late else _first_error(str(error))
+            self._remote_collectors.clear()
             _disconnect()
             raise LostWorkerError(f"the workers could not be started: {why}") from None
         finally:
@@ -133,6 +134,7 @@ def _connect(address: str | None, workers: int) -> None:
     from ray._private import ray_constants
 
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers about each start
+    os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # it would start anew for who calls a worker after the end
     if not address:
         ray_constants.ENABLE_RAY_CLUSTER = False  # then it listens on 127.0.0.1 only; its setting is read too early
     where = {"address": address} if address else {**HERE, "num_cpus": workers}

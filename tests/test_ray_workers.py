@@ -191,7 +191,7 @@ def without_times(folder: Path) -> list[dict[str, str]]:
 def test_training_on_two_nodes_is_that_in_two_processes(cluster: Any, tmp_path: Path):
     tables = []
     for engine in (("collect.engine=ray", f"collect.address={cluster.address}"), ("collect.engine=processes",)):
-        folder = tmp_path / engine[0]
+        folder = tmp_path / str(len(engine))
         command = [sys.executable, "train.py", *RUN, *engine, "refresh_every_frames=3000", f"run_dir={folder}"]
         ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | HERE_ONLY)
         assert ended.returncode == 0, ended.stdout + ended.stderr
