@@ -86,7 +86,10 @@ class RayWorkers(RayCollector):
         frames: int,
         config: CollectConfig,
     ):
-        _connect(config.address, len(factories))
+        import ray
+
+        connect(config.address, len(factories))
+        _check_room(len(factories))
         allowed_s = max(config.timeout_s or 0.0, START_S)
         late: list[bool] = []
 
@@ -112,7 +115,7 @@ class RayWorkers(RayCollector):
         except Exception as error:  # of Ray, some of which are its own and some are not
             why = f"they were not ready within {allowed_s:g} s" if late else _first_error(str(error))
             self._remote_collectors.clear()
-            _disconnect()
+            ray.shutdown()
             raise LostWorkerError(f"the workers could not be started: {why}") from None
         finally:
             timer.cancel()
@@ -128,8 +131,17 @@ class RayWorkers(RayCollector):
         super().shutdown(timeout, shutdown_ray)
 
 
-def _connect(address: str | None, workers: int) -> None:
-    """Connect to the cluster, or start one that ends with this process."""
+def connect(address: str | None, processors: int = 1, key: str = "collect.address") -> None:
+    """Connect to a cluster, or start one that ends with this process.
+
+    Args:
+        address: of the cluster; None starts one.
+        processors: that one which is started has.
+        key: what the address is called in an error.
+
+    Raises:
+        ConfigError: if there is no such cluster.
+    """
     import ray
     from ray._private import ray_constants
 
@@ -137,34 +149,25 @@ def _connect(address: str | None, workers: int) -> None:
     os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # it would start anew for who calls a worker after the end
     if not address:
         ray_constants.ENABLE_RAY_CLUSTER = False  # then it listens on 127.0.0.1 only; its setting is read too early
-    where = {"address": address} if address else {**HERE, "num_cpus": workers}
+    where = {"address": address} if address else {**HERE, "num_cpus": processors}
     try:
         with _keeps_sigterm():
             ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, ValueError, RuntimeError) as error:
         first = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise ConfigError(f"collect.address={address}: allowed is the address of a Ray cluster ({first})") from None
-    free = _free_processors(workers)
-    if free < workers:
-        _disconnect()
-        raise ConfigError(f"collect.processes={workers}: allowed is at most {free}, the free processors of the cluster")
+        raise ConfigError(f"{key}={address}: allowed is the address of a Ray cluster ({first})") from None
 
 
-def _disconnect() -> None:
-    """Leave the cluster; it ends if it was started by this process."""
-    import ray
-
-    ray.shutdown()
-
-
-def _free_processors(wanted: int) -> int:
-    """How many processors of the cluster are free; a new one takes some time to tell."""
+def _check_room(workers: int) -> None:
+    """Refuse more workers than processors are free; a new cluster takes some time to tell."""
     import ray
 
     until = time.monotonic() + ANSWER_S
-    while (free := int(ray.available_resources().get("CPU", 0))) < wanted and time.monotonic() < until:
+    while (free := int(ray.available_resources().get("CPU", 0))) < workers and time.monotonic() < until:
         time.sleep(POLL_S)
-    return free
+    if free < workers:
+        ray.shutdown()
+        raise ConfigError(f"collect.processes={workers}: allowed is at most {free}, the free processors of the cluster")
 
 
 @contextmanager

@@ -15,7 +15,7 @@ LAYERS = (
         *("data", "scene", "colours", "config", "limits", "ports", "run_folder", "signals", "command_line"),
         *("checkpoint", "resume", "workers"),
     },
-    {"env", "log", "ibe", "ray_workers"},
+    {"env", "log", "ibe", "ray_workers", "ray_run"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
     {"progress", "stream", "serve", "viewer", "evaluation", "paper"},
@@ -23,6 +23,7 @@ LAYERS = (
     set(SCRIPTS),
 )
 SIDEWAYS = {
+    ("ray_run", "ray_workers"),
     *(("refresh", "lessons"), ("development", "lessons")),
     *(
         ("development", "refresh"),
