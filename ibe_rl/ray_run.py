@@ -36,7 +36,6 @@ class Command:
     """
 
     def __init__(self, command: Sequence[str], folder: str):
-        libc = ctypes.CDLL(None)
         self._written = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this lives
         self._read = 0
         self._process = subprocess.Popen(  # noqa: S603 - what the caller would have run
@@ -46,7 +45,7 @@ class Command:
             stdout=self._written,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
+            preexec_fn=_begin,
         )
 
     def read(self, interrupt: bool) -> tuple[bytes, int | None]:
@@ -65,6 +64,12 @@ class Command:
         return text, status
 
 
+def _begin() -> None:
+    """End with the process that started this one, and hear of Ctrl-C, which Ray keeps from its processes."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
 def run(address: str, processors: int, command: Sequence[str]) -> int:
     """Run a command on the cluster; returns its exit status, negative as ``subprocess`` gives it.
 
@@ -79,8 +84,9 @@ def run(address: str, processors: int, command: Sequence[str]) -> int:
     with StopRequest() as stop:
         told = False
         while True:
-            text, status = ray.get(actor.read.remote(bool(stop) and not told))
-            told = bool(stop)
+            tell = bool(stop) and not told  # Ctrl-C may come while this waits
+            text, status = ray.get(actor.read.remote(tell))
+            told = told or tell
             sys.stdout.buffer.write(text)
             sys.stdout.flush()
             if status is not None:

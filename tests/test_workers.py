@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,6 +24,7 @@ from ibe_rl import collect, workers
 from ibe_rl.collect import make_collector
 from ibe_rl.config import InstructorConfig
 from ibe_rl.env import LANDER_TASK
+from ibe_rl.parts import resumable
 from ibe_rl.run_folder import METRICS, read_rows
 from ibe_rl.workers import LostWorkerError, ending, next_of
 
@@ -164,6 +166,15 @@ def test_too_late_is_said_otherwise_than_hanging():
         with pytest.raises(LostWorkerError, match=f"^{said}: no batch for 0.3 s"):
             next_of(brought(), crew, 0.3)
         assert crew.killed
+
+
+def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
+    parts: Any = SimpleNamespace(log=SimpleNamespace(frames=0))
+    said = r"^worker 1; nothing had been collected yet, start the run anew$"
+    with pytest.raises(LostWorkerError, match=said), resumable(parts, lambda: 1.0):
+        raise LostWorkerError("worker 1")
+    with pytest.raises(ZeroDivisionError), resumable(parts, lambda: 1.0):
+        raise ZeroDivisionError
 
 
 def test_how_a_process_ended():
