@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/installed
 BENCH := $(VENV)/installed-bench
+SOAK := $(VENV)/installed-soak
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
@@ -30,7 +31,11 @@ test: $(INSTALLED) ## every check: format, lint, types, tests
 	$(BIN)/mypy
 	$(BIN)/pytest
 
-soak: $(INSTALLED) ## what is too slow for every change: kills, many machines, long runs
+$(SOAK): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ray]'
+	touch $@
+
+soak: $(SOAK) ## what is too slow for every change: kills, many machines, long runs
 	$(BIN)/pytest -m soak
 
 $(BENCH): $(INSTALLED)

@@ -42,7 +42,7 @@ from ibe_rl.metrics import happened
 from ibe_rl.obedience import check_obedience
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.paper.lab import check_report
-from ibe_rl.parts import NOBODY, Parts, begin, build, keep_best, save_state, times
+from ibe_rl.parts import NOBODY, Parts, begin, build, keep_best, resumable, save_state, times
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, recent_mean
 from ibe_rl.resume import State, clear_way, must_fit, take_up
@@ -95,11 +95,13 @@ def train(
         collector = make_collector(parts.agent, *made_from, parts.classroom.open_lesson, parts.under_way)
         owned.callback(collector.shutdown)
         owned.callback(parts.classroom.farewell)
-        ahead = cfg.collect.overlap, cfg.collect.ahead_batches
+        patience_s = None if parts.classroom.open_lesson else cfg.collect.timeout_s  # a person may pause the game
+        ahead = cfg.collect.overlap, cfg.collect.ahead_batches, patience_s
         source = owned.enter_context(closing(batches(collector, parts.agent, *ahead)))
         owned.callback(parts.classroom.hurry)
         stop.when_asked(parts.classroom.hurry)
         begin(parts, state)
+    owned.enter_context(resumable(parts, lambda: time.perf_counter() - start))
     agent, log = parts.agent, parts.log
     often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
     refresh_due, evaluation_due, checkpoint_due = (Every(frames, log.frames) for frames in often)

@@ -4,39 +4,82 @@ from __future__ import annotations
 
 import multiprocessing
 import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
+from tensordict import TensorDictBase
 
 from ibe_rl.agent import make_agent
+from ibe_rl.agent.ppo import SamplingPolicy
 from ibe_rl.collect import batches, make_collector
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig, PPOConfig
 from ibe_rl.env import LANDER_ID
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import InstructedEnvs, make_gym, task_of
 
 
-def collect(settings: dict[str, int], count: int) -> float:
+def collect(settings: dict[str, Any], count: int) -> float:
     """Frames a second of our collector with an untrained PPO, after one batch to warm up.
 
     Args:
         settings: of ``CollectConfig`` that differ from the default.
         count: batches that are timed.
     """
+    with collecting(settings) as endless:
+        start = time.perf_counter()
+        frames = sum(next(endless).numel() for _ in range(count))
+        return frames / (time.perf_counter() - start)
+
+
+def inside(settings: dict[str, Any], count: int) -> dict[str, float]:
+    """Shares of the time in which one process collects: the games, the policy, and what TorchRL does around them."""
+    spent = {"games": 0.0, "policy": 0.0}
+    for owner, name, what in (
+        (InstructedEnvs, "_step", "games"),
+        (InstructedEnvs, "_reset", "games"),
+        (SamplingPolicy, "forward", "policy"),
+    ):
+        setattr(owner, name, timed(getattr(owner, name), spent, what))
+    with collecting(settings) as endless:
+        spent.update(dict.fromkeys(spent, 0.0))
+        start = time.perf_counter()
+        for _ in range(count):
+            next(endless)
+        shares = {what: seconds / (time.perf_counter() - start) for what, seconds in spent.items()}
+    return shares | {"collector": 1.0 - sum(shares.values())}
+
+
+def timed(call: Callable[..., Any], spent: dict[str, float], what: str) -> Callable[..., Any]:
+    """The same function, its seconds added to ``spent``."""
+
+    def counted(*args: Any, **kwargs: Any) -> Any:
+        start = time.perf_counter()
+        try:
+            return call(*args, **kwargs)
+        finally:
+            spent[what] += time.perf_counter() - start
+
+    return counted
+
+
+@contextmanager
+def collecting(settings: dict[str, Any]) -> Iterator[Generator[TensorDictBase, None, None]]:
+    """Batches without end of an untrained PPO, the first of them left out; nobody learns meanwhile."""
     torch.set_num_threads(1)
     torch.manual_seed(0)
     env = make_gym(LANDER_ID, {})
     task = task_of(env)
     agent = make_agent(PPOConfig(), task.observation_size, env.action_space, total_frames=1_000_000)
     collector = make_collector(agent, EnvConfig(LANDER_ID), CollectConfig(**settings), task, InstructorConfig(), seed=0)
-    endless = batches(collector, agent, overlap=False)
-    next(endless)
-    start = time.perf_counter()
-    frames = sum(next(endless).numel() for _ in range(count))
-    seconds = time.perf_counter() - start
-    collector.shutdown()
-    return frames / seconds
+    try:
+        with closing(batches(collector, agent, overlap=False)) as endless:
+            next(endless)
+            yield endless
+    finally:
+        collector.shutdown()
 
 
 def bare(seconds: float, processes: int = 2) -> float:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Generator, MutableSequence, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
 from functools import partial
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any
 
 import gymnasium
@@ -22,8 +22,10 @@ from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.data import Array, ConfigError, Instructor, Task
 from ibe_rl.env.make import TRAINING_SEEDS, join, make_gym
 from ibe_rl.instruct import make_instructor
+from ibe_rl.ray_workers import RayWorkers, check_ray
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.under_way import UnderWay
+from ibe_rl.workers import Processes, Workers, end_with_parent, next_of, starting
 
 SEEDS_PER_RUN = 100_000
 """Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""
@@ -49,6 +51,8 @@ def env_of_worker(
 ) -> EnvBase:
     """Make a worker's environments, ``under_way`` those of all workers; runs in the worker's own process."""
     torch.set_num_threads(1)
+    if apart(collect):
+        end_with_parent()
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     games = [make_gym(env.id, env.kwargs) for _ in range(collect.envs_per_process)]
     person = lesson(games) if lesson else None
@@ -62,6 +66,11 @@ def _draws(first: int, under_way: Sequence[UnderWay]) -> int:
     """Seed of the exploration: of a run that is taken up other draws than at its beginning."""
     begun = [first, *(one.ended for one in under_way), *(len(one.actions) for one in under_way)]
     return int(np.random.SeedSequence(begun).generate_state(1)[0]) if under_way else first
+
+
+def apart(collect: CollectConfig) -> bool:
+    """True if others than the training process collect."""
+    return collect.processes > 1 or collect.overlap or collect.engine == "ray"
 
 
 def make_collector(
@@ -85,20 +94,25 @@ def make_collector(
         seed: of the run.
         lesson: wants a single process.
         under_way: the episodes that all rows take up.
+
+    Raises:
+        LostWorkerError: if a process dies, or hangs, before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
     settings = (env, collect, task, instructor, seed, lesson, under_way)
     factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
-    apart = collect.processes > 1 or collect.overlap
-    with interrupts_stay_here(), script_stays_here():
+    if collect.engine == "ray":
+        with interrupts_stay_here():
+            return RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
+    with interrupts_stay_here(), script_stays_here(), starting(collect.timeout_s if apart(collect) else None):
         return Collector(
-            factories if apart else factories[0],
+            factories if apart(collect) else factories[0],
             deepcopy(agent.policy),  # the processes share its weights, and get new ones only between two batches
             frames_per_batch=rows * collect.steps_per_batch,
             total_frames=-1,
             auto_register_policy_transforms=False,  # they are for recurrent policies
-            **(many if apart else {}),
+            **(many if apart(collect) else {}),
         )
 
 
@@ -108,6 +122,7 @@ def check_collect(config: CollectConfig) -> None:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
+    check_ray(config)
     if config.ahead_batches > 1 and not config.overlap:
         raise ConfigError(
             f"collect.ahead_batches={config.ahead_batches} with collect.overlap=false: allowed is 1, "
@@ -115,8 +130,15 @@ def check_collect(config: CollectConfig) -> None:
         )
 
 
+def workers_of(collector: BaseCollector) -> Workers:
+    """Those who collect for it."""
+    if isinstance(collector, RayWorkers):
+        return collector.workers
+    return Processes(getattr(collector, "procs", ()), getattr(collector, "pipes", ()))
+
+
 def batches(
-    collector: BaseCollector, agent: Agent, overlap: bool, ahead_batches: int = 1
+    collector: BaseCollector, agent: Agent, overlap: bool, ahead_batches: int = 1, timeout_s: float | None = None
 ) -> Generator[TensorDictBase, None, None]:
     """Yield batches ``[N, T]`` without end; close the generator before the collector.
 
@@ -127,30 +149,50 @@ def batches(
             weights of ``ahead_batches`` updates before, however fast either side is: the same seed gives the same
             batches.
         ahead_batches: so many may be collected before the caller has learnt from the one before them.
+        timeout_s: a worker without a batch for so long hangs; None: it may take as long as it likes.
+
+    Raises:
+        LostWorkerError: if a worker dies or hangs.
     """
-    source = iter(collector)
+    asked: SimpleQueue[TensorDictBase | None] = SimpleQueue()
+    coming: SimpleQueue[TensorDictBase | Exception] = SimpleQueue()
+    workers = workers_of(collector)
+    apart = bool(workers.names)  # one that hangs would keep the program from ending
+    Thread(target=_collect, args=(collector, asked, coming), daemon=apart).start()
 
-    def collect(weights: TensorDictBase) -> TensorDictBase:
-        collector.update_policy_weights_(weights)
-        batch: TensorDictBase = next(source)
-        return batch
-
-    def ask() -> Future[TensorDictBase]:
+    def ask() -> None:
         agent.publish()
-        return worker.submit(collect, TensorDict.from_module(agent.policy).data.clone())
+        asked.put(TensorDict.from_module(agent.policy).data.clone())
 
-    with ThreadPoolExecutor(1) as worker:
-        coming = deque(ask() for _ in range(ahead_batches if overlap else 1))
-        try:
-            while True:
-                batch = coming.popleft().result()
-                if overlap:
-                    coming.append(ask())
-                yield batch.reshape(-1, batch.shape[-1])
-                if not overlap:
-                    coming.append(ask())
-        finally:
-            worker.shutdown(wait=False, cancel_futures=True)
+    try:
+        for _ in range(ahead_batches if overlap else 1):
+            ask()
+        while True:
+            batch = next_of(coming, workers, timeout_s if apart else None)
+            if overlap:
+                ask()
+            yield batch.reshape(-1, batch.shape[-1])
+            if not overlap:
+                ask()
+    finally:
+        while not asked.empty():
+            asked.get_nowait()
+        asked.put(None)
+
+
+def _collect(
+    collector: BaseCollector,
+    asked: SimpleQueue[TensorDictBase | None],
+    coming: SimpleQueue[TensorDictBase | Exception],
+) -> None:
+    """Collect a batch with each set of weights; be a thread."""
+    source = iter(collector)
+    try:
+        while (weights := asked.get()) is not None:
+            collector.update_policy_weights_(weights)
+            coming.put(next(source))
+    except Exception as error:
+        coming.put(error)
 
 
 def steps_of(batch: TensorDictBase) -> dict[str, Array]:

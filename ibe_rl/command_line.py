@@ -26,6 +26,7 @@ from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.workers import LostWorkerError
 
 FOLDERS = {"explain": {"sweep": "sweep_dir"}}
 """Settings of a script that name a folder, where hydra would look for a file in ``configs/``; what they are in it."""
@@ -54,7 +55,11 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
             started = True
             with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
                 script(values)
-        except (ConfigError, OmegaConfBaseException) as error:  # kept from hydra, which adds lines; a sweep goes on
+        except (
+            ConfigError,
+            LostWorkerError,
+            OmegaConfBaseException,
+        ) as error:  # kept from hydra, which adds lines; a sweep goes on
             refused.append(f"error: {one_line(error)}")
 
     try:

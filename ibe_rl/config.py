@@ -30,11 +30,14 @@ class EnvConfig:
 class CollectConfig:
     """How experience is gathered."""
 
-    processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself
+    engine: str = setting("processes", choices=("processes", "ray"))  # ray: on this machine or on a cluster
+    address: str | None = None  # of the Ray cluster, as host:port; None: Ray on this machine, for this run
+    processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself, but over Ray
     envs_per_process: int = setting(64, low=1, high=1024)
     steps_per_batch: int = setting(64, low=1, high=100_000)  # of each environment
     overlap: bool = False  # collect a batch, in processes of its own, while learning from the one before
     ahead_batches: int = setting(1, low=1, high=16)  # with overlap: so many may be under way
+    timeout_s: float | None = setting(300.0, low=1.0)  # a worker without a batch for so long hangs: the run ends
 
 
 @dataclass

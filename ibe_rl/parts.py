@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import ExitStack, closing, nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from torchrl.checkpoint import GlobalRNGState
 from ibe_rl.agent import Agent, make_agent
 from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
 from ibe_rl.classroom import Classroom, NoClassroom
-from ibe_rl.command_line import run_name
+from ibe_rl.command_line import installed, run_name
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError, Instructor, Task
 from ibe_rl.development import FIGURES, Development
@@ -31,6 +31,7 @@ from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
 from ibe_rl.under_way import UnderWay
+from ibe_rl.workers import LostWorkerError
 
 LATER_COLUMNS = (
     "eval/return_mean",
@@ -163,6 +164,25 @@ def save_state(parts: Parts, wall_s: float) -> None:
     state = {name: as_tensors(getattr(parts, name).state_dict()) for name in set(PARTS) - {"agent"}}
     state["agent"] = parts.agent.state_dict()  # torch's own already; a copy would lack what it notes beside the values
     save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
+
+
+@contextmanager
+def resumable(parts: Parts, wall_s: Callable[[], float]) -> Iterator[None]:
+    """If a worker is lost between two batches, keep the run as it stands and say how it goes on.
+
+    Raises:
+        LostWorkerError: again, in one line with what can be done.
+    """
+    try:
+        yield
+    except LostWorkerError as error:
+        if not parts.log.frames:
+            raise LostWorkerError(f"{error}; nothing had been collected yet, start the run anew") from None
+        save_state(parts, wall_s())
+        command = f"{installed('python')} train.py resume={parts.folder}"
+        raise LostWorkerError(
+            f"{error}; the run is kept as it was at {parts.log.frames:,} frames, to go on: {command}"
+        ) from None
 
 
 def keep_best(parts: Parts, success: float) -> None:

@@ -33,7 +33,8 @@ from ibe_rl.run_folder import (
 
 State = dict[str, Any]
 FIXED = (
-    *("seed", "run_dir", "env", "collect", "log", "instructor", "mapping", "experiment"),
+    *("seed", "run_dir", "env", "log", "instructor", "mapping", "experiment"),
+    *(f"collect.{name}" for name in ("processes", "envs_per_process", "steps_per_batch", "overlap", "ahead_batches")),
     *("agent.kind", "agent.hidden", "agent.ignores", "agent.n_steps", "agent.buffer_frames"),
 )
 """What a run keeps: its state would not fit otherwise, or it would be another experiment."""

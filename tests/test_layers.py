@@ -12,21 +12,10 @@ SCRIPTS = ("train", "explain")
 
 LAYERS = (
     {
-        *(
-            "data",
-            "scene",
-            "colours",
-            "config",
-            "config_store",
-            "limits",
-            "ports",
-            "run_folder",
-            "signals",
-            "command_line",
-        ),
-        *("checkpoint", "resume", "under_way", "arrays", "ending"),
+        *("data", "scene", "colours", "config", "config_store", "limits", "ports", "run_folder", "signals"),
+        *("command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
     },
-    {"env", "log", "ibe"},
+    {"env", "log", "ibe", "ray_workers", "ray_run"},
     {"instruct", "agent", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
     {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep"},
@@ -34,6 +23,7 @@ LAYERS = (
     set(SCRIPTS),
 )
 SIDEWAYS = {
+    ("ray_run", "ray_workers"),
     *(("refresh", "lessons"), ("development", "lessons")),
     *(
         ("development", "refresh"),

@@ -69,6 +69,8 @@ def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Tas
         raise ConfigError(
             f"collect.processes={collect.processes} with instructor={config.kind}: allowed is 1, one game is watched"
         )
+    if collect.engine == "ray":
+        raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")
     if task.instruction_size != 1:
         raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
     if config.others == "habits" and collect.envs_per_process == 1:

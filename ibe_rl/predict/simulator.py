@@ -6,6 +6,7 @@ import gc
 import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from itertools import cycle
 from typing import Any
 
@@ -16,6 +17,7 @@ from threadpoolctl import threadpool_limits
 from ibe_rl.config import PredictorConfig
 from ibe_rl.data import Array, Moment, Policy, observe
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.workers import end_with_parent
 
 MakeEnv = Callable[[], gymnasium.Env[Any, Any]]
 Rule = Callable[[Array], Array]
@@ -69,10 +71,14 @@ class Simulator:
         if not self._workers:
             spawn = multiprocessing.get_context("spawn")
             self._workers = [ProcessPoolExecutor(1, spawn, _keep, (self._games,)) for _ in range(self._processes)]
-        with interrupts_stay_here(), script_stays_here():  # each part has its process, so that all is repeatable
-            workers = cycle(self._workers)
-            rolled = [next(workers).submit(_roll, part, policy, horizon_steps) for part in parts]
-        return [part.result() for part in rolled]
+        try:
+            with interrupts_stay_here(), script_stays_here():  # each part has its process, so that all is repeatable
+                workers = cycle(self._workers)
+                rolled = [next(workers).submit(_roll, part, policy, horizon_steps) for part in parts]
+            return [part.result() for part in rolled]
+        except BrokenProcessPool:  # somebody has killed one of them
+            self.close()
+            return [self._games.roll(part, policy, horizon_steps) for part in parts]
 
     def forget(self) -> None:
         """Play with new copies from now on: old ones show traces of whom they played before."""
@@ -156,6 +162,7 @@ _kept: list[_Games] = []
 
 def _keep(games: _Games) -> None:
     threadpool_limits(1)
+    end_with_parent()
     _kept[:] = [games]
 
 

@@ -92,6 +92,17 @@ def test_several_processes_predict_the_same():
         np.testing.assert_allclose(paths[in_flight], alone.rollout(several, policy, 30)[in_flight], atol=2e-3)
 
 
+def test_a_process_that_is_killed_is_done_without():
+    _, moments = flown()
+    several, policy = moments[::20], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
+    with closing(make_simulator(PredictorConfig(moments_at_once=4, processes=2), make_one, RULE, seed=3)) as spread:
+        whole = spread.rollout(several, policy, 30)
+        [process] = spread._workers[1]._processes.values()
+        process.kill()
+        assert spread.rollout(several, policy, 30).shape == whole.shape
+        assert spread._workers == []
+
+
 def test_few_moments_start_no_process():
     _, moments = flown()
     simulator = Simulator(make_one, RULE, processes=2)
