@@ -42,7 +42,7 @@ from ibe_rl.metrics import happened
 from ibe_rl.obedience import check_obedience
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.paper.lab import check_report
-from ibe_rl.parts import NOBODY, Parts, begin, build, keep_best, resumable, save_state, times
+from ibe_rl.parts import NOBODY, Parts, begin, build, resumable, save_state, times, whole_state
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, recent_mean
 from ibe_rl.resume import State, clear_way, must_fit, take_up
@@ -133,16 +133,12 @@ def train(
             parts.progress.batch(log.frames, log.frames / (time.perf_counter() - start), row)
             parts.classroom.batch(row, agent.greedy)
             parts.progress.say_all(parts.recorder.news() + live())
-        if checkpoint_due(log.frames) or refreshed or evaluated:
-            with timeit("checkpoint"):
-                save_state(parts, time.perf_counter() - start)  # to resume from
-                keep_best(parts, row.get("eval/success_rate", -1.0))
         if last:
             break
-    with timeit("stream"):
-        parts.recorder.close()
-        parts.progress.say_all(parts.recorder.news())
-    return summarise(cfg, parts, row, time.perf_counter() - start, stopped=bool(stop))
+        if checkpoint_due(log.frames) or refreshed or evaluated:
+            with timeit("checkpoint"):
+                save_state(parts, whole_state(parts, time.perf_counter() - start))  # to resume from
+    return finish(cfg, parts, row, lambda: time.perf_counter() - start, stopped=bool(stop))
 
 
 def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
@@ -213,8 +209,24 @@ def evaluate(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         episodes = play(parts.evaluation_envs, parts.agent.greedy, parts.instructor, seeds)
     with timeit("checkpoint"):
         save_policy(parts.folder / CHECKPOINTS, parts.log.frames, parts.agent.greedy.state_dict())
-    success = float(np.mean([episode.success for episode in episodes]))
+    success, best = float(np.mean([episode.success for episode in episodes])), parts.counts
+    if success > best.best_success:
+        best.best_success, best.best_frames = success, parts.log.frames
     return {"eval/return_mean": float(np.mean([e.total_reward for e in episodes])), "eval/success_rate": success}
+
+
+def finish(
+    cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: Callable[[], float], stopped: bool
+) -> dict[str, Any]:
+    """Close the recording and write the summary; the last state follows: killed before, the run is not at its end."""
+    state = whole_state(parts, wall_s())
+    with timeit("stream"):
+        parts.recorder.close()
+        parts.progress.say_all(parts.recorder.news())
+    summary = summarise(cfg, parts, row, wall_s(), stopped)
+    write_json(parts.folder / SUMMARY, summary)
+    save_state(parts, state)
+    return summary
 
 
 def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: float, stopped: bool) -> dict[str, Any]:
@@ -266,7 +278,6 @@ def main(cfg: TrainConfig) -> None:
             classroom = open_classroom(cfg, env, lesson_port, folder, page(ports) if ports else None)
             owned.callback(classroom.close)
             summary = train(cfg, folder, stop, owned, live, classroom, state)
-            write_json(folder / SUMMARY, summary)
         closing_table(summary)
         say_how_to_open(folder)
     if cfg.report and not stop:

@@ -52,6 +52,7 @@ class Counts:
     kept: int = 0
     skipped: int = 0
     best_success: float = -1.0
+    best_frames: int = -1
     wall_s: float = 0.0
     times_s: dict[str, float] = field(default_factory=dict)
 
@@ -157,13 +158,20 @@ def _load_log(parts: Parts, state: State) -> None:
             ) from None
 
 
-def save_state(parts: Parts, wall_s: float) -> None:
-    """Keep all that the run goes on from, in one file that replaces the one before in one go."""
+def whole_state(parts: Parts, wall_s: float) -> State:
+    """All that the run goes on from as it stands; the log is on disk then."""
     parts.log.flush()
     counts = vars(parts.counts) | {"wall_s": wall_s, "times_s": times(parts.counts)}
     state = {name: as_tensors(getattr(parts, name).state_dict()) for name in set(PARTS) - {"agent"}}
     state["agent"] = parts.agent.state_dict()  # torch's own already; a copy would lack what it notes beside the values
-    save_latest(parts.folder / CHECKPOINTS, {"frames": parts.log.frames, "counts": counts, **state})
+    return {"frames": parts.log.frames, "counts": counts, **state}
+
+
+def save_state(parts: Parts, state: State) -> None:
+    """Keep a ``whole_state`` in one file that replaces the one before in one go; the best one stays too."""
+    save_latest(parts.folder / CHECKPOINTS, state)
+    if state["frames"] == state["counts"]["best_frames"]:
+        link(parts.folder / CHECKPOINTS, LATEST, BEST)
 
 
 @contextmanager
@@ -178,18 +186,11 @@ def resumable(parts: Parts, wall_s: Callable[[], float]) -> Iterator[None]:
     except LostWorkerError as error:
         if not parts.log.frames:
             raise LostWorkerError(f"{error}; nothing had been collected yet, start the run anew") from None
-        save_state(parts, wall_s())
+        save_state(parts, whole_state(parts, wall_s()))
         command = f"{installed('python')} train.py resume={parts.folder}"
         raise LostWorkerError(
             f"{error}; the run is kept as it was at {parts.log.frames:,} frames, to go on: {command}"
         ) from None
-
-
-def keep_best(parts: Parts, success: float) -> None:
-    """Let the state that was just kept stay as the best one if no evaluation was better before."""
-    if success > parts.counts.best_success:
-        parts.counts.best_success = success
-        link(parts.folder / CHECKPOINTS, LATEST, BEST)
 
 
 def begin(parts: Parts, state: State | None) -> None:
@@ -198,7 +199,7 @@ def begin(parts: Parts, state: State | None) -> None:
         with must_fit(parts.folder):
             parts.random.load_state_dict(state["random"])
     else:
-        save_state(parts, wall_s=0.0)  # from here on the run can be resumed, whenever it is killed
+        save_state(parts, whole_state(parts, wall_s=0.0))  # from here on the run can be resumed, whenever it is killed
 
 
 def times(counts: Counts) -> Mapping[str, float]:
