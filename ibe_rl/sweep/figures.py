@@ -22,8 +22,8 @@ TRUTH = {
     "ibe/motion_auc": "motion told from what is said (AUC)",
     "ibe/motion_auc_disobeyed": "the same where it did not do as told (AUC)",
     "ibe/instruction_f1": "instruction told from what is said (F1)",
-    "ibe/came_true": "share of the watched episode's words that came true",
-    "ibe/unknown": "share of it in which it does not know",
+    "ibe/came_true": "share of what was said that came true",
+    "ibe/unknown": "share in which it says that it does not know",
     "ibe/vocabulary_drift": "drift of the vocabulary at a refresh",
 }
 JUDGED = {
