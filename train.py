@@ -104,7 +104,7 @@ def train(
             save_state(parts, wall_s=0.0)  # from here on it can be resumed, whenever it is killed
     agent, log = parts.agent, parts.log
     often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
-    refresh_due, evaluation_due, checkpoint_due = (Every(frames, log.frames) for frames in often)
+    refresh_due, evaluation_due, checkpoint_due = map(Every, often, 3 * [log.frames])
     keeping_due = Rarer(cfg.keep_policy_every_frames, log.frames)
     last = False
 
