@@ -104,7 +104,7 @@ def train(
     owned.enter_context(resumable(parts, lambda: time.perf_counter() - start))
     agent, log = parts.agent, parts.log
     often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
-    refresh_due, evaluation_due, checkpoint_due = (Every(frames, log.frames) for frames in often)
+    refresh_due, evaluation_due, checkpoint_due = map(Every, often, 3 * [log.frames])
     keeping_due = Rarer(cfg.keep_policy_every_frames, log.frames)
     last = False
 

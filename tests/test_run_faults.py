@@ -25,6 +25,7 @@ import train
 from ibe_rl.agent import dqn, ppo
 from ibe_rl.checkpoint import load
 from ibe_rl.development import Development
+from ibe_rl.ending import how_to_go_on
 from ibe_rl.log import TrajectoryLog
 
 RUN = [*SMALL, "eval_every_frames=2000", "checkpoint_every_frames=1000", "viewer=off"]
@@ -132,8 +133,10 @@ def test_the_disk_has_no_room_for_the_log(tmp_path: Path) -> None:
     with full_disk(ROOM):
         said = failing(*RUN, f"run_dir={folder}")
     assert f"{folder}/trajectories/state.npy cannot be written (File too large)" in said
-    assert said.endswith("it has kept no state to go on from: train it anew")
+    assert said.endswith(f"make room, then its state at 0 frames is kept, go on from it: train.py resume={folder}")
     assert not (folder / "trajectories" / "state.npy").exists()
+    call("train", f"resume={folder}")
+    assert_all_there(folder)
 
 
 @pytest.fixture(scope="module")
@@ -268,6 +271,10 @@ def test_a_loss_that_is_no_number(agent: str, module: Any, loss: str, tmp_path: 
     monkeypatch.undo()
     call("train", f"resume={folder}", "agent.learning_rate=0.0001")
     assert_all_there(folder)
+
+
+def test_without_a_state_there_is_none_to_go_on_from(tmp_path: Path) -> None:
+    assert how_to_go_on(tmp_path) == "it has kept no state to go on from: train it anew"
 
 
 def test_an_error_that_nobody_expects_keeps_what_was_logged(tmp_path: Path, monkeypatch: Setter) -> None:
