@@ -112,7 +112,7 @@ class RayWorkers(RayCollector):
                 collector_kwargs={"auto_register_policy_transforms": False},
                 remote_configs={"num_cpus": 1, "scheduling_strategy": "SPREAD"},
             )
-        except Exception as error:  # of Ray, some of which are its own and some are not
+        except (Exception, SystemExit) as error:  # Ray raises its own, others, and exits where its core is gone
             why = f"they were not ready within {allowed_s:g} s" if late else _first_error(str(error))
             self._remote_collectors.clear()
             ray.shutdown()
@@ -153,7 +153,8 @@ def connect(address: str | None, processors: int = 1, key: str = "collect.addres
     try:
         with _keeps_sigterm():
             ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, ValueError, RuntimeError) as error:
+    except (ConnectionError, ValueError, RuntimeError, SystemExit) as error:  # it exits where its own do not start
+        ray.shutdown()
         first = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise ConfigError(f"{key}={address}: allowed is the address of a Ray cluster ({first})") from None
 
