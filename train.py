@@ -25,26 +25,22 @@ import numpy as np
 from tensordict import TensorDictBase
 from torchrl import timeit
 
-from ibe_rl.agent import check_agent
 from ibe_rl.checkpoint import BETWEEN, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, check_collect, make_collector, steps_of
-from ibe_rl.command_line import installed, is_sweep, output_folder, run_script, save_config
+from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, make_collector, steps_of
+from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
-from ibe_rl.development import check_development, figures
+from ibe_rl.development import figures
 from ibe_rl.ending import nothing_lost
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.instruct import check_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
-from ibe_rl.obedience import check_obedience
 from ibe_rl.paper.experiments import reproduce
-from ibe_rl.paper.lab import check_report
-from ibe_rl.parts import NOBODY, Parts, begin, build, resumable, save_state, times, whole_state
+from ibe_rl.parts import NOBODY, Parts, begin, build, check_parts, resumable, save_state, times, whole_state
 from ibe_rl.play import play, watch
-from ibe_rl.progress import closing_table, recent_mean
+from ibe_rl.progress import closing_table, how_to_open, recent_mean
 from ibe_rl.resume import State, clear_way, must_fit, take_up
 from ibe_rl.run_folder import (
     CHECKPOINTS,
@@ -253,16 +249,9 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 
 def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
-    state = None
-    if cfg.resume:
-        cfg, state = take_up(cfg)
+    cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
     env = make_gym(cfg.env.id, cfg.env.kwargs)
-    check_collect(cfg.collect)
-    check_agent(cfg.agent, task_of(env).state_names)
-    check_instructor(cfg.instructor, cfg.collect, task_of(env))
-    check_development(cfg, task_of(env))
-    check_obedience(cfg, task_of(env))
-    check_report(cfg, task_of(env))
+    check_parts(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     lesson_port = choose_port(cfg.instructor)
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
@@ -279,7 +268,7 @@ def main(cfg: TrainConfig) -> None:
             owned.callback(classroom.close)
             summary = train(cfg, folder, stop, owned, live, classroom, state)
         closing_table(summary)
-        say_how_to_open(folder)
+        print(*how_to_open(folder, is_sweep()), sep="\n")
     if cfg.report and not stop:
         reproduce(ExplainConfig(run=str(folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer))
     if stop and is_sweep():
@@ -295,15 +284,6 @@ def serve(recording: Path, ports: Ports, owned: ExitStack) -> News:
         return list
     print(invitation(ports))
     return relay.news
-
-
-def say_how_to_open(folder: Path) -> None:
-    """Print how to look at the run again."""
-    print(f"the run is in {folder}")
-    print(f"  look at it again:     {installed('python')} -m ibe_rl.viewer {folder}")
-    if is_sweep():
-        print(f"  beside the others:    {installed('python')} -m ibe_rl.viewer {folder.parent}")
-    print(f"  one episode in words: {installed('python')} explain.py run={folder}")
 
 
 if __name__ == "__main__":

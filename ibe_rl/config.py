@@ -209,6 +209,7 @@ class TrainConfig:
     stop_after_frames: int | None = setting(None, low=1)  # end in order there, in the middle of all schedules
     run_dir: str = MISSING
     runs_at_once: int | None = setting(None, low=1, high=1024)  # of a sweep (-m); None: a core for each process
+    runs_on: str | None = None  # of a sweep: HOST:PORT of a Ray cluster that this machine is part of; None: here
     resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
     resume_from: str = setting("latest", choices=("latest", "best"))  # its latest state, or that of its best evaluation
     checkpoint_every_frames: int = setting(100_000, low=1)  # and at refreshes, evaluations: the state to resume from

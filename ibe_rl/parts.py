@@ -14,17 +14,19 @@ import torch
 from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
-from ibe_rl.agent import Agent, make_agent
+from ibe_rl.agent import Agent, check_agent, make_agent
 from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
 from ibe_rl.classroom import Classroom, NoClassroom
-from ibe_rl.command_line import installed, run_name
+from ibe_rl.collect import check_collect
+from ibe_rl.command_line import installed, is_sweep, run_name
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError, Instructor, Task
-from ibe_rl.development import FIGURES, Development
+from ibe_rl.development import FIGURES, Development, check_development
 from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog, UnreadableLogError
-from ibe_rl.obedience import Obedience, make_obedience
+from ibe_rl.obedience import Obedience, check_obedience, make_obedience
+from ibe_rl.paper.lab import check_report
 from ibe_rl.predict import Simulator, make_simulator
 from ibe_rl.progress import TrainingProgress
 from ibe_rl.resume import PARTS, State, must_fit
@@ -78,6 +80,22 @@ class Parts:
     random: GlobalRNGState = field(default_factory=GlobalRNGState)
     counts: Counts = field(default_factory=Counts)
     under_way: list[UnderWay] = field(default_factory=list)
+
+
+def check_parts(cfg: TrainConfig, task: Task) -> None:
+    """Refuse settings that cannot work, before anything is made.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if not is_sweep() and (cfg.runs_at_once or cfg.runs_on):
+        raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
+    check_collect(cfg.collect)
+    check_agent(cfg.agent, task.state_names)
+    check_instructor(cfg.instructor, cfg.collect, task)
+    check_development(cfg, task)
+    check_obedience(cfg, task)
+    check_report(cfg, task)
 
 
 def build(

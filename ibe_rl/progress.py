@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from ibe_rl.command_line import installed
 from ibe_rl.data import Array
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import sentences
@@ -98,3 +100,15 @@ def closing_table(summary: Mapping[str, Any]) -> None:
 def recent_mean(values: Array, count: int) -> float:
     """Mean of the newest ``count`` of ``values``; not a number while there is none."""
     return float(np.mean(values[-count:])) if len(values) else float("nan")
+
+
+def how_to_open(folder: Path, in_sweep: bool) -> list[str]:
+    """How to look at a run again."""
+    python = installed("python")
+    beside = [f"  beside the others:    {python} -m ibe_rl.viewer {folder.parent}"] if in_sweep else []
+    return [
+        f"the run is in {folder}",
+        f"  look at it again:     {python} -m ibe_rl.viewer {folder}",
+        *beside,
+        f"  one episode in words: {python} explain.py run={folder}",
+    ]

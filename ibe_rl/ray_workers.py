@@ -44,24 +44,39 @@ def check_ray(config: CollectConfig) -> None:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if config.engine == "ray" and find_spec("ray") is None:
-        raise ConfigError("collect.engine=ray: Ray is not installed (pip install 'ibe_rl[ray]'); allowed is processes")
+    if config.engine == "ray":
+        check_installed("collect.engine=ray", "processes")
     if config.engine != "ray" and config.address is not None:
         raise ConfigError(
             f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
             "or collect.engine=ray, without which nobody connects to it"
         )
     if config.address is not None:
-        _check_address(config.address)
+        check_address("collect.address", config.address)
 
 
-def _check_address(address: str) -> None:
+def check_installed(setting: str, allowed: str) -> None:
+    """Refuse a setting that wants Ray where there is none.
+
+    Raises:
+        ConfigError: naming the setting and what is allowed.
+    """
+    if find_spec("ray") is None:
+        raise ConfigError(f"{setting}: Ray is not installed (pip install 'ibe_rl[ray]'); allowed is {allowed}")
+
+
+def check_address(key: str, address: str) -> None:
+    """Refuse the address of a cluster where nobody answers.
+
+    Raises:
+        ConfigError: naming the key, the address and what is allowed.
+    """
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host, int(port)), ANSWER_S).close()
     except (OSError, ValueError, OverflowError) as error:
         raise ConfigError(
-            f"collect.address={address}: allowed is host:port of a Ray cluster that this machine is part of ({error})"
+            f"{key}={address}: allowed is host:port of a Ray cluster that this machine is part of ({error})"
         ) from None
 
 

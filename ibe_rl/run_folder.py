@@ -34,7 +34,7 @@ FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
-NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once")
+NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once", "runs_on")
 """Settings that say nothing about a run when it is named after its settings."""
 
 

@@ -109,3 +109,14 @@ def test_no_cluster_is_said(begin: Any):
 
 def command_of(pid: int) -> bytes:
     return Path(f"/proc/{pid}/cmdline").read_bytes()
+
+
+@needs_ray
+@pytest.mark.soak
+def test_a_sweep_runs_on_the_cluster(cluster: Any, tmp_path: Path):
+    asked = ["-m", "seed=0,1", *RUN, "collect.processes=1", f"run_dir={tmp_path}", f"runs_on={cluster.address}"]
+    sweep = start("train.py", *asked, "runs_at_once=2", **HERE_ONLY)
+    output, _ = sweep.communicate(timeout=300)
+    assert sweep.returncode == 0, output
+    found = [json.loads(path.read_text())["seed"] for path in sorted(tmp_path.glob("*/summary.json"))]
+    assert found == [0, 1]

@@ -435,6 +435,13 @@ def test_a_folder_that_cannot_be_written_is_refused(extra: list[str], tmp_path: 
         call("train", *extra, f"run_dir={tmp_path / 'file' / 'run'}", "viewer=off")
 
 
+@pytest.mark.parametrize("setting", ["runs_at_once=2", "runs_on=there:1"])
+def test_a_setting_of_sweeps_is_refused_for_one_run(setting: str, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=rf"error: .*{setting}.*: allowed only in a sweep \(-m\)"):
+        call("train", setting, f"run_dir={tmp_path / 'run'}", "viewer=off")
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize(
     ("overrides", "expected"),
     [

@@ -12,11 +12,14 @@ from ibe_rl.command_line import installed, quoted
 from ibe_rl.config import HumanConfig, TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
+from ibe_rl.ray_workers import check_address, check_installed
 from ibe_rl.sweep.board import Board, closing_table, failures
 from ibe_rl.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.sweep.processes import cores, run_all
 
 VIEWER = ("viewer", "viewer.mode")
+OF_THE_SWEEP = ("run_dir", "runs_at_once", "runs_on")
+"""Settings that its runs do not get."""
 
 
 def launch(
@@ -46,7 +49,10 @@ def launch(
     console.print(f"{len(jobs)} runs, {at_once} at once, each in a folder of its own below {sweep}", markup=False)
     if recorded:
         console.print(f"  they are recorded, not served; to watch them: {viewer(sweep)}", markup=False)
-    outcomes = run_all(jobs, lambda job, goes_on: command(job, goes_on, [*flags], extra), at_once, Board(console))
+    front = elsewhere(settings)
+    outcomes = run_all(
+        jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
+    )
     console.print(closing_table(outcomes))
     for line in [*failures(outcomes), *how_to_open(sweep)]:
         console.print(line, markup=False)
@@ -73,6 +79,11 @@ def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
         )
     if cfg.viewer.mode == "live" and any(key_of(one) in VIEWER for one in overrides):
         raise ConfigError(f"viewer=live in a sweep: allowed is file or off; `{viewer(sweep)}` shows all of its runs")
+    if cfg.runs_on is not None:
+        check_installed(f"runs_on={cfg.runs_on}", "null")
+        check_address("runs_on", cfg.runs_on)
+        if cfg.runs_at_once is None:
+            raise ConfigError(f"runs_on={cfg.runs_on}: allowed only with runs_at_once, as many as the cluster takes")
     if isinstance(cfg.instructor, HumanConfig):
         raise ConfigError("instructor=human in a sweep: a person teaches one run; allowed is hydra/launcher=basic")
 
@@ -82,13 +93,23 @@ def how_many(settings: Sequence[TrainConfig]) -> int:
     for cfg in settings:
         if cfg.runs_at_once is not None:
             return cfg.runs_at_once
-    processes = max(cfg.collect.processes + cfg.collect.overlap for cfg in settings)
-    return max(1, min(cores() // processes, len(settings)))
+    return max(1, min(cores() // processors(settings), len(settings)))
+
+
+def processors(settings: Sequence[TrainConfig]) -> int:
+    """How many cores a run can use."""
+    return max(cfg.collect.processes + cfg.collect.overlap for cfg in settings)
+
+
+def elsewhere(settings: Sequence[TrainConfig]) -> list[str]:
+    """What stands before a command that is to run on a cluster; nothing if it is to run here."""
+    on = settings[0].runs_on
+    return [sys.executable, "-m", "ibe_rl.ray_run", on, str(processors(settings))] if on else []
 
 
 def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str]) -> list[str]:
     """What starts a run, or lets it go on with the settings that it has."""
-    given = [one for one in job.overrides if key_of(one) != "run_dir"]
+    given = [one for one in job.overrides if key_of(one) not in OF_THE_SWEEP]
     asked = [f"resume={quoted(str(job.folder))}"] if goes_on else [*given, *extra, f"run_dir={quoted(str(job.folder))}"]
     single = ["hydra.mode=RUN", f"hydra.job.name={quoted(job.name)}"]
     return [sys.executable, sys.argv[0], *flags, *asked, *single]

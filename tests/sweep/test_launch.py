@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from processes import ROOT, SMALL, call, start
 from view_data import eventually
 
+from ibe_rl import ray_workers
 from ibe_rl.config import (
     CollectConfig,
     EnvConfig,
@@ -28,7 +30,7 @@ from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import read_rows
 from ibe_rl.sweep import launch as launching
 from ibe_rl.sweep.jobs import DONE, FAILED, NOT_BEGUN, Job, Outcome
-from ibe_rl.sweep.launch import command, how_many, launch, refuse
+from ibe_rl.sweep.launch import command, elsewhere, how_many, launch, refuse
 
 CFG = TrainConfig(
     run_dir="",
@@ -54,6 +56,22 @@ def test_what_cannot_work_in_a_sweep_is_refused_by_name() -> None:
     refuse(["viewer=file"], replace(CFG, viewer=ViewerConfig("file")), place)
     with pytest.raises(ConfigError, match=r"^instructor=human in a sweep: .*hydra/launcher=basic"):
         refuse([], replace(CFG, instructor=HumanConfig()), place)
+
+
+def test_a_sweep_on_a_cluster_is_told_where_and_how_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        there = replace(CFG, runs_on=f"127.0.0.1:{server.getsockname()[1]}", runs_at_once=3)
+        monkeypatch.setattr(ray_workers, "find_spec", lambda _: None)
+        with pytest.raises(ConfigError, match=r"^runs_on=127\.0\.0\.1:\d+: Ray is not installed .* allowed is null"):
+            refuse([], there, Path("runs/sweep"))
+        monkeypatch.setattr(ray_workers, "find_spec", lambda _: True)
+        refuse([], there, Path("runs/sweep"))
+        with pytest.raises(ConfigError, match=r"^runs_on=.*: allowed only with runs_at_once"):
+            refuse([], replace(there, runs_at_once=None), Path("runs/sweep"))
+    with pytest.raises(ConfigError, match=r"^runs_on=127\.0\.0\.1:\d+: allowed is host:port of a Ray cluster"):
+        refuse([], there, Path("runs/sweep"))
+    on = [sys.executable, "-m", "ibe_rl.ray_run", there.runs_on, "2"]
+    assert (elsewhere([there]), elsewhere([CFG])) == (on, [])
 
 
 def test_every_run_has_a_core_for_each_of_its_processes(monkeypatch: pytest.MonkeyPatch) -> None:
