@@ -99,9 +99,7 @@ def train(
         source = owned.enter_context(closing(batches(collector, parts.agent, *ahead)))
         owned.callback(parts.classroom.hurry)
         stop.when_asked(parts.classroom.hurry)
-        draw_on(parts, state)
-        if not state:
-            save_state(parts, wall_s=0.0)  # from here on it can be resumed, whenever it is killed
+        begin(parts, state)
     agent, log = parts.agent, parts.log
     often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
     refresh_due, evaluation_due, checkpoint_due = map(Every, often, 3 * [log.frames])
@@ -143,6 +141,13 @@ def train(
         parts.recorder.close()
         parts.progress.say_all(parts.recorder.news())
     return summarise(cfg, parts, row, time.perf_counter() - start, stopped=bool(stop))
+
+
+def begin(parts: Parts, state: State | None) -> None:
+    """Let chance go on where it was; a new run can be resumed from here on, whenever it is killed."""
+    draw_on(parts, state)
+    if not state:
+        save_state(parts, wall_s=0.0)
 
 
 def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:

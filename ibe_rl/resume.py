@@ -158,7 +158,7 @@ def _set_aside(folder: Path, state: State) -> Path | None:
     late += [path for path in (folder / REFRESHES).glob("*.json") if int(path.stem) > frames]
     late += [path for name in (SUMMARY, EVALUATION, FIGURES, LESSON) if (path := folder / name).exists()]
     late += [] if state["recorder"] else [path for path in [folder / RECORDING] if path.exists()]
-    rows = read_rows(folder / METRICS, above_frames=frames)
+    rows = read_rows(folder / METRICS, above_frames=frames) if frames or (folder / METRICS).exists() else []
     if late or rows:
         aside.mkdir(parents=True)
     if rows:
