@@ -125,7 +125,7 @@ def build(
     development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
-    until_frames = state["frames"] if state else None
+    until_frames = (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
     parts = Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),

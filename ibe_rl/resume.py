@@ -59,7 +59,8 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     saved = load_config(folder / CONFIG, TrainConfig)
     if isinstance(saved.instructor, RecordedConfig):
         raise ConfigError(f"resume={folder}: instructor=recorded repeats a session from its beginning; train it anew")
-    config = replace(changed(saved, FIXED), run_dir=str(folder), resume=None)
+    going_on = replace(saved, stop_after_frames=None)  # it has stopped there
+    config = replace(changed(going_on, FIXED), run_dir=str(folder), resume=None)
     check(config)
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:
@@ -159,7 +160,7 @@ def _set_aside(folder: Path, state: State) -> Path | None:
     late += [path for path in (folder / REFRESHES).glob("*.json") if int(path.stem) > frames]
     late += [path for name in (SUMMARY, EVALUATION, FIGURES, LESSON) if (path := folder / name).exists()]
     late += [] if state["recorder"] else [path for path in [folder / RECORDING] if path.exists()]
-    rows = read_rows(folder / METRICS, above_frames=frames)
+    rows = read_rows(folder / METRICS, above_frames=frames) if frames or (folder / METRICS).exists() else []
     if late or rows:
         aside.mkdir(parents=True)
     if rows:

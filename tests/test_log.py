@@ -223,9 +223,17 @@ def test_an_episode_that_could_not_be_taken_up_counts_as_played_and_is_not_kept(
     assert (len(again.index), again.under_way()[0].ended) == (1, 2)
 
 
-def test_a_state_without_its_files_is_refused(saved: TrajectoryLog, tmp_path: Path):
+def test_a_state_without_some_of_its_files_is_refused(saved: TrajectoryLog):
+    (saved.folder / "state.npy").unlink()
     with REFUSED:
-        TrajectoryLog(tmp_path / "other", 200, CONTEXTS).load_state_dict(saved.state_dict())
+        TrajectoryLog(saved.folder, 200, CONTEXTS).load_state_dict(saved.state_dict())
+
+
+def test_a_state_without_any_of_its_files_goes_on_empty(saved: TrajectoryLog, tmp_path: Path):
+    """They were moved out of the way because they are damaged."""
+    log = TrajectoryLog(tmp_path / "other", 200, CONTEXTS)
+    log.load_state_dict(saved.state_dict())
+    assert (len(log.index), log.frames, log.episodes_ended) == (0, saved.frames, saved.episodes_ended)
 
 
 @pytest.fixture

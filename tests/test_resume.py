@@ -226,6 +226,15 @@ def test_settings_that_may_change_take_effect(left: Path) -> None:
     assert all(one.split("=")[0] in overrides for one in named)
 
 
+def test_a_run_that_was_to_stop_goes_on_to_its_end_and_stops_again_only_if_told(left: Path) -> None:
+    config = left / ".hydra" / "config.yaml"
+    config.write_text(config.read_text().replace("stop_after_frames: null", "stop_after_frames: 3500"))
+    call("train", f"resume={left}", "stop_after_frames=4500", "viewer=off")
+    assert 4500 <= json.loads((left / "summary.json").read_text())["frames"] < 5000
+    call("train", f"resume={left}", "viewer=off")
+    assert json.loads((left / "summary.json").read_text())["frames"] >= 6000
+
+
 def test_the_best_state_can_be_gone_back_to(ppo: Folders, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = Path(shutil.copytree(ppo[2], tmp_path / "run"))
     best = load(run / "checkpoints" / BEST)["frames"]
