@@ -8,7 +8,6 @@ that it is started in, and those that the command writes to, have to be the same
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -21,10 +20,9 @@ from typing import Any
 
 from ibe_rl.data import ConfigError
 from ibe_rl.ray_workers import connect
-from ibe_rl.signals import StopRequest, interrupts_stay_here
+from ibe_rl.signals import StopRequest, at_parents_end, interrupts_stay_here
 
 READ_S = 0.3
-PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
 
 
 class Command:
@@ -36,6 +34,12 @@ class Command:
     """
 
     def __init__(self, command: Sequence[str], folder: str):
+        end_with_ray = at_parents_end(signal.SIGKILL)
+
+        def begin() -> None:
+            end_with_ray()
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # which Ray keeps from its processes
+
         self._written = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this lives
         self._read = 0
         self._process = subprocess.Popen(  # noqa: S603 - what the caller would have run
@@ -45,7 +49,7 @@ class Command:
             stdout=self._written,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            preexec_fn=_begin,
+            preexec_fn=begin,
         )
 
     def read(self, interrupt: bool) -> tuple[bytes, int | None]:
@@ -62,12 +66,6 @@ class Command:
         text = os.pread(self._written.fileno(), 1 << 24, self._read)
         self._read += len(text)
         return text, status
-
-
-def _begin() -> None:
-    """End with the process that started this one, and hear of Ctrl-C, which Ray keeps from its processes."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def run(address: str, processors: int, command: Sequence[str]) -> int:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing.resource_tracker
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
 
 
 class StopRequest:
@@ -46,6 +49,12 @@ class StopRequest:
     def _call(self) -> None:
         while self._called:
             self._called.pop(0)()
+
+
+def at_parents_end(number: int) -> Callable[[], None]:
+    """For ``preexec_fn``, may come twice: Linux sends the new process a signal when the one that started it ends, however it does."""
+    libc = ctypes.CDLL(None)  # loaded before the fork
+    return lambda: libc.prctl(PR_SET_PDEATHSIG, number)
 
 
 @contextmanager

@@ -22,7 +22,8 @@ from typing import Self
 from urllib.parse import quote
 
 from ibe_rl.ports import HOST, asked_port, free_port, is_free
-from ibe_rl.serve.server import HANG_S, POLL_S, Server, ending
+from ibe_rl.serve.server import HANG_S, POLL_S, Server
+from ibe_rl.workers import ending
 
 GRPC_PORT, WEB_PORT = 9876, 9090
 CHUNK_BYTES = 1 << 18
@@ -137,7 +138,7 @@ class Relay:
 
     def _trouble(self) -> str | None:
         if not self.alive():
-            return self._said() or f"its process has ended ({ending(self._process)})"
+            return self._said() or f"its process has ended ({ending(self._process.returncode)})"
         if os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT):
             return "its process has been stopped"
         return self._said()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import fcntl
 import os
 import select
@@ -12,16 +11,12 @@ import sys
 import termios
 import time
 
+from ibe_rl.signals import at_parents_end
+from ibe_rl.workers import ending
+
 POLL_S = 0.1
 HANG_S = 8.0
 """A server that has taken nothing for so long, of what waits for it, is said to hang."""
-PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
-
-
-def ending(process: subprocess.Popen[bytes]) -> str:
-    """How a process has ended."""
-    status = process.returncode
-    return signal.Signals(-status).name if status < 0 else f"exit status {status}"
 
 
 class Server:
@@ -32,14 +27,13 @@ class Server:
     """
 
     def __init__(self, command: list[str]) -> None:
-        libc = ctypes.CDLL(None)
         self._process = subprocess.Popen(  # noqa: S603 - the installed viewer
             command,
             stdin=subprocess.PIPE,
             bufsize=0,
             start_new_session=True,
             env=os.environ | {"RUST_LOG": "warn"},
-            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),  # also if the relay is killed
+            preexec_fn=at_parents_end(signal.SIGKILL),  # also if the relay is killed
         )
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
@@ -53,7 +47,7 @@ class Server:
 
     def ending(self) -> str:
         """How it has ended."""
-        return ending(self._process)
+        return ending(self._process.returncode)
 
     def hangs(self) -> bool:
         """True if it has taken nothing for ``HANG_S`` of what waits for it in the pipe."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ibe_rl.data import ConfigError
-from ibe_rl.signals import StopRequest
+from ibe_rl.signals import StopRequest, at_parents_end
 from ibe_rl.sweep.board import Board
 from ibe_rl.sweep.jobs import (
     DONE,
@@ -29,6 +29,7 @@ from ibe_rl.sweep.jobs import (
     make_way,
     state_of,
 )
+from ibe_rl.workers import ending
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR", "VECLIB_MAXIMUM")}
 POLL_S = 0.3
@@ -70,7 +71,7 @@ class Running:
             return Outcome(self.job, DONE if state_of(self.job.folder) == FINISHED else STOPPED)
         if self.told_to_stop:
             return Outcome(self.job, STOPPED)
-        died = f"killed by {signal.Signals(-status).name}; " if status < 0 else ""
+        died = f"killed by {ending(status)}; " if status < 0 else ""
         return Outcome(self.job, FAILED, f"{died}{last_line(self.output, self.begins)}")
 
 
@@ -118,6 +119,7 @@ def _start(job: Job, command: Command, running: list[Running], board: Board) -> 
                 stderr=subprocess.STDOUT,
                 env=os.environ | ONE_THREAD | {"PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
+                preexec_fn=at_parents_end(signal.SIGKILL),  # no run outlives a sweep that is killed
             )
             running.append(Running(job, process, job.folder / OUTPUT, output.tell()))
     except (ConfigError, OSError) as error:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from processes import ROOT, SMALL, call, start
+from processes import ROOT, SMALL, call, gone, start
 from view_data import eventually
 
 from ibe_rl import ray_workers
@@ -195,3 +195,15 @@ def test_ctrl_c_ends_a_sweep_in_order(tmp_path: Path) -> None:
     assert "seed=0: stopped" in output
     assert f"the same command with run_dir={tmp_path} goes on" in output
     assert "Traceback" not in output
+
+
+def test_no_run_outlives_a_sweep_that_is_killed(tmp_path: Path) -> None:
+    asked = ["-m", "seed=0,1", *SMALL, "total_frames=100000000", "viewer=off", f"run_dir={tmp_path}", "runs_at_once=1"]
+    script, run = start("train.py", *asked), tmp_path / "0_seed=0"
+    assert eventually(lambda: (run / "metrics.csv").exists(), 120)
+    trainer = leader_of(run)
+    os.kill(script.pid, signal.SIGKILL)
+    script.communicate(timeout=60)
+    assert eventually(lambda: gone(trainer))
+    assert not (run / "summary.json").exists()
+    assert (run / "checkpoints" / "latest.pt").exists()
