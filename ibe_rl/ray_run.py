@@ -20,7 +20,7 @@ from typing import Any
 
 from ibe_rl.data import ConfigError
 from ibe_rl.ray_workers import connect
-from ibe_rl.signals import StopRequest, at_parents_end, interrupts_stay_here
+from ibe_rl.signals import StopRequest, interrupts_stay_here, killed_with_parent
 
 READ_S = 0.3
 
@@ -34,7 +34,7 @@ class Command:
     """
 
     def __init__(self, command: Sequence[str], folder: str):
-        end_with_ray = at_parents_end(signal.SIGKILL)
+        end_with_ray = killed_with_parent()
 
         def begin() -> None:
             end_with_ray()

@@ -51,10 +51,13 @@ class StopRequest:
             self._called.pop(0)()
 
 
-def at_parents_end(number: int) -> Callable[[], None]:
-    """For ``preexec_fn``, may come twice: Linux sends the new process a signal when the one that started it ends, however it does."""
+def killed_with_parent() -> Callable[[], None]:
+    """For ``preexec_fn``: Linux kills the new process when the one that started it ends, however that does.
+
+    No gentler signal: it comes once for each thread of the parent, and a second Ctrl-C ends a training at once.
+    """
     libc = ctypes.CDLL(None)  # loaded before the fork
-    return lambda: libc.prctl(PR_SET_PDEATHSIG, number)
+    return lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 @contextmanager

@@ -5,13 +5,12 @@ from __future__ import annotations
 import fcntl
 import os
 import select
-import signal
 import subprocess
 import sys
 import termios
 import time
 
-from ibe_rl.signals import at_parents_end
+from ibe_rl.signals import killed_with_parent
 from ibe_rl.workers import ending
 
 POLL_S = 0.1
@@ -33,7 +32,7 @@ class Server:
             bufsize=0,
             start_new_session=True,
             env=os.environ | {"RUST_LOG": "warn"},
-            preexec_fn=at_parents_end(signal.SIGKILL),  # also if the relay is killed
+            preexec_fn=killed_with_parent(),  # also if the relay is killed
         )
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()

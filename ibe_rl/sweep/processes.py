@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ibe_rl.data import ConfigError
-from ibe_rl.signals import StopRequest, at_parents_end
+from ibe_rl.signals import StopRequest, killed_with_parent
 from ibe_rl.sweep.board import Board
 from ibe_rl.sweep.jobs import (
     DONE,
@@ -119,7 +119,7 @@ def _start(job: Job, command: Command, running: list[Running], board: Board) -> 
                 stderr=subprocess.STDOUT,
                 env=os.environ | ONE_THREAD | {"PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
-                preexec_fn=at_parents_end(signal.SIGKILL),  # no run outlives a sweep that is killed
+                preexec_fn=killed_with_parent(),  # no run outlives a sweep that is killed
             )
             running.append(Running(job, process, job.folder / OUTPUT, output.tell()))
     except (ConfigError, OSError) as error:
