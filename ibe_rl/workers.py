@@ -24,15 +24,20 @@ class LostWorkerError(RuntimeError):
     """A worker that has died or hangs; the message names it, and what can be done."""
 
 
-def end_with_parent() -> None:
-    """Let this process end as soon as the one that started it is gone, however that ended; call it in the new one."""
+def end_with_parent(farewell_s: float = 0.0) -> None:
+    """Let this process end as soon as the one that started it is gone, however that ended; call it in the new one.
+
+    Args:
+        farewell_s: so much longer it may take to say so.
+    """
     parent = multiprocessing.parent_process()
     if parent is not None:
-        Thread(target=_end_after, args=(parent.sentinel,), daemon=True).start()
+        Thread(target=_end_after, args=(parent.sentinel, farewell_s), daemon=True).start()
 
 
-def _end_after(sentinel: int) -> None:
+def _end_after(sentinel: int, farewell_s: float) -> None:
     wait([sentinel])
+    time.sleep(farewell_s)
     os._exit(1)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
+from view_data import free_ports
 
 ROOT = Path(__file__).parent.parent.parent
 CHROMIUM = "/usr/bin/chromium"
@@ -41,7 +42,8 @@ class Taught:
 @contextmanager
 def taught(folder: Path, *overrides: str) -> Iterator[Taught]:
     """Train until the context is left."""
-    command = [sys.executable, "-u", "train.py", *SMALL, f"run_dir={folder}", *overrides]
+    port = f"instructor.port={free_ports().web}"  # other tests run beside this one
+    command = [sys.executable, "-u", "train.py", *SMALL, port, f"run_dir={folder}", *overrides]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         assert process.stdout is not None

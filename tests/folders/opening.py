@@ -17,7 +17,7 @@ from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.instruct.recorded import read_lesson
 from ibe_rl.limits import check
-from ibe_rl.parts import build, draw_on
+from ibe_rl.parts import begin, build
 from ibe_rl.resume import must_fit, read_state
 from ibe_rl.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.serve.overlay import Metrics
@@ -51,7 +51,7 @@ def resumed(run: Path) -> None:
             set_back(run / RECORDING, state["recorder"]["recorder"]["bytes"])
     with ExitStack() as owned, patch("ibe_rl.parts.run_name", lambda folder: folder.name):  # hydra's to know
         parts = build(config, run, owned, state=state)
-        draw_on(parts, state)
+        begin(parts, state)
         parts.log.read(range(len(parts.log.index)))
 
 
