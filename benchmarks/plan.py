@@ -42,7 +42,7 @@ class Sizes:
     vec_env_steps: int = 256
     short_frames: int = 400_000
     fault_frames: int = 500_000
-    sweep_frames: int = 1_000_000
+    sweep_frames: int = 500_000
     default_frames: int | None = None
     learn_frames: int = 49_152
     collect: Mapping[str, int] = field(default_factory=dict)
