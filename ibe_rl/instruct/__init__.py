@@ -11,7 +11,7 @@ from ibe_rl.instruct.flawed import Flawed, corrupted
 from ibe_rl.instruct.habits import Habits
 from ibe_rl.instruct.recorded import LessonWriter, Recorded, RecordedEpisode, read_lesson
 from ibe_rl.instruct.rule import Oracle, Silent
-from ibe_rl.run_folder import LESSON
+from ibe_rl.run_folder import LESSON, REPLACED
 
 
 def make_instructor(
@@ -53,6 +53,11 @@ def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
         raise ConfigError(
             f"instructor.recording={config.recording}: allowed is the folder of a run in which a person taught "
             f"(it has no {LESSON})"
+        )
+    if any(path.parent.glob(f"{REPLACED}/*/{LESSON}")):
+        raise ConfigError(
+            f"instructor.recording={config.recording}: it was resumed, so its episodes are not those of one session; "
+            f"allowed is a run that was taught in one sitting"
         )
     return read_lesson(path, task.instruction_size)
 

@@ -58,6 +58,14 @@ def test_a_recording_has_to_be_there_and_whole(tmp_path: Path):
         check_instructor(config, ONE_GAME, TASK)
 
 
+def test_a_recording_of_a_resumed_run_is_refused(tmp_path: Path):
+    for folder in (tmp_path, tmp_path / "replaced" / "1"):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "lesson.jsonl").touch()
+    with pytest.raises(ConfigError, match=r"^instructor\.recording=.*: it was resumed.* taught in one sitting"):
+        check_instructor(RecordedConfig(recording=str(tmp_path)), CollectConfig(processes=1), LANDER_TASK)
+
+
 @pytest.mark.parametrize(
     ("config", "expected"),
     [
