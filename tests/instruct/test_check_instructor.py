@@ -63,7 +63,7 @@ def test_a_recording_of_a_resumed_run_is_refused(tmp_path: Path):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "lesson.jsonl").touch()
     with pytest.raises(ConfigError, match=r"^instructor\.recording=.*: it was resumed.* taught in one sitting"):
-        check_instructor(RecordedConfig(recording=str(tmp_path)), CollectConfig(processes=1), LANDER_TASK)
+        check_instructor(RecordedConfig(recording=str(tmp_path)), ONE_GAME, TASK)
 
 
 @pytest.mark.parametrize(
