@@ -25,9 +25,11 @@ from ibe_rl import config as schemas
 from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
-from ibe_rl.run_folder import NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
 from ibe_rl.workers import LostWorkerError
 
+KINDS = ("agent", "instructor")
+"""Groups whose choices have settings of their own."""
 FOLDERS = {"explain": {"sweep": "sweep_dir"}}
 """Settings of a script that name a folder, where hydra would look for a file in ``configs/``; what they are in it."""
 
@@ -43,6 +45,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
     register()
     sys.argv = [_spelt(one, FOLDERS.get(name, {})) for one in sys.argv]
+    sys.argv[1:1] = _kinds(sys.argv, configs)
     started = False
     refused: list[str] = []
 
@@ -74,6 +77,19 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit(130)
     if refused:
         sys.exit("\n".join(refused))
+
+
+def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
+    """What kind of agent and instructor a run that is resumed has: with it, their settings are known to hydra."""
+    resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
+    try:
+        saved = read_yaml(Path(resumed[0]) / CONFIG)
+        kinds = {group: str(saved[group]["kind"]) for group in KINDS}
+    except (OSError, ValueError, KeyError, TypeError, IndexError):
+        return []  # if it is wrong, taking the run up says so
+    known = {group: {path.stem for path in (configs / group).glob("*.yaml")} for group in KINDS}
+    known["instructor"].discard("recorded")  # it wants a setting more, and is not resumed
+    return [f"{group}={kind}" for group, kind in kinds.items() if kind in known[group]]
 
 
 def _spelt(argument: str, folders: Mapping[str, str]) -> str:
@@ -132,7 +148,8 @@ def quoted(text: str) -> str:
 
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
     """Write the composed config and the overrides the way hydra does; of a run that ``goes_on`` behind those before."""
-    given = [one for one in HydraConfig.get().overrides.task if not one.startswith("resume")]
+    known = ("resume", "resume_from", *(KINDS if goes_on else ()))
+    given = [one for one in HydraConfig.get().overrides.task if one.partition("=")[0] not in known]
     before = read_overrides(folder / "overrides.yaml") if goes_on else []
     for name, content in (("config", OmegaConf.structured(values)), ("overrides", OmegaConf.create([*before, *given]))):
         write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
@@ -172,7 +189,7 @@ def changed(saved: Any, fixed: Sequence[str]) -> Any:
     config = OmegaConf.structured(saved)
     for one in OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task)):
         key, group = one.key_or_group, "." not in one.key_or_group and isinstance(one.value(), str)
-        if key in ("resume", "resume_from"):
+        if key in ("resume", "resume_from") or (key in KINDS and one.value() == getattr(saved, key).kind):
             continue
         if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):
             raise ConfigError(f"{one.input_line} with resume: a run keeps its {', '.join(fixed)}; allowed is all else")

@@ -178,6 +178,7 @@ REFUSED = {
     "seed=1": "seed=1 with resume: a run keeps its seed",
     "collect.processes=2": "collect.processes=2 with resume: a run keeps its",
     "collect={processes:2}": "with resume: a run keeps its",
+    "agent=dqn": "agent=dqn with resume: a run keeps its",
     "mapping=paper": "mapping=paper with resume: a run keeps its",
     "agent.hidden=[8]": "agent.hidden=[8] with resume: a run keeps its",
     "experiment=paper": "experiment=paper with resume: a run keeps its",
@@ -224,6 +225,16 @@ def test_settings_that_may_change_take_effect(left: Path) -> None:
     assert "resume: null" in saved
     overrides = (left / ".hydra" / "overrides.yaml").read_text()
     assert all(one.split("=")[0] in overrides for one in named)
+    assert "agent=" not in overrides
+
+
+def test_settings_that_only_its_own_agent_has_take_effect_too(
+    sittings: Callable[[str], Folders], tmp_path: Path
+) -> None:
+    run = Path(shutil.copytree(sittings("dqn")[1], tmp_path / "run"))
+    call("train", f"resume={run}", "agent.epsilon_end=0.2", "agent.epsilon_early=0.2", "total_frames=5000")
+    assert float(rows(run)[-1]["train/epsilon"]) == pytest.approx(0.2)
+    assert "epsilon_end: 0.2" in (run / ".hydra" / "config.yaml").read_text()
 
 
 def test_a_run_that_was_to_stop_goes_on_to_its_end_and_stops_again_only_if_told(left: Path) -> None:
