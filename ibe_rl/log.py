@@ -201,13 +201,14 @@ class TrajectoryLog:
 
     def state_dict(self) -> dict[str, Any]:
         """All that is not in the files, as arrays and plain values; see ``load_state_dict``."""
-        index = self.index
+        index, parts = self.index, [part for row in self._open for part in row]
         return {
             "frames": self.frames,
             "episodes_ended": self.episodes_ended,
             "head": self._head,
             "index": {name: index[name].copy() for name in INDEX.names or ()},
-            "open": [list(parts) for parts in self._open],
+            "open_steps": [_steps(row) for row in self._open],  # of each row, one behind the other in:
+            "open": {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]},
             "ended": list(self._ended),
         }
 
@@ -225,7 +226,7 @@ class TrajectoryLog:
         for name in INDEX.names or ():
             index[name] = state["index"][name]
         self.frames, self.episodes_ended, self._head = state["frames"], state["episodes_ended"], state["head"]
-        self._open = [list(parts) for parts in state["open"]]
+        self._open = _rows(state["open"], state["open_steps"])
         self._ended, self._taken_up = list(state["ended"]), True
         there = any((self.folder / f"{name}.npy").exists() for name in COLUMNS)
         self._head = self._head if there else 0
@@ -273,6 +274,20 @@ class TrajectoryLog:
             raise UnreadableLogError(f"{folder} is not a readable log: {error}") from None
         log._load(index, "r")
         return log
+
+
+def _steps(parts: Sequence[dict[str, Array]]) -> int:
+    return sum(len(part["done"]) for part in parts)
+
+
+def _rows(joined: Mapping[str, Array], steps: Sequence[int]) -> list[list[dict[str, Array]]]:
+    """Cut what was joined into the parts of each row again."""
+    if any(len(column) != sum(steps) for column in joined.values()):
+        raise ValueError(f"its rows are {sum(steps)} steps long, not as long as its columns")
+    cuts = [slice(end - count, end) for count, end in zip(steps, np.cumsum(steps).tolist(), strict=True)]
+    return [
+        [{name: column[cut].copy() for name, column in joined.items()}] if cut.start < cut.stop else [] for cut in cuts
+    ]
 
 
 def _stands(parts: Sequence[dict[str, Array]], ended: int) -> UnderWay:

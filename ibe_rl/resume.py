@@ -118,8 +118,8 @@ def must_fit(folder: Path) -> Iterator[None]:
 def without_episodes(state: State) -> State:
     """The same state with every environment between two episodes: a person cannot go on in the middle of one."""
     log, agent = dict(state["log"]), dict(state["agent"])
-    log["ended"] = [ended + bool(parts) for ended, parts in zip(log["ended"], log["open"], strict=True)]
-    log["open"] = [[] for _ in log["open"]]
+    log["ended"] = [ended + bool(steps) for ended, steps in zip(log["ended"], log["open_steps"], strict=True)]
+    log["open_steps"], log["open"] = [0] * len(log["open_steps"]), {}
     if "unfinished" in agent:
         agent["unfinished"] = None
     return {**state, "log": log, "agent": agent, "obedience": {}}

@@ -201,6 +201,14 @@ def test_a_log_that_is_taken_up_goes_on_as_if_nothing_had_been(seed: int, tmp_pa
         np.testing.assert_array_equal(mine.state, other.state)
 
 
+def test_a_state_whose_rows_do_not_fit_is_refused(tmp_path: Path):
+    log = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
+    log.add({name: column[None, :10] for name, column in make_episode(1, 30).items()}, context_of)
+    state = log.state_dict() | {"open_steps": [11]}
+    with pytest.raises(ValueError, match="its rows are 11 steps long"):
+        TrajectoryLog(tmp_path, 1_000, CONTEXTS).load_state_dict(state)
+
+
 def test_where_each_row_stands(tmp_path: Path):
     log = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
     line, ended = joined([make_episode(1, 5), make_episode(2, 20)], np.concatenate), make_episode(3, 10)

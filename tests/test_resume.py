@@ -311,10 +311,10 @@ def test_a_damaged_state_is_refused(damage: str, left: Path, capsys: pytest.Capt
 
 def test_a_person_begins_new_episodes(folders: Folders) -> None:
     state = read_state(folders[1], "latest")
-    begun = [bool(parts) for parts in state["log"]["open"]]
+    begun = [steps > 0 for steps in state["log"]["open_steps"]]
     assert any(begun)
     asked = without_episodes(state)
-    assert not any(asked["log"]["open"])
+    assert not any(asked["log"]["open_steps"])
     ended = zip(asked["log"]["ended"], state["log"]["ended"], strict=True)
     assert [after - before for after, before in ended] == [int(one) for one in begun]
     assert asked["agent"].get("unfinished") is None
