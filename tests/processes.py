@@ -2,13 +2,17 @@
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from view_data import eventually
 
 from ibe_rl.command_line import run_script
+from ibe_rl.run_folder import METRICS, read_rows
 
 ROOT = Path(__file__).parent.parent
 SMALL = [
@@ -63,6 +67,26 @@ def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> subprocess.Pop
         text=True,
         start_new_session=True,
     )
+
+
+def rows_in(folder: Path) -> int:
+    """How many rows of metrics.csv a run has by now."""
+    return len(read_rows(folder / METRICS)) if (folder / METRICS).exists() else 0
+
+
+@contextmanager
+def under_way(
+    folder: Path, *settings: str, within_s: float = 60.0, **variables: str
+) -> Iterator[subprocess.Popen[str]]:
+    """A training that has its first rows, and is killed at the end if it still trains."""
+    process = start("train.py", *settings, f"run_dir={folder}", **variables)
+    try:
+        eventually(lambda: rows_in(folder) > 2 or process.poll() is not None, within_s)
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def assert_whole(recording: Path) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import gone, start
-from test_ray_workers import HERE_ONLY, RUN, cluster, family, needs_ray, raylet, rows
+from processes import gone, rows_in, start
+from test_ray_workers import HERE_ONLY, RUN, cluster, family, needs_ray, raylet
 from view_data import eventually
 
 from ibe_rl.ray_run import Command
@@ -74,7 +74,7 @@ def test_output_and_exit_status_come_back(begin: Any):
 @pytest.mark.soak
 def test_ctrl_c_stops_a_training_elsewhere_in_order(begin: Any, tmp_path: Path):
     run = begin("train.py", *RUN, "collect.processes=1", "total_frames=100000000", f"run_dir={tmp_path}/run")
-    assert eventually(lambda: rows(tmp_path / "run") > 2, within_s=120)
+    assert eventually(lambda: rows_in(tmp_path / "run") > 2, within_s=120)
     run.send_signal(signal.SIGINT)
     output, _ = run.communicate(timeout=120)
     assert run.returncode == 0, output

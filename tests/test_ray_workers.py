@@ -12,13 +12,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import ROOT, SMALL, children, gone, start
+from processes import ROOT, SMALL, children, gone, under_way
 from tensordict import TensorDictBase
 from test_collect import ENV, always, make_dqn, sizes
 from view_data import eventually
@@ -121,23 +121,11 @@ def family(pid: int) -> set[int]:
 @pytest.fixture
 def training(tmp_path: Path) -> Iterator[Any]:
     """Start a training over Ray and wait for its first rows."""
-    started: list[subprocess.Popen[str]] = []
-
-    def begin(*overrides: str) -> subprocess.Popen[str]:
-        settings = [*RUN, "collect.engine=ray", "total_frames=100000000", f"run_dir={tmp_path}/run", *overrides]
-        started.append(start("train.py", *settings, **HERE_ONLY))
-        eventually(lambda: rows(tmp_path / "run") > 2 or started[0].poll() is not None, within_s=180)
-        return started[0]
-
-    yield begin
-    for one in started:
-        if one.poll() is None:
-            os.killpg(one.pid, signal.SIGKILL)
-        one.wait()
-
-
-def rows(folder: Path) -> int:
-    return len(read_rows(folder / METRICS)) if (folder / METRICS).exists() else 0
+    endless = ["collect.engine=ray", "total_frames=100000000"]
+    with ExitStack() as started:
+        yield lambda *more: started.enter_context(
+            under_way(tmp_path / "run", *RUN, *endless, *more, within_s=180, **HERE_ONLY)
+        )
 
 
 @needs_ray

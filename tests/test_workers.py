@@ -9,13 +9,14 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from processes import ROOT, SMALL, children, gone, start
+from processes import ROOT, SMALL, children, gone, under_way
 from test_collect import ENV, make_dqn, sizes
 from view_data import eventually
 
@@ -40,22 +41,8 @@ def workers_of(trainer: int) -> list[int]:
 @pytest.fixture
 def training(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start a training of ``run`` and wait for its first rows."""
-    started: list[subprocess.Popen[str]] = []
-
-    def begin(*overrides: str) -> subprocess.Popen[str]:
-        started.append(start("train.py", *RUN, f"run_dir={tmp_path}/run", *overrides))
-        eventually(lambda: rows(tmp_path / "run") > 2 or started[0].poll() is not None)
-        return started[0]
-
-    yield begin
-    for one in started:
-        if one.poll() is None:
-            os.killpg(one.pid, signal.SIGKILL)
-        one.wait()
-
-
-def rows(folder: Path) -> int:
-    return len(read_rows(folder / METRICS)) if (folder / METRICS).exists() else 0
+    with ExitStack() as started:
+        yield lambda *more: started.enter_context(under_way(tmp_path / "run", *RUN, *more))
 
 
 SETTINGS = pytest.mark.parametrize("settings", [("collect.processes=2",), ("collect.overlap=true",)])
