@@ -45,7 +45,8 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
     register()
     sys.argv = [_spelt(one, FOLDERS.get(name, {})) for one in sys.argv]
-    sys.argv[1:1] = _kinds(sys.argv, configs)
+    at = next((place for place, one in enumerate(sys.argv) if one.startswith("resume=")), len(sys.argv))
+    sys.argv[at:at] = _kinds(sys.argv, configs)  # beside it: settings on both sides of an option are refused
     started = False
     refused: list[str] = []
 

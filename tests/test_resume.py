@@ -232,7 +232,14 @@ def test_settings_that_only_its_own_agent_has_take_effect_too(
     sittings: Callable[[str], Folders], tmp_path: Path
 ) -> None:
     run = Path(shutil.copytree(sittings("dqn")[1], tmp_path / "run"))
-    call("train", f"resume={run}", "agent.epsilon_end=0.2", "agent.epsilon_early=0.2", "total_frames=5000")
+    call(
+        "train",
+        "--config-name=train",
+        f"resume='{run}'",
+        "agent.epsilon_end=0.2",
+        "agent.epsilon_early=0.2",
+        "total_frames=5000",
+    )
     assert float(rows(run)[-1]["train/epsilon"]) == pytest.approx(0.2)
     assert "epsilon_end: 0.2" in (run / ".hydra" / "config.yaml").read_text()
 
