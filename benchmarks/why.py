@@ -28,7 +28,7 @@ from ibe_rl.agent import make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config
 from ibe_rl.config import MappingConfig, TrainConfig
-from ibe_rl.data import Array, ConfigError, Episode, Task
+from ibe_rl.data import Array, ConfigError, Episode
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
 from ibe_rl.instruct import make_instructor, stand_in
@@ -37,6 +37,7 @@ from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import episode_weights, motion_scores
 from ibe_rl.play import play
 from ibe_rl.run_folder import CHECKPOINTS, CONFIG, TRAJECTORIES, write_json
+from ibe_rl.task import Task
 
 FIRST_SEED = 900_000
 """Of the flights; trainings begin theirs at 0."""

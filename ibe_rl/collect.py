@@ -19,11 +19,12 @@ from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.data import Array, ConfigError, Instructor, Task
+from ibe_rl.data import Array, ConfigError, Instructor
 from ibe_rl.env.make import TRAINING_SEEDS, join, make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.ray_workers import RayWorkers, check_ray
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.task import Task
 from ibe_rl.under_way import UnderWay
 from ibe_rl.workers import Processes, Workers, end_with_parent, next_of, starting
 

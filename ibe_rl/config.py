@@ -20,7 +20,7 @@ OTHERS = ("oracle", "silent", "habits")
 
 @dataclass
 class EnvConfig:
-    """A registered gymnasium environment that declares a task (see ``ibe_rl.data.Task``)."""
+    """A registered gymnasium environment that declares a task (see ``ibe_rl.task.Task``)."""
 
     id: str = MISSING
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config import MappingConfig, TrainConfig
-from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, Task, observe
+from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, voted
 from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
 from ibe_rl.lessons import check_mapping
@@ -28,6 +28,7 @@ from ibe_rl.metrics import (
 )
 from ibe_rl.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
 from ibe_rl.run_folder import write_atomically
+from ibe_rl.task import Task
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 JUDGED_EPISODES = 200

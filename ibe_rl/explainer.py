@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibe_rl.data import Array, Explanation, Mapping, Moment, Phrases, Policy, Predictor
+from ibe_rl.data import Array, Explanation, Mapping, Moment, Policy, Predictor
 from ibe_rl.ibe import phrases_of
 from ibe_rl.metrics import Calibration
+from ibe_rl.task import Phrases
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
 """What the confidence is calibrated from: the share of the futures with the spoken phrase, ``Mapping.confidence``."""

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ibe_rl.config import MappingConfig
-from ibe_rl.data import Array, ConfigError, Episode, Task
+from ibe_rl.data import Array, ConfigError, Episode
 from ibe_rl.ibe import (
     ClusterMapping,
     IBEMapping,
@@ -20,6 +20,7 @@ from ibe_rl.ibe import (
     top_episodes,
 )
 from ibe_rl.log import TrajectoryLog
+from ibe_rl.task import Task
 
 OTHER_EPISODES = 300
 """How many of the episodes that are not among the best are read, for comparison and to hear the instructor."""

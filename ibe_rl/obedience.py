@@ -15,8 +15,9 @@ import torch
 from tensordict import TensorDictBase
 
 from ibe_rl.config import ObedienceConfig, TrainConfig
-from ibe_rl.data import Array, ConfigError, Task
+from ibe_rl.data import Array, ConfigError
 from ibe_rl.development import Development
+from ibe_rl.task import Task
 
 Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to what they mean ``(W, d)`` on the instructor's scale."""

@@ -20,7 +20,7 @@ from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.collect import check_collect
 from ibe_rl.command_line import installed, is_sweep, run_name
 from ibe_rl.config import TrainConfig
-from ibe_rl.data import ConfigError, Instructor, Task
+from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.development import FIGURES, Development, check_development
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.instruct import check_instructor, make_instructor, stand_in
@@ -32,6 +32,7 @@ from ibe_rl.progress import TrainingProgress
 from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
+from ibe_rl.task import Task
 from ibe_rl.under_way import UnderWay
 from ibe_rl.workers import LostWorkerError
 

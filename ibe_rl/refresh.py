@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config import MappingConfig
-from ibe_rl.data import Array, Task
+from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, Transition, Windows, phrase
 from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.run_folder import read_json, write_json
+from ibe_rl.task import Task
 
 Spans = Dict[int, ClusterMapping]
 """Vocabularies by their horizon in steps."""

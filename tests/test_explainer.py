@@ -8,10 +8,11 @@ import pytest
 from by_hand import WORDS as OF_THE_LIFT
 from by_hand import on_a_line
 
-from ibe_rl.data import DOES_NOT_KNOW, Array, Moment, Phrases, Policy
+from ibe_rl.data import DOES_NOT_KNOW, Array, Moment, Policy
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, explain, hold, put_in_words, voted
 from ibe_rl.ibe.space import along
 from ibe_rl.metrics import Calibration
+from ibe_rl.task import Phrases
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.1, "a little "), (0.5, "")))]
 

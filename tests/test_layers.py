@@ -12,7 +12,7 @@ SCRIPTS = ("train", "explain")
 
 LAYERS = (
     {
-        *("data", "scene", "colours", "config", "config_store", "limits", "ports", "run_folder", "signals"),
+        *("data", "task", "scene", "colours", "config", "config_store", "limits", "ports", "run_folder", "signals"),
         *("command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from ibe_rl.config import InstructorConfig
-from ibe_rl.data import Array, Episode, Task
+from ibe_rl.data import Array, Episode
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.play import play, play_moments, watch
+from ibe_rl.task import Task
 
 
 def make(count: int) -> list[Any]:

@@ -19,7 +19,7 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 from rerun.chunk import RrdReader
 
 import ibe_rl  # noqa: F401 - registers the environment
-from ibe_rl.data import Array, Episode, Explanation, Moment, Task
+from ibe_rl.data import Array, Episode, Explanation, Moment
 from ibe_rl.development import figures
 from ibe_rl.env import LANDER_ID
 from ibe_rl.env.lander_task import LANDER_TASK, X
@@ -29,6 +29,7 @@ from ibe_rl.refresh import Change, Refresh
 from ibe_rl.scene import Watched
 from ibe_rl.serve.relay import Ports
 from ibe_rl.stream import Recorder
+from ibe_rl.task import Task
 
 TASK: Task = LANDER_TASK
 HORIZON_STEPS = 60

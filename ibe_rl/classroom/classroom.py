@@ -20,7 +20,7 @@ from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker, weights_of
 from ibe_rl.colours import of_clusters
 from ibe_rl.config import HumanConfig, InstructorConfig, TrainConfig
-from ibe_rl.data import ConfigError, Instructor, Task
+from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import Voice
 from ibe_rl.ibe import ClusterMapping, phrases_of
@@ -28,6 +28,7 @@ from ibe_rl.instruct import LessonWriter
 from ibe_rl.ports import HOST, asked_port, free_port
 from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import LESSON
+from ibe_rl.task import Task
 
 PORT = 8765
 STEPS_PER_SECOND = 50.0

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from gymnasium.envs.box2d import lunar_lander as game
 
-from ibe_rl.data import Array, Phrases, Task
+from ibe_rl.data import Array
+from ibe_rl.task import Phrases, Task
 
 PAD_X: dict[str, float] = {"left": -0.6, "center": 0.0, "right": 0.6}
 MAX_EPISODE_STEPS = 1000

@@ -13,7 +13,8 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.data import Array, ConfigError, Instructor, Task, observe
+from ibe_rl.data import Array, ConfigError, Instructor, observe
+from ibe_rl.task import Task
 from ibe_rl.under_way import UnderWay
 
 TRAINING_SEEDS = 2_000_000_000
@@ -36,7 +37,7 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
     except (TypeError, ValueError, AssertionError) as error:
         raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
     if not isinstance(getattr(env.unwrapped, "task", None), Task):
-        raise ConfigError(f"env.id={env_id}: the environment declares no task (an attribute of type ibe_rl.data.Task)")
+        raise ConfigError(f"env.id={env_id}: the environment declares no task (an attribute of type ibe_rl.task.Task)")
     return env
 
 

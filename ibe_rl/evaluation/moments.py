@@ -9,9 +9,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Predictor, Task
+from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Predictor
 from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.play import play_moments
+from ibe_rl.task import Task
 
 AT_ONCE = 100
 """Episodes flown side by side."""

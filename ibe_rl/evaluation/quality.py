@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array, Mapping, Task
+from ibe_rl.data import Array, Mapping
 from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines
 from ibe_rl.evaluation.controls import Flipped, of_another_moment
 from ibe_rl.evaluation.moments import Moments
@@ -28,6 +28,7 @@ from ibe_rl.evaluation.rows import (
 from ibe_rl.evaluation.spoken import Spoken, calibrate, speak
 from ibe_rl.metrics.bootstrap import estimate
 from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.task import Task
 
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
 """What is held against the cheap baselines and the paper, moment by moment."""

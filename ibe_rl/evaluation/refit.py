@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ibe_rl.config import EvaluateConfig, MappingConfig
-from ibe_rl.data import ConfigError, Episode, Mapping, Task
+from ibe_rl.data import ConfigError, Episode, Mapping
 from ibe_rl.evaluation.baselines import fit_state_regressor
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
@@ -18,6 +18,7 @@ from ibe_rl.ibe import ClusterMapping, TooLittleDataError
 from ibe_rl.lessons import Lessons, best_windows, check_mapping, fit_mapping, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
+from ibe_rl.task import Task
 
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config import ExplainConfig
-from ibe_rl.data import Array, ConfigError, Task
+from ibe_rl.data import Array, ConfigError
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.quality import Judged
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.metrics.confidence import risk_coverage
 from ibe_rl.run_folder import EVALUATION, FIGURES, write_atomically
+from ibe_rl.task import Task
 
 BINS = 10
 CURVE_POINTS = 200

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array, Task
+from ibe_rl.data import Array
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.spoken import Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
 from ibe_rl.metrics.confidence import brier, ece, risk_at
+from ibe_rl.task import Task
 
 Samples = dict[str, Array]
 """Metric to values ``(R,)``."""

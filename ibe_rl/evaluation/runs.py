@@ -14,7 +14,7 @@ from ibe_rl.agent import GreedyPolicy, make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config
 from ibe_rl.config import TrainConfig
-from ibe_rl.data import ConfigError, Task
+from ibe_rl.data import ConfigError
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping
@@ -22,6 +22,7 @@ from ibe_rl.limits import check
 from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
 from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, read_json, refuse_special_files
+from ibe_rl.task import Task
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array, Mapping, Phrases
+from ibe_rl.data import Array, Mapping
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.explainer import CONFIDENCE_FEATURES, voted
 from ibe_rl.ibe import phrases_of
 from ibe_rl.metrics import Calibration
+from ibe_rl.task import Phrases
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibe_rl.data import Array, Phrases
+from ibe_rl.data import Array
+from ibe_rl.task import Phrases
 
 NORMALISATIONS = ("minmax", "sign")
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from ibe_rl.config import CollectConfig, FlawedConfig, HumanConfig, InstructorConfig, RecordedConfig
-from ibe_rl.data import ConfigError, Instructor, Task
+from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.instruct.beside import Beside
 from ibe_rl.instruct.flawed import Flawed, corrupted
 from ibe_rl.instruct.habits import Habits
 from ibe_rl.instruct.recorded import LessonWriter, Recorded, RecordedEpisode, read_lesson
 from ibe_rl.instruct.rule import Oracle, Silent
 from ibe_rl.run_folder import LESSON, REPLACED
+from ibe_rl.task import Task
 
 
 def make_instructor(

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.metrics import adjusted_rand_score
 
-from ibe_rl.data import Array, Mapping, Phrases
+from ibe_rl.data import Array, Mapping
 from ibe_rl.ibe import phrases_of
+from ibe_rl.task import Phrases
 
 
 @dataclass(frozen=True)

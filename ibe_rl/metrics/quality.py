@@ -8,8 +8,9 @@ import numpy as np
 from scipy.stats import spearmanr
 from sklearn.metrics import f1_score, roc_auc_score
 
-from ibe_rl.data import Array, Episode, Explanation, Mapping, Phrases, Task
+from ibe_rl.data import Array, Episode, Explanation, Mapping
 from ibe_rl.ibe import Windows, delta_states, phrases_of
+from ibe_rl.task import Phrases, Task
 
 SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1")
 """What ``vocabulary_scores`` tells."""

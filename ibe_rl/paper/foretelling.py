@@ -13,7 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, Instructor, Mapping, Policy, Predictor, Task
+from ibe_rl.data import Array, Instructor, Mapping, Policy, Predictor
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.explainer import voted
@@ -23,6 +23,7 @@ from ibe_rl.metrics.observer import Observer, carries_on, observer_errors
 from ibe_rl.paper.words import OURS, PAPER
 from ibe_rl.play import watch
 from ibe_rl.scene import Watched
+from ibe_rl.task import Task
 
 END, CONTACT = "end", "contact"
 """Where the frames are cut off: at the end of the episode, as in the paper, or when it first touches the ground."""

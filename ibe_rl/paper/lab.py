@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from ibe_rl.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.command_line import choices
 from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
-from ibe_rl.data import ConfigError, Episode, Instructor, Policy, Task
+from ibe_rl.data import ConfigError, Episode, Instructor, Policy
 from ibe_rl.env.make import make_gym, task_of
 from ibe_rl.evaluation import TrainedRun
 from ibe_rl.evaluation.flights import PROCESSES, SEEDS_EACH, seeds_for
@@ -30,6 +30,7 @@ from ibe_rl.paper.agents import PAPER_SUCCESS, Fly, FlyAll, Skilled, most_flight
 from ibe_rl.paper.words import PAPER, variants
 from ibe_rl.play import play
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.task import Task
 
 DEFAULT_MAPPING = "axis"
 """Held against the paper's where the run itself speaks in the paper's."""

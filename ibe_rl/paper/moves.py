@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode, Task
+from ibe_rl.data import Array, Episode
 from ibe_rl.ibe import cut_windows, top_episodes
 from ibe_rl.metrics.effect import Effect, Groups, effect
 from ibe_rl.metrics.histogram import BINS, bin_edges, densities
+from ibe_rl.task import Task
 
 
 @dataclass(frozen=True)

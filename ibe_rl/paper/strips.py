@@ -12,13 +12,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ibe_rl import colours
-from ibe_rl.data import Array, Task
+from ibe_rl.data import Array
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.paper.foretelling import NOTHING, TRUE_FUTURE, Listened, Shown
 from ibe_rl.paper.look import DARK, FAINT, INK, LABELS, LINE, MARKERS, SHADES, grid, hexed
 from ibe_rl.paper.words import OURS, PAPER
 from ibe_rl.scene import Shape
+from ibe_rl.task import Task
 
 GUESSES = (NOTHING, PAPER, OURS)
 EVERY = 4

@@ -9,9 +9,10 @@ import numpy as np
 import rerun as rr
 
 from ibe_rl import colours
-from ibe_rl.data import Array, Task
+from ibe_rl.data import Array
 from ibe_rl.metrics.histogram import bin_edges, densities
 from ibe_rl.stream import picture
+from ibe_rl.task import Task
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

@@ -9,10 +9,11 @@ import numpy as np
 import rerun as rr
 
 from ibe_rl import colours
-from ibe_rl.data import Array, Explanation, Task
+from ibe_rl.data import Array, Explanation
 from ibe_rl.ibe import phrase
 from ibe_rl.scene import Watched
 from ibe_rl.stream import picture, sentences, view
+from ibe_rl.task import Task
 
 SILENCE = "(silent)"
 

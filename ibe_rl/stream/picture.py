@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array, Task
+from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, Windows
 from ibe_rl.scene import Shape
+from ibe_rl.task import Task
 
 TRAIL_POINTS = 64
 SCATTER_POINTS = 600

@@ -26,11 +26,12 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
 from ibe_rl import colours
-from ibe_rl.data import Explanation, Task
+from ibe_rl.data import Explanation
 from ibe_rl.scene import Watched
 from ibe_rl.stream import chart, sentences, view
 from ibe_rl.stream.film import Film, Place
 from ibe_rl.stream.recording_file import RecordingFile, earlier
+from ibe_rl.task import Task
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

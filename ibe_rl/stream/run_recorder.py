@@ -11,10 +11,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ibe_rl.data import Explanation, Task
+from ibe_rl.data import Explanation
 from ibe_rl.scene import Watched
 from ibe_rl.stream.recorder import CURVE_BYTES, Recorder, strict
 from ibe_rl.stream.thinning import Thinning
+from ibe_rl.task import Task
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

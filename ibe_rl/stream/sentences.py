@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibe_rl.data import DOES_NOT_KNOW, Explanation, Phrases
+from ibe_rl.data import DOES_NOT_KNOW, Explanation
 from ibe_rl.ibe import ClusterMapping, phrase
+from ibe_rl.task import Phrases
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh

@@ -10,9 +10,9 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 
 from ibe_rl.colours import BACKGROUND, EXPLANATION, GREEN, INSTRUCTION, PALE, PINK
-from ibe_rl.data import Task
 from ibe_rl.scene import Shape
 from ibe_rl.stream import picture
+from ibe_rl.task import Task
 
 FRAMES, WATCHED_STEP = "frames", "watched_step"
 TRAIL, BLUE = (150, 140, 200), (96, 165, 250)

@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from ibe_rl.data import Phrases
 from ibe_rl.env import LANDER_TASK
 from ibe_rl.ibe import NORMALISATIONS, normalise, phrase
+from ibe_rl.task import Phrases
 
 
 def column(*values: float) -> np.ndarray:

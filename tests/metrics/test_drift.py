@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from by_hand import WORDS, column, on_a_line, plain
 
-from ibe_rl.data import Phrases
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.metrics import VocabularyDrift, policy_drift, vocabulary_drift
+from ibe_rl.task import Phrases
 
 PROBE = column(-9, -8, -7, -1, 0, 0.5, 1, 8, 9, 10)
 """Three windows of the cluster at -10, four of the one at 0, three of the one at 10."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from by_hand import TASK, on_a_line
 
-from ibe_rl.data import Array, Episode, Explanation, Phrases
+from ibe_rl.data import Array, Episode, Explanation
 from ibe_rl.ibe import Windows
 from ibe_rl.metrics import (
     SCORES,
@@ -17,6 +17,7 @@ from ibe_rl.metrics import (
     phrases_true,
     vocabulary_scores,
 )
+from ibe_rl.task import Phrases
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.5, ""),))]
 

@@ -12,7 +12,7 @@ from by_hand import TASK as LIFT
 from by_hand import on_a_line
 
 from ibe_rl.config import FiguresConfig
-from ibe_rl.data import Array, Episode, Task
+from ibe_rl.data import Array, Episode
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.paper.agents import Skilled
 from ibe_rl.paper.experiments import correct, prediction
@@ -21,6 +21,7 @@ from ibe_rl.paper.look import LABELS
 from ibe_rl.paper.strips import Told
 from ibe_rl.paper.words import MINMAX, OURS, PAPER, SIGNS
 from ibe_rl.scene import Shape, Watched
+from ibe_rl.task import Task
 
 TASK: Task = replace(
     LIFT,

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from by_hand import TASK as LIFT
 
-from ibe_rl.data import Episode, Task
+from ibe_rl.data import Episode
+from ibe_rl.task import Task
 
 TASK: Task = replace(
     LIFT,

@@ -10,7 +10,7 @@ from by_hand import TASK as LIFT
 from by_hand import better_half, on_a_line, two_floors
 from rides import TASK, ride
 
-from ibe_rl.data import Episode, Phrases
+from ibe_rl.data import Episode
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, normalise
 from ibe_rl.lessons import fit_mapping
 from ibe_rl.paper import words
@@ -31,6 +31,7 @@ from ibe_rl.paper.words import (
     variants,
     vocabulary_json,
 )
+from ibe_rl.task import Phrases
 
 EVEN = on_a_line([-2, 0, 2])
 """Calls what is nearer to 0 than a metre straight."""

@@ -19,10 +19,11 @@ from view_data import (
     refreshed,
 )
 
-from ibe_rl.data import DOES_NOT_KNOW, Explanation, Phrases, Task
+from ibe_rl.data import DOES_NOT_KNOW, Explanation
 from ibe_rl.ibe import phrase
 from ibe_rl.stream import Recorder, picture, sentences
 from ibe_rl.stream.film import SILENCE
+from ibe_rl.task import Phrases, Task
 
 
 def test_the_predicted_path_is_the_explanations_path_in_the_scene(rows: Rows) -> None:

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 from view_data import TASK, developed, refreshed
 
-from ibe_rl.data import DOES_NOT_KNOW, Phrases
+from ibe_rl.data import DOES_NOT_KNOW
 from ibe_rl.stream import sentences
+from ibe_rl.task import Phrases
 
 
 def test_words_that_all_phrases_begin_with_are_left_out() -> None:

@@ -1,0 +1,91 @@
+"""What an environment declares of its own, so that nothing else has to know it.
+
+Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``O = S + d + 1`` numbers that the policy reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as Dict
+from dataclasses import dataclass, field
+from typing import Any
+
+from ibe_rl.data import Array
+
+
+@dataclass(frozen=True)
+class Phrases:
+    """The words for one number of an expression.
+
+    Attributes:
+        zero: said while the magnitude is below the first limit of ``degrees``.
+        negative: template with ``{degree}`` for the other expressions below 0.
+        positive: the same above 0.
+        degrees: pairs (lower limit of the magnitude, word put in for ``{degree}``), rising.
+    """
+
+    zero: str
+    negative: str
+    positive: str
+    degrees: Sequence[tuple[float, str]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What an environment declares of its own, so that nothing else has to know it.
+
+    Attributes:
+        name: for titles.
+        state_names: ``S`` names.
+        state_units: ``S`` units.
+        rule: the instructor's rule, states ``(..., S)`` to instructions ``(..., d)``.
+        instruction_values: the values the rule can give, rising.
+        phrases: the words, one entry for each of the ``d`` numbers.
+        context: initial state ``(S,)`` to the name of what the episode is about.
+        contexts: all such names; also the options that ``reset`` takes under ``context_option``.
+        context_option: key of the reset option that fixes the context.
+        success_key: the key in ``info`` that says whether the episode ended well.
+        explained: index of the state dimension that the instructions speak of, used for figures and metrics,
+            never by the explainer.
+        explained_band: change of it, over an explanation's horizon, beyond which it went one way or the other.
+        max_episode_steps: where the environment cuts an episode off.
+        explained_range: how far that dimension reaches; errors in it are told in percent of this.
+        motion: states ``(..., S)`` to the change ``(...)`` of the explained dimension in one step, if the present
+            motion simply goes on. This and the next three, each may be None, only serve to judge explanations.
+        goal_offset: states ``(..., S)`` to how far ``(...)`` the goal lies above the explained dimension, signed.
+        first_contact: states ``(T + 1, S)`` of an episode to the step at which the eye knows the outcome, or the last.
+        hidden_goal: arguments of the environment with which nobody can see where the goal is; or empty.
+        scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
+        scene_size: width and height of the scene in scene units.
+    """
+
+    name: str
+    state_names: tuple[str, ...]
+    state_units: tuple[str, ...]
+    rule: Callable[[Array], Array]
+    instruction_values: tuple[float, ...]
+    phrases: tuple[Phrases, ...]
+    context: Callable[[Array], str]
+    contexts: tuple[str, ...]
+    context_option: str
+    success_key: str
+    explained: int
+    explained_band: float
+    max_episode_steps: int
+    explained_range: float = 1.0
+    motion: Callable[[Array], Array] | None = None
+    goal_offset: Callable[[Array], Array] | None = None
+    first_contact: Callable[[Array], int] | None = None
+    hidden_goal: Dict[str, Any] = field(default_factory=dict)
+    scene_path: Callable[[Array], Array] | None = None
+    scene_size: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def instruction_size(self) -> int:
+        """``d``, the number of numbers in an instruction."""
+        return len(self.phrases)
+
+    @property
+    def observation_size(self) -> int:
+        """``O``, what the policy reads: state, instruction, whether it was given."""
+        return len(self.state_names) + self.instruction_size + 1
