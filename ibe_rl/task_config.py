@@ -59,3 +59,10 @@ FUNCTIONS = (
     *("scene_path", "background", "figure"),
 )
 """The settings that name code."""
+
+
+def code_of(env_id: str, declared: TaskConfig | None) -> set[str]:
+    """All code outside this package that making an environment and calling what is declared of it would run."""
+    named = {getattr(declared, name) for name in FUNCTIONS} - {None} if declared else set()
+    named |= {env_id} if ":" in env_id else set()
+    return {one for one in named if not one.startswith("ibe_rl.env.")}

@@ -12,7 +12,7 @@ import gymnasium
 
 from ibe_rl.agent import GreedyPolicy, make_agent
 from ibe_rl.checkpoint import load, policies
-from ibe_rl.command_line import load_config
+from ibe_rl.command_line import load_config, refuse_strange_code
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.env.make import make_game, task_of
@@ -73,6 +73,7 @@ def load_run(folder: Path) -> TrainedRun:
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
+    refuse_strange_code(config.env, folder)
     env = make_game(config.env)
     task = task_of(env)
     frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
