@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -56,6 +57,7 @@ class Counts:
     kept: int = 0
     skipped: int = 0
     best_success: float = -1.0
+    best_return: float = -math.inf
     best_frames: int = -1
     wall_s: float = 0.0
     times_s: dict[str, float] = field(default_factory=dict)
