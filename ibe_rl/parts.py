@@ -98,7 +98,7 @@ def check_parts(cfg: TrainConfig, task: Task) -> None:
     check_agent(cfg.agent, task.state_names)
     check_instructor(cfg.instructor, cfg.collect, task)
     check_development(cfg, task)
-    check_obedience(cfg, task)
+    check_obedience(cfg)
     check_report(cfg, task)
     make_copy(cfg.env)  # to predict in
 

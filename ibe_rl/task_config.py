@@ -34,7 +34,7 @@ class TaskConfig:
     phrases: list[PhrasesConfig] = MISSING  # one for each number of the instruction
     explained: list[str] = MISSING  # names of the state dimensions that its numbers speak of
     explained_band: list[float] = MISSING  # change of each beyond which it went one way or the other
-    explained_range: float = setting(1.0, low=1e-9)  # how far the first one reaches
+    explained_range: list[float] = field(default_factory=list)  # how far each reaches; empty: 1 each
     instruction_values: list[float] = field(default_factory=lambda: [-1.0, 0.0, 1.0])  # that each number can have
     state_names: list[str] = field(default_factory=list)  # empty: state_0, state_1, ...
     state_units: list[str] = field(default_factory=list)  # empty: none

@@ -238,7 +238,7 @@ def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]
     owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
-    found = {*PASSED_ON, *FUNCTIONS}  # these by their name
+    found = {*PASSED_ON, *FUNCTIONS, "explained_range"}  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":
             continue

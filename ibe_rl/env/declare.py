@@ -131,10 +131,10 @@ def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str,
             f"env.task.explained={config.explained}: allowed are {len(config.phrases)} of {', '.join(names)}, one for "
             "each entry of env.task.phrases"
         )
-    if len(config.explained_band) != len(config.explained) or min(config.explained_band) <= 0:
-        raise ConfigError(
-            f"env.task.explained_band={config.explained_band}: allowed are {len(config.explained)} numbers above 0"
-        )
+    for key in ("explained_band", "explained_range"):
+        numbers = getattr(config, key)
+        if (numbers or key == "explained_band") and (len(numbers) != len(config.explained) or min(numbers) <= 0):
+            raise ConfigError(f"env.task.{key}={numbers}: allowed are {len(config.explained)} numbers above 0")
     contexts = config.contexts or [ANY]
     if bool(config.contexts) != bool(config.context):
         raise ConfigError(
@@ -152,9 +152,9 @@ def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str,
         context_option=config.context_option or "",
         success_key=SUCCESS if config.success else config.success_key or SUCCESS,
         judges_success=bool(config.success or config.success_key),
-        explained=names.index(config.explained[0]),
-        explained_band=config.explained_band[0],
-        explained_range=config.explained_range,
+        explained=tuple(names.index(name) for name in config.explained),
+        explained_band=tuple(config.explained_band),
+        explained_range=tuple(config.explained_range),
         max_episode_steps=_steps(env, config),
         **{name: functions.get(name) for name in ("motion", "goal_offset", "first_contact", "scene_path")},
         hidden_goal=dict(config.hidden_goal),

@@ -129,6 +129,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "too many": ({"explained": ["state_0", "state_1"]}, r"explained=.*: allowed are 1 of"),
     "band": ({"explained_band": [0.0]}, r"explained_band=\[0\.0\]: allowed are 1 numbers above 0"),
     "bands": ({"explained_band": []}, r"explained_band=\[\]: allowed are 1 numbers above 0"),
+    "reach": ({"explained_range": [-1.0]}, r"explained_range=\[-1\.0\]: allowed are 1 numbers above 0"),
     "names": ({"state_names": ["x"]}, r"state_names=\['x'\]: allowed are 4 different names"),
     "twice": ({"state_names": ["x", "x", "y", "z"]}, r"state_names=.*: allowed are 4 different names"),
     "units": ({"state_units": ["m"]}, r"state_units=\['m'\]: allowed are 4 names"),
