@@ -251,7 +251,7 @@ def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
     env = make_gym(cfg.env.id, cfg.env.kwargs)
-    check_parts(cfg, task_of(env))
+    check_parts(cfg, task_of(env), env.action_space)
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     lesson_port = choose_port(cfg.instructor)
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
