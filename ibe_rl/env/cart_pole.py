@@ -54,11 +54,11 @@ class CartPoleSnapshot:
 class CartPoleTarget(CartPoleEnv):
     """Stand at the target with the pole upright, and go with it when it moves.
 
-    The state has five numbers: gymnasium's four and the target's x. A step with the pole upright pays up to a
-    half for how near the target is (0 from 2.4 m on), and another half within 0.2 m of it. The target stands still for 120 steps at least, moves to
-    one of the other two places at a step that nobody knows, and stays there. ``info["there"]`` is True after 400
-    steps with the pole upright, if the cart is within 0.2 m of the target. ``reset(options={"target": "left"})``
-    places the target for the beginning of one episode.
+    The state has five numbers: gymnasium's four and the target's x. A step with the pole upright pays up to a half
+    for how near the target is (0 from 2.4 m on), and another half within 0.2 m of it. The target stands still for 120
+    steps at least, moves to one of the other two places at a step that nobody knows, and stays there.
+    ``info["there"]`` is True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
+    ``reset(options={"target": "left"})`` places the target for the beginning of one episode.
 
     Args:
         target: "random" to draw the first place for each episode, or "left", "center", "right".
