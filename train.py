@@ -252,7 +252,7 @@ def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
     env = make_game(cfg.env)
-    check_parts(cfg, task_of(env))
+    check_parts(cfg, task_of(env), env.action_space)
     if not task_of(env).judges_success:
         print(f"note: nobody says whether an episode of {cfg.env.id} ended well, so that none counts as a success")
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None

@@ -73,6 +73,7 @@ class PPOConfig(AgentConfig):
     epochs: int = setting(4, low=1)
     minibatch_size: int = setting(512, low=2)
     entropy: float = setting(0.004, low=0.0)
+    first_std: float = setting(0.6, low=TINY, high=10.0)  # of continuous actions at the start, in half ranges
     value_weight: float = setting(0.5, low=0.0)
     max_grad_norm: float = setting(0.5, low=TINY)
 

@@ -15,7 +15,7 @@ import torch
 from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
-from ibe_rl.agent import Agent, check_agent, make_agent
+from ibe_rl.agent import Agent, check_actions, check_agent, make_agent
 from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
 from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.collect import check_collect
@@ -86,8 +86,13 @@ class Parts:
     under_way: list[UnderWay] = field(default_factory=list)
 
 
-def check_parts(cfg: TrainConfig, task: Task) -> None:
+def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> None:
     """Refuse settings that cannot work, before anything is made.
+
+    Args:
+        cfg: of the run.
+        task: of the environment.
+        actions: that it takes.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -96,6 +101,7 @@ def check_parts(cfg: TrainConfig, task: Task) -> None:
         raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
     check_collect(cfg.collect)
     check_agent(cfg.agent, task.state_names)
+    check_actions(cfg.agent, actions)
     check_instructor(cfg.instructor, cfg.collect, task)
     check_development(cfg, task)
     check_obedience(cfg)

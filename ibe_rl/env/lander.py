@@ -82,7 +82,7 @@ class LunarLanderPads(game.LunarLander):
         self.task = LANDER_SPEED_TASK if speed else LANDER_TASK
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
-        self._lean = not (self.continuous or self.enable_wind or self.render_mode)
+        self._lean = not (self.enable_wind or self.render_mode)
         self.pad = "center"
         self._pad_random = np.random.default_rng()
         theirs: Any = self.observation_space

@@ -169,9 +169,8 @@ class InstructedEnvs(EnvBase):
             playing = going & [step < len(one.actions) for one in under_way]
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
-                self._states[row], _, terminated, truncated, _ = self._games[row].step(
-                    under_way[row].actions[step].tolist()
-                )
+                action = plain(under_way[row].actions[step])
+                self._states[row], _, terminated, truncated, _ = self._games[row].step(action)
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -181,8 +180,7 @@ class InstructedEnvs(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
-        choices = actions.tolist() if actions.ndim == 1 else actions.numpy()  # games read plain ints faster
-        steps = [game.step(action) for game, action in zip(self._games, choices, strict=True)]
+        steps = [game.step(action) for game, action in zip(self._games, plain(actions.numpy()), strict=True)]
         states, rewards, terminated, truncated, infos = zip(*steps, strict=True)
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
@@ -212,6 +210,11 @@ class InstructedEnvs(EnvBase):
             "instruction": observation[:, state_end:-1].clone(),
             "instruction_given": observation[:, -1:].clone(),
         }
+
+
+def plain(actions: Array) -> Any:
+    """Actions ``()`` or ``(N,)`` as plain ints, which games read faster; rows of numbers as they are."""
+    return actions.tolist() if actions.dtype.kind in "iu" else actions
 
 
 def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:
