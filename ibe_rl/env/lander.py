@@ -77,9 +77,7 @@ class LunarLanderPads(game.LunarLander):
     wind_idx: Any
     torque_idx: Any
 
-    def __init__(
-        self, pad: str = "random", flat: bool = False, flags: bool = True, speed: bool = False, **kwargs: Any
-    ):
+    def __init__(self, pad: str = "random", flat: bool = False, flags: bool = True, speed: bool = False, **kwargs: Any):
         super().__init__(**kwargs)
         self.task = LANDER_SPEED_TASK if speed else LANDER_TASK
         self._default_pad = self._checked(pad, ("random", *PAD_X))
