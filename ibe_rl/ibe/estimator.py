@@ -17,6 +17,7 @@ from ibe_rl.ibe.space import (
     Space,
     TooLittleDataError,
     along,
+    consequences,
     information,
     lasso_axes,
     network,
@@ -46,7 +47,7 @@ class IBEMapping(BaseEstimator):
     The paper's: standardise, k-means, mean instruction per cluster, min-max between the clusters.
 
     Args:
-        n_clusters: k, at least 2.
+        n_clusters: k, at least 2; of all numbers of an instruction together.
         space: where changes are compared. "all" dimensions, standardised; "information": the same, times their mutual
             information with the instruction; "lasso": along the sparse linear regression of the instruction on the
             change; "network": along a small network's; "rule": along the axes on which the instructor's choice of
@@ -54,7 +55,8 @@ class IBEMapping(BaseEstimator):
         split: see ``ibe_rl.ibe.split.split``.
         power: of the magnitude of a movement along the axes; below 1 small movements get clusters of their own. Only
             with a space of instructions.
-        symmetric: divide the movements and their opposites, so that there are as many clusters on both sides.
+        symmetric: divide the movements and their opposites (of all numbers at once), so that there are as many
+            clusters on both sides.
         normalisation: "minmax" (literal) or "sign" of the mean instructions; "movement": a cluster is called by how
             far it moves, 1 being what the instruction 1 typically brought about. Only with a space of instructions.
         membership: see ``ClusterMapping``.
@@ -174,6 +176,7 @@ class IBEMapping(BaseEstimator):
             assert heard is not None
             some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
             axes = rule_axes(heard[0][some], heard[1][some], seed, np.ptp(delta, axis=0) > 0) * kept[:, None]
+            axes = consequences(axes, delta, told)
         return along(axes / self._unit(lessons, axes), self.power)
 
     def _standard(self, delta: Array) -> tuple[Array, Array]:
@@ -227,7 +230,7 @@ class IBEMapping(BaseEstimator):
         means = np.where(evidence[:, None] > 0, sums / np.maximum(evidence, 1e-9)[:, None], overall)
         moves = np.clip(space.spread_out(centres), -1, 1)
         expressions = moves if self.normalisation == "movement" else normalise(means, self.normalisation)
-        order = np.lexsort((means[:, 0], expressions[:, 0]))
+        order = np.lexsort((means[:, 0], *expressions.T[::-1]))  # by the first number, then the second
         named = ClusterMapping(
             space,
             centres[order],
