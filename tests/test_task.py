@@ -18,7 +18,10 @@ def test_each_number_is_called_by_the_dimension_that_it_is_about():
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
-        ({"explained": (0, 1)}, r"^Task\.explained=\(0, 1\) has 2 entries but Task\.phrases 1: allowed is one for each"),
+        (
+            {"explained": (0, 1)},
+            r"^Task\.explained=\(0, 1\) has 2 entries but Task\.phrases 1: allowed is one for each",
+        ),
         ({"explained_band": ()}, r"^Task\.explained_band=\(\) has 0 entries but Task\.phrases 1"),
         ({"explained_range": (1, 2)}, r"^Task\.explained_range=\(1, 2\) has 2 entries but Task\.phrases 1"),
         ({"explained": (3,)}, r"^Task\.explained=\(3,\): allowed are 0 to 2$"),

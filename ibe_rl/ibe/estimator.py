@@ -51,7 +51,8 @@ class IBEMapping(BaseEstimator):
         space: where changes are compared. "all" dimensions, standardised; "information": the same, times their mutual
             information with the instruction; "lasso": along the sparse linear regression of the instruction on the
             change; "network": along a small network's; "rule": along the axes on which the instructor's choice of
-            words turns, see ``ibe_rl.ibe.space.rule_axes``.
+            words turns, see ``ibe_rl.ibe.space.rule_axes``; with several numbers only of what moves both ways
+            (``consequences``).
         split: see ``ibe_rl.ibe.split.split``.
         power: of the magnitude of a movement along the axes; below 1 small movements get clusters of their own. Only
             with a space of instructions.
@@ -176,7 +177,8 @@ class IBEMapping(BaseEstimator):
             assert heard is not None
             some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
             axes = rule_axes(heard[0][some], heard[1][some], seed, np.ptp(delta, axis=0) > 0) * kept[:, None]
-            axes = consequences(axes, delta, told)
+            # not with one number: there the words shall not depend on the axes that the state is given in
+            axes = consequences(axes, delta, told) if told.shape[1] > 1 else axes
         return along(axes / self._unit(lessons, axes), self.power)
 
     def _standard(self, delta: Array) -> tuple[Array, Array]:
@@ -230,7 +232,7 @@ class IBEMapping(BaseEstimator):
         means = np.where(evidence[:, None] > 0, sums / np.maximum(evidence, 1e-9)[:, None], overall)
         moves = np.clip(space.spread_out(centres), -1, 1)
         expressions = moves if self.normalisation == "movement" else normalise(means, self.normalisation)
-        order = np.lexsort((means[:, 0], *expressions.T[::-1]))  # by the first number, then the second
+        order = np.lexsort((means[:, 0], expressions[:, 0]))
         named = ClusterMapping(
             space,
             centres[order],

@@ -23,7 +23,7 @@ class ClusterMapping:
         space: where changes are compared.
         centres: ``(k, P)`` places of the clusters in it.
         mean_instructions: ``(k, d)`` e^i.
-        expressions: ``(k, d)`` m^i in [-1, 1]; clusters are sorted by its first number, then the others.
+        expressions: ``(k, d)`` m^i in [-1, 1]; clusters are sorted by its first number.
         sizes: ``(k,)`` windows in each cluster when it was learnt.
         purities: ``(k,)`` share of a cluster's windows that carried its most frequent instruction.
         evidence: ``(k,)`` windows that the mean instructions stand on: the sizes, and what is remembered of
