@@ -177,8 +177,7 @@ class IBEMapping(BaseEstimator):
             assert heard is not None
             some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
             axes = rule_axes(heard[0][some], heard[1][some], seed, np.ptp(delta, axis=0) > 0) * kept[:, None]
-            # not with one number: there the words shall not depend on the axes that the state is given in
-            axes = consequences(axes, delta, told) if told.shape[1] > 1 else axes
+            axes = consequences(axes, delta, told)
         return along(axes / self._unit(lessons, axes), self.power)
 
     def _standard(self, delta: Array) -> tuple[Array, Array]:
