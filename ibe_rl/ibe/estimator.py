@@ -51,13 +51,11 @@ class IBEMapping(BaseEstimator):
         space: where changes are compared. "all" dimensions, standardised; "information": the same, times their mutual
             information with the instruction; "lasso": along the sparse linear regression of the instruction on the
             change; "network": along a small network's; "rule": along the axes on which the instructor's choice of
-            words turns, see ``ibe_rl.ibe.space.rule_axes``; with several numbers only of what moves both ways
-            (``consequences``).
+            words turns, see ``rule_axes`` and ``consequences`` in ``ibe_rl.ibe.space``.
         split: see ``ibe_rl.ibe.split.split``.
         power: of the magnitude of a movement along the axes; below 1 small movements get clusters of their own. Only
             with a space of instructions.
-        symmetric: divide the movements and their opposites (of all numbers at once), so that there are as many
-            clusters on both sides.
+        symmetric: divide movements and their opposites (in all numbers), to get as many clusters on both sides.
         normalisation: "minmax" (literal) or "sign" of the mean instructions; "movement": a cluster is called by how
             far it moves, 1 being what the instruction 1 typically brought about. Only with a space of instructions.
         membership: see ``ClusterMapping``.
