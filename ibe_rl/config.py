@@ -160,7 +160,7 @@ class MappingConfig:
     top_within: str = setting("all", choices=("all", "context"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
     failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of an episode gone wrong
-    n_clusters: int = setting(8, low=2)
+    n_clusters: int = setting(8, low=2)  # for each number of an instruction: two of them get twice as many together
     space: str = setting("all", choices=("all", "information", "lasso", "network", "rule"))  # see ibe_rl.ibe.IBEMapping
     split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
     power: float = setting(1.0, low=0.05, high=1.0)  # of a movement's magnitude: below 1 small ones get more clusters

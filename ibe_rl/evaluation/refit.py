@@ -15,7 +15,7 @@ from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructi
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
-from ibe_rl.lessons import Lessons, best_windows, check_mapping, fit_mapping, read_lessons
+from ibe_rl.lessons import Lessons, best_windows, check_mapping, clusters_of, fit_mapping, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
@@ -133,7 +133,7 @@ class Refits:
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
         with self._enough():
             windows = best_windows(lessons.best, config, horizon_steps)
-        return [random_clusters(windows, config.n_clusters, random) for _ in range(count)]
+        return [random_clusters(windows, clusters_of(config, self._run.task), random) for _ in range(count)]
 
     def learn(
         self,

@@ -17,6 +17,7 @@ from ibe_rl.evaluation.spoken import Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
 from ibe_rl.metrics.confidence import brier, ece, risk_at
+from ibe_rl.metrics.quality import mean_over_numbers
 from ibe_rl.task import Task
 
 Samples = dict[str, Array]
@@ -80,8 +81,8 @@ def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
 
 
 def over_numbers(each: Sequence[Samples]) -> Samples:
-    """The mean of every metric over the numbers, and with several of them each by itself."""
-    means = {metric: np.mean([one[metric] for one in each], axis=0) for metric in each[0]}
+    """The mean of every metric over the numbers, and with several of them each number by itself."""
+    means = {metric: mean_over_numbers(metric, [one[metric] for one in each]) for metric in each[0]}
     if len(each) == 1:
         return means
     return means | {numbered(metric, i): values for i, one in enumerate(each) for metric, values in one.items()}

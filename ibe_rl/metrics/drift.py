@@ -19,7 +19,7 @@ class VocabularyDrift:
 
     Attributes:
         phrase_changed: share of the windows that are called something else.
-        expression_moved: mean distance of their expressions, in [0, 2].
+        expression_moved: mean distance of their expressions, in [0, 2]; with d numbers up to 2 sqrt(d).
         cluster_agreement: adjusted Rand index of the clusters; 1 if they group the windows alike.
     """
 

@@ -78,8 +78,9 @@ def _numbers(task: Task) -> list[tuple[int, str]]:
 
 
 def _shared(task: Task, share: float) -> list[float]:
-    """The room of one panel, divided between those of all numbers."""
-    return [share / task.instruction_size] * task.instruction_size
+    """The room of the panels of all numbers: of one as given, of each further one a third more together."""
+    numbers = task.instruction_size
+    return [share * (2 + numbers) / 3 / numbers] * numbers
 
 
 def _episode(task: Task) -> list[rrb.View]:
@@ -128,10 +129,10 @@ def _expressions(task: Task, number: int, title: str) -> rrb.View:
 
 
 def _changes(task: Task, number: int) -> rrb.View:
-    dimension = task.explained[number]
+    unit = f" ({task.state_units[task.explained[number]]})" if task.instruction_size == 1 else ""
     return rrb.BarChartView(
         origin=f"/{picture.entity(task, 'change', number)}",
-        name=f"Δ{task.state_names[dimension]} ({task.state_units[dimension]}): best green, peak cut",
+        name=f"Δ{task.number_names[number]}{unit}: best green, peak cut",
         plot_legend=rrb.PlotLegend(visible=False),
     )
 
