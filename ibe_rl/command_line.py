@@ -26,6 +26,7 @@ from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.task_config import code_of
 from ibe_rl.workers import LostWorkerError
 
 KINDS = ("agent", "instructor")
@@ -103,6 +104,23 @@ def choices(group: str) -> dict[str, Any]:
     names = GlobalHydra.instance().config_loader().get_group_options(group)
     files = [name for name in names if "schema" not in name]
     return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in files}
+
+
+def refuse_strange_code(env: schemas.EnvConfig, folder: Path) -> None:
+    """Refuse an environment from a run folder that names code which no file in ``configs/env`` names.
+
+    Raises:
+        ConfigError: naming the code.
+    """
+    named = code_of(env.id, env.task)
+    if named and GlobalHydra.instance().is_initialized():
+        for known in choices("env").values():
+            named -= code_of(known.id, known.task)
+    if named:
+        raise ConfigError(
+            f"{folder}: its environment runs code, {', '.join(sorted(named))}; allowed is what comes with ibe_rl or is "
+            "named by a file in configs/env or below a --config-dir: put one there if you trust it"
+        )
 
 
 def installed(program: str) -> str:

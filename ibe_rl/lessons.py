@@ -189,6 +189,8 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
         allowed = ", ".join(task.state_names)
         raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
     refreshed = config.memory is not None  # then each refresh starts from the one before
+    if config.failed_ends == "drop" and not task.judges_success:
+        raise ConfigError("mapping.failed_ends=drop: allowed is keep where nobody says whether an episode ended well")
     settings = {name: getattr(config, name) for name in PASSED_ON}
     try:
         check_settings(SimpleNamespace(**settings, memory=0.0, last=refreshed or None))

@@ -27,7 +27,7 @@ def instruct(states: Array) -> Array:
     """Say which way to go: states ``(..., 5)`` to ``(..., 1)`` float32, -1 right of the target, +1 left of it."""
     offset = goal_offset(states)
     instruction = np.where(offset < -NEAR, -1.0, np.where(offset > NEAR, 1.0, 0.0))
-    return instruction.astype(np.float32)[..., None]
+    return instruction.astype(np.float32)
 
 
 def place_of(state: Array) -> str:
@@ -36,13 +36,13 @@ def place_of(state: Array) -> str:
 
 
 def motion(states: Array) -> Array:
-    """States ``(..., 5)`` to the change of x in one step at the present velocity, in m."""
-    return STEP_S * states[..., VX]
+    """States ``(..., 5)`` to the change of x ``(..., 1)`` in one step at the present velocity, in m."""
+    return STEP_S * states[..., VX, None]
 
 
 def goal_offset(states: Array) -> Array:
-    """States ``(..., 5)`` to how far right of the cart the target lies, in m."""
-    return states[..., TARGET] - states[..., X]
+    """States ``(..., 5)`` to how far right of the cart the target lies ``(..., 1)``, in m."""
+    return (states[..., TARGET] - states[..., X])[..., None]
 
 
 def scene_x(x: Array) -> Array:
@@ -74,10 +74,10 @@ CART_POLE_TASK = Task(
     contexts=tuple(TARGET_X),
     context_option="target",
     success_key="there",
-    explained=X,
-    explained_band=0.1,
+    explained=(X,),
+    explained_band=(0.1,),
     max_episode_steps=MAX_EPISODE_STEPS,
-    explained_range=2 * RAIL_END,
+    explained_range=(2 * RAIL_END,),
     motion=motion,
     goal_offset=goal_offset,
     scene_path=scene_path,

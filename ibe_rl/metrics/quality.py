@@ -81,8 +81,8 @@ def instruction_f1(expression: Array, instruction: Array, values: Sequence[float
 def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[str, float]:
     """What can be had without a predictor: put into words what really happened, and see whether the words fit.
 
-    The first number of the expressions is held against the dimension that ``task`` says it speaks of. The
-    predicted change being the real one, ``vocabulary_loss`` is 1 - ``motion_auc``.
+    Each number of the expressions is held against the dimension that ``task`` says it speaks of; the scores are the
+    means over the numbers. The predicted change being the real one, ``vocabulary_loss`` is 1 - ``motion_auc``.
 
     Args:
         mapping: the vocabulary.
@@ -95,12 +95,20 @@ def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[st
     """
     if not len(windows):  # the newest episodes may all have been flown in silence
         return dict.fromkeys(SCORES, float("nan"))
-    said, told = mapping.express(windows.delta)[:, 0], windows.instruction[:, 0]
-    change, band = windows.delta[:, task.explained], task.explained_band
+    columns = mapping.express(windows.delta).T, windows.delta[:, task.explained].T, windows.instruction.T
+    each = [
+        _number_scores(*number, band, task.instruction_values)
+        for *number, band in zip(*columns, task.explained_band, strict=True)
+    ]
+    return {name: float(np.mean([scores[name] for scores in each])) for name in SCORES}
+
+
+def _number_scores(said: Array, change: Array, told: Array, band: float, values: Sequence[float]) -> dict[str, float]:
+    """The scores of one number of the instruction, all arguments ``(W,)``."""
     disobeyed = np.where(np.abs(change) > band, np.sign(change), 0) != np.sign(told)
     return {
         "motion_auc": motion_auc(said, change, band),
         "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], band),
         "motion_spearman": motion_spearman(said, change),
-        "instruction_f1": instruction_f1(said, told, task.instruction_values),
+        "instruction_f1": instruction_f1(said, told, values),
     }

@@ -132,14 +132,14 @@ def test_a_fixed_target_shifts_no_later_draw():
 def test_what_the_task_says_of_states():
     states = np.array([[1.0, 2, 0, 0, 0], [-0.2, 0, 0, 0, 0], [0.1, -3, 0, 0, 1.2]], np.float32)
     assert instruct(states)[:, 0].tolist() == [-1, 0, 1]
-    np.testing.assert_allclose(goal_offset(states), [-1, 0.2, 1.1], atol=1e-6)
-    np.testing.assert_allclose(motion(states), [0.04, 0, -0.06], atol=1e-6)
+    np.testing.assert_allclose(goal_offset(states)[:, 0], [-1, 0.2, 1.1], atol=1e-6)
+    np.testing.assert_allclose(motion(states)[:, 0], [0.04, 0, -0.06], atol=1e-6)
     assert [CART_POLE_TASK.context(state) for state in states] == ["center", "center", "right"]
 
 
 def test_motion_is_the_change_of_x_in_one_step(episodes: Any):
     states = episodes[0][0]
-    np.testing.assert_allclose(motion(states)[:-1], np.diff(states[:, 0]), atol=1e-6)
+    np.testing.assert_allclose(motion(states)[:-1, 0], np.diff(states[:, 0]), atol=1e-6)
 
 
 def test_a_restored_game_repeats_the_original_to_the_last_bit(episodes: Any):
