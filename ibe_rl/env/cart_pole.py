@@ -55,9 +55,9 @@ class CartPoleTarget(CartPoleEnv):
     """Stand at the target with the pole upright, and go with it when it moves.
 
     The state has five numbers: gymnasium's four and the target's x. A step with the pole upright pays up to a half
-    for how near the target is (0 from 2.4 m on), and another half within 0.2 m of it. The target stands still for 120
-    steps at least, moves to one of the other two places at a step that nobody knows, and stays there.
-    ``info["there"]`` is True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
+    for how near the target is (0 from 2.4 m on), and up to a half more close to it (0 from 0.4 m on). The target
+    stands still for 120 steps at least, moves to one of the other two places at a step that nobody knows, and stays
+    there. ``info["there"]`` is True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
     ``reset(options={"target": "left"})`` places the target for the beginning of one episode.
 
     Args:
@@ -102,9 +102,9 @@ class CartPoleTarget(CartPoleEnv):
         self._steps += 1
         self._move_target()
         distance = abs(float(state[0]) - TARGET_X[self.target])
-        reward = 0.0 if fallen else 0.5 * max(0.0, 1.0 - distance / RAIL_END) + 0.5 * (distance <= NEAR)
+        pay = 0.5 * max(0.0, 1.0 - distance / RAIL_END) + 0.5 * max(0.0, 1.0 - distance / (2 * NEAR))
         there = not fallen and self._steps >= MAX_EPISODE_STEPS and distance <= NEAR
-        return self._with_target(state), reward, fallen, False, {"there": there}
+        return self._with_target(state), 0.0 if fallen else pay, fallen, False, {"there": there}
 
     def _move_target(self) -> None:
         """Each step on which it may move is as likely as any other, and at the last one it does."""
