@@ -23,6 +23,7 @@ from ibe_rl.env.cart_pole_task import (
     RAIL_END,
     RAIL_Y,
     TARGET_X,
+    scene_path,
     scene_x,
 )
 from ibe_rl.scene import Shape
@@ -136,24 +137,21 @@ class CartPoleTarget(CartPoleEnv):
     def background(self) -> list[Shape]:
         """The rail and its ends, for a drawing in scene units."""
         left, right = (float(scene_x(np.array(x))) for x in (-RAIL_END, RAIL_END))
-        ends = [np.array([(x, RAIL_Y - 0.5), (x, RAIL_Y + 0.5)]) for x in (left, right)]
+        ends = [np.array([(x, RAIL_Y), (x, RAIL_Y + 1.0)]) for x in (left, right)]
         rail = np.array([(left, RAIL_Y), (right, RAIL_Y)])
         return [Shape(points, (150, 150, 160)) for points in (rail, *ends)]
 
     def figure(self) -> list[Shape]:
         """Cart, pole and target as they are now, for a drawing in scene units."""
-        x, angle = float(scene_x(self.state[0])), float(self.state[2])
-        target = float(scene_x(np.array(TARGET_X[self.target])))
-        tip = (x + PER_METRE * math.sin(angle), RAIL_Y + PER_METRE * math.cos(angle))  # gymnasium's pole is 1 m long
-        cart = np.array(
-            [(x - 0.8, RAIL_Y - 0.4), (x + 0.8, RAIL_Y - 0.4), (x + 0.8, RAIL_Y + 0.4), (x - 0.8, RAIL_Y + 0.4)]
-        )
-        near = PER_METRE * NEAR
-        flag = np.array([(target, RAIL_Y - 0.6), (target - near, RAIL_Y - 1.6), (target + near, RAIL_Y - 1.6)])
+        (x, axle), angle = scene_path(np.array(self.state)).tolist(), float(self.state[2])
+        target, near = float(scene_x(np.array(TARGET_X[self.target]))), PER_METRE * NEAR
+        cart = np.array([(x + right, axle + up) for right, up in ((-0.8, -0.4), (0.8, -0.4), (0.8, 0.4), (-0.8, 0.4))])
+        tip = (x + PER_METRE * math.sin(angle), axle + PER_METRE * math.cos(angle))  # gymnasium's pole is 1 m long
+        mark = np.array([(target, RAIL_Y - 0.9), (target - near, RAIL_Y - 1.9), (target + near, RAIL_Y - 1.9)])
         return [
             Shape(cart, (165, 148, 249), closed=True),
-            Shape(np.array([(x, RAIL_Y), tip]), (165, 148, 249), radius=0.12),
-            Shape(flag, (250, 204, 21), closed=True),
+            Shape(np.array([(x, axle), tip]), (165, 148, 249), radius=0.12),
+            Shape(mark, (250, 204, 21), closed=True),
         ]
 
 
