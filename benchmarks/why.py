@@ -163,9 +163,9 @@ def measure(flown: Flown, seeds: int, resamples: int) -> tuple[dict[str, Any], d
         rows[key] = {name: np.mean([each[name] for each in scores], axis=0) for name in SCORES}
         values = {name: [rounded(each[name][0]) for each in scores] for name in SCORES}
         single[key] = {"group": variant.group, "name": variant.name, "by_hand": variant.by_hand, **values}
-    x, task = flown.task.explained, flown.task
+    x, task = flown.task.explained[0], flown.task
     about = {"name": flown.name, "success": flown.success, "moments": len(flown.windows)}
-    about |= {"explained": task.state_names[x], "unit": task.state_units[x], "band": task.explained_band}
+    about |= {"explained": task.state_names[x], "unit": task.state_units[x], "band": task.explained_band[0]}
     about |= {"horizon_steps": flown.base.horizon_steps, "instruction_values": list(task.instruction_values)}
     paper = {name: rounded(values[name][0]) for name, values in [(n, rows[next(iter(rows))]) for n in SCORES]}
     return about | {"paper": paper, "variants": single, "facts": facts(flown, school, seeds)}, rows
@@ -177,8 +177,8 @@ def score(school: School, variant: Variant, flown: Flown, seed: int, weights: Ar
         said = school.learn(variant, seed).express(flown.windows.delta)[:, 0]
     except TooLittleDataError:
         return {name: np.full(len(weights), np.nan) for name in SCORES}
-    change, told = flown.windows.delta[:, flown.task.explained], flown.windows.instruction[:, 0]
-    return motion_scores(said, change, told, flown.task.explained_band, weights)
+    change, told = flown.windows.delta[:, flown.task.explained[0]], flown.windows.instruction[:, 0]
+    return motion_scores(said, change, told, flown.task.explained_band[0], weights)
 
 
 def rounded(value: float) -> float | None:

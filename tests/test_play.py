@@ -12,7 +12,7 @@ from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.play import play, play_moments, watch
-from ibe_rl.task import Task
+from ibe_rl.task import Phrases, Task
 
 
 def make(count: int) -> list[Any]:
@@ -147,8 +147,8 @@ class Counter(gymnasium.Env[Array, int]):
 
     task = Task(
         name="count", state_names=("n",), state_units=("",), rule=lambda states: 0 * states, instruction_values=(0.0,),
-        phrases=(), context=lambda _: "here", contexts=("here",), context_option="where", success_key="done",
-        explained=0, explained_band=0.5, max_episode_steps=3,
+        phrases=(Phrases("as it is", "", "", ()),), context=lambda _: "here", contexts=("here",),
+        context_option="where", success_key="done", explained=(0,), explained_band=(0.5,), max_episode_steps=3,
     )  # fmt: skip
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Array, dict[str, Any]]:

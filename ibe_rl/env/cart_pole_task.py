@@ -36,12 +36,12 @@ def place_of(state: Array) -> str:
 
 
 def motion(states: Array) -> Array:
-    """States ``(..., 5)`` to the change of x ``(..., 1)`` in one step at the present velocity, in m."""
+    """States ``(..., 5)`` to the change ``(..., 1)`` of x in one step at the present velocity, in m."""
     return STEP_S * states[..., VX, None]
 
 
 def goal_offset(states: Array) -> Array:
-    """States ``(..., 5)`` to how far right of the cart the target lies ``(..., 1)``, in m."""
+    """States ``(..., 5)`` to how far ``(..., 1)`` right of the cart the target lies, in m."""
     return (states[..., TARGET] - states[..., X])[..., None]
 
 

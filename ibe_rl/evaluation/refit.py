@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.config import EvaluateConfig, MappingConfig
 from ibe_rl.data import ConfigError, Episode, Mapping
-from ibe_rl.evaluation.baselines import fit_state_regressor
+from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
@@ -160,7 +160,7 @@ class Refits:
                 "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
                 "baseline:random_names": [dealt(ours, random) for _ in range(config.shuffles)],
             },
-            regressor=fit_state_regressor(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
+            regressors=fit_state_regressors(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
         )
 
     @contextmanager

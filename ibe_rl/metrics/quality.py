@@ -95,10 +95,10 @@ def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[st
     """
     if not len(windows):  # the newest episodes may all have been flown in silence
         return dict.fromkeys(SCORES, float("nan"))
-    columns = mapping.express(windows.delta).T, windows.delta[:, task.explained].T, windows.instruction.T
+    said, change = mapping.express(windows.delta), windows.delta[:, task.explained]
     each = [
-        _number_scores(*number, band, task.instruction_values)
-        for *number, band in zip(*columns, task.explained_band, strict=True)
+        _number_scores(said[:, i], change[:, i], windows.instruction[:, i], band, task.instruction_values)
+        for i, band in enumerate(task.explained_band)
     ]
     return {name: float(np.mean([scores[name] for scores in each])) for name in SCORES}
 

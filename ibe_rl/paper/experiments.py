@@ -68,7 +68,7 @@ def experiment(lab: Lab, say: Callable[[str], None]) -> tuple[dict[str, Any], di
     """Do them all; returns what paper.json holds, and the episodes of the prediction task by agent and cut."""
     agents, screened = find_agents(lab)
     say(", ".join(f"{one.name}: {100 * one.success.value:.1f} % after {one.frame:,} frames" for one in agents))
-    name, unit = lab.task.state_names[lab.task.explained], lab.task.state_units[lab.task.explained]
+    name, unit = lab.task.state_names[lab.task.explained[0]], lab.task.state_units[lab.task.explained[0]]
     found: dict[str, Any] = {
         "protocol": protocol(lab),
         "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
@@ -222,8 +222,8 @@ def typical(lab: Lab, agent: Skilled, checked: Sequence[Episode]) -> Observer:
     Raises:
         ConfigError: if it never goes anywhere.
     """
-    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained]
-    observer = calibrate_observer(change.astype(float), lab.task.explained_band)
+    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained[0]]
+    observer = calibrate_observer(change.astype(float), lab.task.explained_band[0])
     if np.isnan(observer.typical):
         raise ConfigError(
             f"run={lab.run.folder}: agent {agent.name} never goes to a side within {lab.horizon_steps} steps; "
@@ -236,7 +236,7 @@ def prediction(agent: Skilled, told: dict[str, Told], config: FiguresConfig) -> 
     """How far off the observers are, over all episodes and in each."""
     cuts = {}
     for cut, one in told.items():
-        errors = one.listened.errors(one.task.explained_range)
+        errors = one.listened.errors(one.task.explained_range[0])
         means, tests = judged(errors, config.resamples, config.seed)
         cuts[cut] = {
             "error": {name: each.to_dict() for name, each in means.items()},

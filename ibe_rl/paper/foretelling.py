@@ -136,16 +136,16 @@ def listen(
     deltas = (paths[:, -1] - paths[:, 0]).reshape(len(shown), SEEN_STEPS, futures, -1)
     states = np.array([one.watched.episode.states[last] for one, last in zip(shown, lasts, strict=True)])
     ends = np.array([one.watched.episode.states[one.ends[cut]] for one in shown])
-    position, landing = (each[:, task.explained].astype(float) for each in (states, ends))
+    position, landing = (each[:, task.explained[0]].astype(float) for each in (states, ends))
     said = {name: _say(mapping, deltas, task) for name, mapping in vocabularies.items()}
     said |= {FLIPPED: _say(Flipped(vocabularies[OURS]), deltas[:, -1:], task)}
     others = [observer.reads(position, _say(mapping, deltas[:, -1:], task)[:, -1]) for mapping in shuffled]
     expected = {
         STAYS: position[None],
-        NOTHING: carries_on(position, task.motion(states).astype(float), horizon_steps)[None],
+        NOTHING: carries_on(position, task.motion(states)[:, 0].astype(float), horizon_steps)[None],
         **{name: observer.reads(position, words[:, -1])[None] for name, words in said.items()},
         SHUFFLED: np.array(others),
-        PREDICTED: (position + deltas[:, -1, 0, task.explained])[None],
+        PREDICTED: (position + deltas[:, -1, 0, task.explained[0]])[None],
         TRUE_FUTURE: landing[None],
     }
     return Listened({name: said[name] for name in vocabularies}, position, landing, expected)

@@ -40,8 +40,13 @@ def check_task(task: Task) -> None:
     """Refuse an environment that the experiments cannot be done in.
 
     Raises:
-        ConfigError: naming what it does not declare.
+        ConfigError: naming what it does not declare, or that its instructions have several numbers.
     """
+    if task.instruction_size != 1:
+        raise ConfigError(
+            f"task=figures: an instruction of {task.name} has {task.instruction_size} numbers; allowed is one number, "
+            "as in the paper (task=evaluate judges several)"
+        )
     missing = [name for name in ("motion", "first_contact", "scene_path") if getattr(task, name) is None]
     if missing:
         raise ConfigError(f"task=figures: {task.name} does not declare {', '.join(missing)}; allowed is one that does")
@@ -200,7 +205,7 @@ def protocol(lab: Lab) -> dict[str, Any]:
         "default_mapping": next(reversed(lab.mappings.values())).kind,
         "seen_steps": SEEN_STEPS,
         "futures": lab.cfg.predictor.futures,
-        "band": lab.task.explained_band,
+        "band": lab.task.explained_band[0],
         "context": lab.task.context_option,
         "seed": config.seed,
         "seeds": {name: [seeds[0], seeds[-1]] for name, count in counts.items() if (seeds := lab.seeds(name, count))},

@@ -87,7 +87,7 @@ class Film:
         if not given:
             return SILENCE
         words = phrase(instruction, self._task.phrases)
-        self._shades.setdefault(words, colours.of_expressions(instruction[:1])[0])
+        self._shades.setdefault(words, colours.of_expressions(instruction[None])[0])
         return words
 
     def _send_scene(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
@@ -154,13 +154,14 @@ class Film:
         times = place.columns(np.arange(len(said) + 1))
         for name, values in (("instruction", instructions), ("explanation", expressions)):
             values = np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan)  # no line on to the next episode
-            columns = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
-            self._send(f"signal/{name}", times, columns)
+            for number, column in enumerate(values.T):
+                path = f"{picture.entity(self._task, 'signal', number)}/{name}"
+                self._send(path, times, rr.Scalars.columns(scalars=column))
 
     def _send_lanes(self, place: Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         for one in said:
             self._shades.setdefault(
-                one.said, colours.of_expressions(one.expression[:1])[0] if one.known else np.array(colours.SILENT)
+                one.said, colours.of_expressions(one.expression[None])[0] if one.known else np.array(colours.SILENT)
             )
         words = list(self._shades)
         states = rr.StateConfiguration(
@@ -209,6 +210,6 @@ class Film:
 def _shades(said: Sequence[Explanation]) -> Array:
     """Colours ``(N, 3)`` of expressions, grey where the agent does not know."""
     known = np.array([one.known for one in said])[:, None]
-    return np.where(
-        known, colours.of_expressions(np.array([one.expression[0] for one in said])), colours.SILENT
-    ).astype(np.uint8)
+    return np.where(known, colours.of_expressions(np.array([one.expression for one in said])), colours.SILENT).astype(
+        np.uint8
+    )

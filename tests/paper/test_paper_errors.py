@@ -99,7 +99,7 @@ def test_an_agent_that_never_comes_down_cannot_be_foretold(
 
 
 def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: Lab, agent: Skilled) -> None:
-    still = Lab(replace(opened.run, task=replace(opened.task, explained_band=9.0)), opened.cfg)
+    still = Lab(replace(opened.run, task=replace(opened.task, explained_band=(9.0,))), opened.cfg)
     with pytest.raises(ConfigError, match=r"^run=.*: agent C never goes to a side within 20 steps; allowed is a run"):
         experiments.typical(still, agent, agent.episodes)
 
