@@ -256,7 +256,7 @@ def episode_json(told: Told, row: int, errors: dict[str, Array]) -> dict[str, An
         "success": shown.watched.episode.success,
         "foretold_at_step": told.last_seen(row),
         "position": float(listened.position[row]),
-        "landing": float(listened.landing[row]),
+        "end": float(listened.end[row]),
         "said": {name: said[row].tolist() for name, said in listened.said.items()},
         "expected": {name: float(np.mean(each[:, row])) for name, each in listened.expected.items()},
         "errors": {name: float(each[row]) for name, each in errors.items()},

@@ -93,7 +93,7 @@ def test_observers_see_so_many_frames_and_foretell_at_the_last():
     assert heights == np.repeat([*rising, *falling], FUTURES).tolist()
     assert (asked_policy, horizon) == (policy, HORIZON)
     assert told.position.tolist() == [26, 40]
-    assert told.landing.tolist() == [36, 20]
+    assert told.end.tolist() == [36, 20]
     assert {name: said.shape for name, said in told.said.items()} == dict.fromkeys((PAPER, OURS), (2, SEEN_STEPS))
     np.testing.assert_array_equal(told.said[OURS], np.where(np.array([rising, falling]) % 4 == 0, 1, -1))
     np.testing.assert_array_equal(told.said[PAPER], np.where(np.array([rising, falling]) % 4 == 0, 0.4, -0.8))
@@ -116,7 +116,7 @@ def test_what_every_observer_expects_worked_out_by_hand():
 
 def test_cut_at_the_end_everything_is_foretold_from_there():
     told = listened(END)
-    assert (told.position.tolist(), told.landing.tolist()) == ([30, 30], [40, 10])
+    assert (told.position.tolist(), told.end.tolist()) == ([30, 30], [40, 10])
     assert told.expected[OURS].tolist() == [[25, 25]]
     assert told.said[OURS][:, -1].tolist() == [-1, -1]
 
