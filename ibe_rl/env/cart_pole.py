@@ -23,6 +23,7 @@ from ibe_rl.env.cart_pole_task import (
     RAIL_END,
     RAIL_Y,
     TARGET_X,
+    scene_path,
     scene_x,
 )
 from ibe_rl.scene import Shape
@@ -55,9 +56,9 @@ class CartPoleTarget(CartPoleEnv):
     """Stand at the target with the pole upright, and go with it when it moves.
 
     The state has five numbers: gymnasium's four and the target's x. A step with the pole upright pays up to a half
-    for how near the target is (0 from 2.4 m on), and another half within 0.2 m of it. The target stands still for 120
-    steps at least, moves to one of the other two places at a step that nobody knows, and stays there.
-    ``info["there"]`` is True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
+    for how near the target is (0 from 2.4 m on), and up to a half more close to it (0 from 0.4 m on). The target
+    stands still for 120 steps at least, moves to one of the other two places at a step that nobody knows, and stays
+    there. ``info["there"]`` is True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
     ``reset(options={"target": "left"})`` places the target for the beginning of one episode.
 
     Args:
@@ -102,9 +103,9 @@ class CartPoleTarget(CartPoleEnv):
         self._steps += 1
         self._move_target()
         distance = abs(float(state[0]) - TARGET_X[self.target])
-        reward = 0.0 if fallen else 0.5 * max(0.0, 1.0 - distance / RAIL_END) + 0.5 * (distance <= NEAR)
+        pay = 0.5 * max(0.0, 1.0 - distance / RAIL_END) + 0.5 * max(0.0, 1.0 - distance / (2 * NEAR))
         there = not fallen and self._steps >= MAX_EPISODE_STEPS and distance <= NEAR
-        return self._with_target(state), reward, fallen, False, {"there": there}
+        return self._with_target(state), 0.0 if fallen else pay, fallen, False, {"there": there}
 
     def _move_target(self) -> None:
         """Each step on which it may move is as likely as any other, and at the last one it does."""
@@ -136,24 +137,21 @@ class CartPoleTarget(CartPoleEnv):
     def background(self) -> list[Shape]:
         """The rail and its ends, for a drawing in scene units."""
         left, right = (float(scene_x(np.array(x))) for x in (-RAIL_END, RAIL_END))
-        ends = [np.array([(x, RAIL_Y - 0.5), (x, RAIL_Y + 0.5)]) for x in (left, right)]
+        ends = [np.array([(x, RAIL_Y), (x, RAIL_Y + 1.0)]) for x in (left, right)]
         rail = np.array([(left, RAIL_Y), (right, RAIL_Y)])
         return [Shape(points, (150, 150, 160)) for points in (rail, *ends)]
 
     def figure(self) -> list[Shape]:
         """Cart, pole and target as they are now, for a drawing in scene units."""
-        x, angle = float(scene_x(self.state[0])), float(self.state[2])
-        target = float(scene_x(np.array(TARGET_X[self.target])))
-        tip = (x + PER_METRE * math.sin(angle), RAIL_Y + PER_METRE * math.cos(angle))  # gymnasium's pole is 1 m long
-        cart = np.array(
-            [(x - 0.8, RAIL_Y - 0.4), (x + 0.8, RAIL_Y - 0.4), (x + 0.8, RAIL_Y + 0.4), (x - 0.8, RAIL_Y + 0.4)]
-        )
-        near = PER_METRE * NEAR
-        flag = np.array([(target, RAIL_Y - 0.6), (target - near, RAIL_Y - 1.6), (target + near, RAIL_Y - 1.6)])
+        (x, axle), angle = scene_path(np.array(self.state)).tolist(), float(self.state[2])
+        target, near = float(scene_x(np.array(TARGET_X[self.target]))), PER_METRE * NEAR
+        cart = np.array([(x + right, axle + up) for right, up in ((-0.8, -0.4), (0.8, -0.4), (0.8, 0.4), (-0.8, 0.4))])
+        tip = (x + PER_METRE * math.sin(angle), axle + PER_METRE * math.cos(angle))  # gymnasium's pole is 1 m long
+        mark = np.array([(target, RAIL_Y - 0.9), (target - near, RAIL_Y - 1.9), (target + near, RAIL_Y - 1.9)])
         return [
             Shape(cart, (165, 148, 249), closed=True),
-            Shape(np.array([(x, RAIL_Y), tip]), (165, 148, 249), radius=0.12),
-            Shape(flag, (250, 204, 21), closed=True),
+            Shape(np.array([(x, axle), tip]), (165, 148, 249), radius=0.12),
+            Shape(mark, (250, 204, 21), closed=True),
         ]
 
 

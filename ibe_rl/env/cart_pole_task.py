@@ -20,7 +20,7 @@ STEP_S = 0.02
 X, VX, ANGLE, TARGET = 0, 1, 2, 4
 PER_METRE = 4.0
 """Scene units in a metre; the scene is as large as others, so that lines and labels look alike."""
-SCENE_WIDTH, SCENE_HEIGHT, RAIL_Y = 22.0, 11.0, 3.0
+SCENE_WIDTH, SCENE_HEIGHT, RAIL_Y, AXLE_Y = 22.0, 11.0, 3.0, 3.5
 
 
 def instruct(states: Array) -> Array:
@@ -51,9 +51,9 @@ def scene_x(x: Array) -> Array:
 
 
 def scene_path(states: Array) -> Array:
-    """States ``(..., 5)`` to the place of the cart's middle ``(..., 2)`` in scene units, y up."""
+    """States ``(..., 5)`` to the place of the cart's axle ``(..., 2)`` in scene units, y up."""
     x = scene_x(states[..., X])
-    return np.stack([x, np.full_like(x, RAIL_Y)], axis=-1)
+    return np.stack([x, np.full_like(x, AXLE_Y)], axis=-1)
 
 
 CART_POLE_TASK = Task(

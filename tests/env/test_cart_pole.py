@@ -77,10 +77,10 @@ def test_a_target_that_does_not_move_stays():
     assert np.ptp(states[:, 4]) == 0
 
 
-def test_it_pays_for_being_near_the_target_and_as_much_again_for_being_there(episodes: Any):
+def test_it_pays_for_being_near_the_target_and_more_close_to_it(episodes: Any):
     for states, steps, _ in episodes[:5]:
         distance = np.abs(states[1:, 0].astype(float) - states[1:, 4])
-        expected = 0.5 * np.maximum(0, 1 - distance / 2.4) + 0.5 * (distance <= 0.2)
+        expected = 0.5 * np.maximum(0, 1 - distance / 2.4) + 0.5 * np.maximum(0, 1 - distance / 0.4)
         np.testing.assert_allclose([step[0] for step in steps], expected, atol=1e-6)
 
 
