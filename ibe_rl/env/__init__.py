@@ -2,6 +2,7 @@
 
 import gymnasium
 
+from ibe_rl.env.instructed import Instructed
 from ibe_rl.env.lander_task import LANDER_TASK
 
 LANDER_ID = "ibe_rl/LunarLanderPads-v0"
@@ -14,4 +15,4 @@ if LANDER_ID not in gymnasium.registry:
         reward_threshold=200,
     )
 
-__all__ = ["LANDER_ID", "LANDER_TASK"]
+__all__ = ["LANDER_ID", "LANDER_TASK", "Instructed"]
