@@ -193,11 +193,10 @@ def _act(agent: Any, actions: gymnasium.Space[Any]) -> Callable[[Array], Any]:
     if hasattr(agent, "predict"):
         policy = getattr(agent, "policy", agent)
         if hasattr(policy, "lstm_actor"):
-            raise ConfigError("agent: it remembers earlier observations (a recurrent policy); allowed is one that reads "
-                              "the present one only")
+            raise ConfigError("agent: it remembers (a recurrent policy); allowed is one that reads the present only")
         return _Predicts(policy)
     if callable(agent):
-        return agent  # type: ignore[no-any-return]
+        return agent
     raise ConfigError(f"agent={agent!r:.80}: allowed is a model of stable-baselines3, a TorchRL policy, or a function")
 
 
@@ -241,9 +240,7 @@ def _load_sb3(path: Path) -> Any:
         raise ConfigError(f"agent={path}: no readable model of stable-baselines3 ({error})") from None
     kind = next((name for name, key in SB3_KINDS.items() if key in settings), None)
     if kind is None:
-        raise ConfigError(
-            f"agent={path}: of none of the algorithms {', '.join(SB3_KINDS)}; allowed is MODULE:NAME of the loaded model"
-        )
+        raise ConfigError(f"agent={path}: allowed are {', '.join(SB3_KINDS)}, or MODULE:NAME of a loaded model")
     try:
         library = importlib.import_module("stable_baselines3")
     except ImportError:

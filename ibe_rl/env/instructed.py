@@ -41,8 +41,8 @@ class Instructed(gymnasium.Wrapper[Array, Any, Array, Any]):
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """Step the environment."""
-        state, *rest = self.env.step(action)
-        return self._seen(state), *rest
+        state, reward, terminated, truncated, info = self.env.step(action)
+        return self._seen(state), reward, terminated, truncated, info
 
     def _seen(self, state: Array) -> Array:
         return observe(state, self._task.rule(state), np.ones(1, np.float32))
