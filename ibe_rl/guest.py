@@ -133,7 +133,7 @@ def as_policy(
     if not isinstance(actions, Discrete) and not (isinstance(actions, Box) and len(actions.shape) == 1):
         raise ConfigError(f"env: its actions are {actions}; allowed are Discrete or a Box of one dimension")
     seen = _seen(agent, task, sees_instruction)
-    _check_actions(agent, actions)
+    check_actions("agent", agent, actions)
     act = _act(agent, actions)
     tried = np.ascontiguousarray(examples[:, :seen])
     if not _is_batched(agent, act, actions, tried):
@@ -178,13 +178,18 @@ def _seen(agent: Any, task: Task, sees_instruction: bool | None) -> int:
     return whole if sees else state
 
 
-def _check_actions(agent: Any, actions: gymnasium.Space[Any]) -> None:
-    declared = getattr(agent, "action_space", None)
+def check_actions(whose: str, declares: Any, actions: gymnasium.Space[Any]) -> None:
+    """Hold what declares an ``action_space`` against the environment's actions; what declares none is let pass.
+
+    Raises:
+        ConfigError: if they differ; both are named.
+    """
+    declared = getattr(declares, "action_space", None)
     if declared is None:
         return
     same = (getattr(declared, "n", None), declared.shape) == (getattr(actions, "n", None), actions.shape)
     if type(declared) is not type(actions) or not same:
-        raise ConfigError(f"agent: its actions are {declared}; allowed are those of the environment, {actions}")
+        raise ConfigError(f"{whose}: its actions are {declared}; allowed are those of the environment, {actions}")
 
 
 def _act(agent: Any, actions: gymnasium.Space[Any]) -> Callable[[Array], Any]:
