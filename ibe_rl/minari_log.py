@@ -1,7 +1,7 @@
 """Logs for and from Minari: a run's log as a dataset of theirs, and a dataset of theirs as a run folder here.
 
-python -m ibe_rl.minari_log export runs/NAME ibe/lander-v0
-python -m ibe_rl.minari_log import ibe/lander-v0 env=lander run_dir=runs/imported
+python -m ibe_rl.minari_log export runs/NAME mine/log-v0
+python -m ibe_rl.minari_log import mine/log-v0 env=NAME run_dir=runs/imported
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
 
     Args:
         run: the folder of the run.
-        dataset_id: as Minari writes it, ``ibe/lander-v0``.
+        dataset_id: as Minari writes it, ``mine/log-v0``.
         newest: so many episodes, the newest; None: all.
 
     Returns:
@@ -208,7 +208,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     out = commands.add_parser("export", help="a run's log as a dataset")
     out.add_argument("run", help="folder of the run")
-    out.add_argument("dataset", help="name of the dataset, as ibe/lander-v0")
+    out.add_argument("dataset", help="name of the dataset, as mine/log-v0")
     out.add_argument("--newest", type=int, help="so many episodes, the newest; default: all")
     into = commands.add_parser("import", help="a dataset as a run folder")
     into.add_argument("dataset", help="name of a dataset that Minari has here")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 from rich.console import Console
+from threadpoolctl import threadpool_limits
 
 from ibe_rl.command_line import composed, named_settings, settings_at_hand, write_config
 from ibe_rl.config import ExplainConfig, GuestConfig, TrainConfig
@@ -105,7 +106,7 @@ class Study:
 
 def study(
     agent: Any,
-    env: str = "lander",
+    env: str | None = None,
     *,
     episodes: int = 200,
     random_actions: float = 0.0,
@@ -120,7 +121,7 @@ def study(
         agent: a ``.zip`` of stable-baselines3, which runs code when it is loaded, ``module:name``, a model of that
             library, a policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to
             actions.
-        env: a choice of ``configs/env``.
+        env: a choice of ``configs/env``; None takes that of ``configs/explain.yaml``.
         episodes: that are played.
         random_actions: share of the actions in them that are random, where all episodes would be alike.
         agent_sees_instruction: whether the agent reads the instruction behind the state; None if it says so itself.
@@ -131,7 +132,7 @@ def study(
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    config: ExplainConfig = composed("explain", [f"env={env}", *settings])
+    config: ExplainConfig = composed("explain", [*([f"env={env}"] if env else []), *settings])
     folder = run_dir or datetime.now().astimezone().strftime("runs/%Y-%m-%d_%H-%M-%S")
     config = replace(
         config,
@@ -280,6 +281,8 @@ def keep_run(folder: Path, config: TrainConfig, episodes: Iterable[Episode], row
     }
     write_json(folder / SUMMARY, summary)
     try:
-        save_refresh(folder / REFRESHES, learn_vocabulary(log, config.mapping, task, config.seed), config.mapping, task)
+        with threadpool_limits(1):  # as the scripts: the last digits depend on it
+            learnt = learn_vocabulary(log, config.mapping, task, config.seed)
     except TooLittleDataError as error:
         raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
+    save_refresh(folder / REFRESHES, learnt, config.mapping, task)
