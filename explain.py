@@ -55,8 +55,8 @@ def main(cfg: ExplainConfig) -> None:
 
 def report_sweep(cfg: ExplainConfig) -> None:
     """Put the runs of a sweep together; with ``viewer=live`` open all their recordings too."""
-    if cfg.run is not None or cfg.task != "episode":
-        raise ConfigError(f"sweep={cfg.sweep_dir} reports a whole sweep; allowed is neither run= nor task= beside it")
+    if cfg.run is not None or cfg.agent_file is not None or cfg.task != "episode":
+        raise ConfigError(f"sweep={cfg.sweep_dir} reports a whole sweep; allowed is no run=, agent= or task= beside it")
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     report(Path(str(cfg.sweep_dir)))
     if ports:

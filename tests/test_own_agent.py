@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,9 +62,9 @@ def test_it_explains_an_episode(studied: Study) -> None:
     assert len(told.said) == len(told.watched.episode)
     assert np.mean(phrases_true(told.watched.episode, told.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
     text = str(told)
+    assert text.count("\n") > 5
     assert text.startswith("Lunar Lander with pads: left")
     assert re.search(r"\d+% of what it said about its next 20 steps came true. Agent: function", text)
-    assert text == str(studied.explain(seed=3, context="left"))
 
 
 def test_it_is_judged(studied: Study) -> None:
@@ -80,10 +79,10 @@ def test_the_folder_alone_says_that_its_agent_is_missing(studied: Study, capsys:
     folder = studied.run.folder
     with pytest.raises(ConfigError, match=r"agent=null with run=.*trained elsewhere \(function\); allowed is its file"):
         load_run(folder)
-    opened = open_study(folder, pilots.pilot, ["agent_sees_instruction=false", *QUICK])
-    assert str(opened.explain(3)) == str(replace(studied, run=opened.run).explain(3))
-    call("explain", f"run={folder}", "agent=pilots:pilot", "seed=3", *QUICK[2:])
-    assert str(studied.explain(3)).split("Agent:")[0].splitlines()[:5] == capsys.readouterr().out.splitlines()[:5]
+    call("explain", f"run={folder}", "agent=pilots:pilot", "seed=3", "context=left", *QUICK[2:])
+    printed = capsys.readouterr().out
+    opened = open_study(folder, pilots.pilot, QUICK)
+    assert str(opened.explain(3, "left")) == printed
 
 
 def test_a_model_file_is_explained_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

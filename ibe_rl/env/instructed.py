@@ -7,12 +7,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import RecordConstructorArgs
 
 from ibe_rl.data import Array, ConfigError, observe
 from ibe_rl.task import Task
 
 
-class Instructed(gymnasium.Wrapper[Array, Any, Array, Any]):
+class Instructed(gymnasium.Wrapper[Array, Any, Array, Any], RecordConstructorArgs):
     """Writes the rule's instruction, and that it was given, behind the state: what the agents here read.
 
     Args:
@@ -23,7 +24,8 @@ class Instructed(gymnasium.Wrapper[Array, Any, Array, Any]):
     """
 
     def __init__(self, env: gymnasium.Env[Array, Any]):
-        super().__init__(env)
+        RecordConstructorArgs.__init__(self)  # so that its spec can make it again
+        gymnasium.Wrapper.__init__(self, env)
         task = getattr(env.unwrapped, "task", None)
         if not isinstance(task, Task):
             raise ConfigError(f"env={env}: it declares no task; allowed is one with an attribute of type Task")

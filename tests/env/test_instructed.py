@@ -22,6 +22,7 @@ def test_the_instruction_stands_behind_the_state() -> None:
     assert info == {"landed": False}
 
 
+@pytest.mark.filterwarnings("ignore:.*different from the unwrapped version")
 def test_its_spaces_are_those_of_gymnasium() -> None:
     env = Instructed(gymnasium.make(LANDER_ID))
     assert env.observation_space.shape == (LANDER_TASK.observation_size,)
