@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -31,8 +32,9 @@ from ibe_rl.workers import LostWorkerError
 
 KINDS = ("agent", "instructor")
 """Groups whose choices have settings of their own."""
-FOLDERS = {"explain": {"sweep": "sweep_dir"}}
-"""Settings of a script that name a folder, where hydra would look for a file in ``configs/``; what they are in it."""
+FOLDERS = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
+"""Settings of a script that name a file or folder, where hydra would look in ``configs/``; what they are in it."""
+CONFIGS = Path(__file__).parent.parent / "configs"
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
@@ -113,14 +115,50 @@ def refuse_strange_code(env: schemas.EnvConfig, folder: Path) -> None:
         ConfigError: naming the code.
     """
     named = code_of(env.id, env.task)
-    if named and GlobalHydra.instance().is_initialized():
-        for known in choices("env").values():
-            named -= code_of(known.id, known.task)
+    if named:
+        with settings_at_hand():
+            named -= set().union(*(code_of(known.id, known.task) for known in choices("env").values()))
     if named:
         raise ConfigError(
             f"{folder}: its environment runs code, {', '.join(sorted(named))}; allowed is what comes with ibe_rl or is "
             "named by a file in configs/env or below a --config-dir: put one there if you trust it"
         )
+
+
+@contextmanager
+def settings_at_hand() -> Iterator[None]:
+    """Let hydra find the files of ``configs/``, also where no script runs."""
+    if GlobalHydra.instance().is_initialized():
+        yield
+        return
+    register()
+    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        yield
+
+
+def composed(name: str, overrides: Sequence[str]) -> Any:
+    """What ``train.py`` or ``explain.py`` with these settings would compose and check.
+
+    Args:
+        name: "train" or "explain".
+        overrides: settings as on the command line.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    try:
+        with settings_at_hand():
+            values = OmegaConf.to_object(hydra.compose(name, list(overrides)))
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigError(one_line(error)) from None
+    check(values)
+    return values
+
+
+def named_settings() -> set[str]:
+    """The settings that were named on the command line, those within others by the others' names."""
+    given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
+    return {one.key_or_group.partition(".")[0] for one in given}
 
 
 def installed(program: str) -> str:
@@ -170,7 +208,13 @@ def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
     known = ("resume", "resume_from", *(KINDS if goes_on else ()))
     given = [one for one in HydraConfig.get().overrides.task if one.partition("=")[0] not in known]
     before = read_overrides(folder / "overrides.yaml") if goes_on else []
-    for name, content in (("config", OmegaConf.structured(values)), ("overrides", OmegaConf.create([*before, *given]))):
+    write_config(values, [*before, *given], folder)
+
+
+def write_config(values: Any, overrides: Sequence[str], folder: Path) -> None:
+    """Write a config, and the settings that it was composed with, into the folder ``.hydra``."""
+    contents = {"config": OmegaConf.structured(values), "overrides": OmegaConf.create(list(overrides))}
+    for name, content in contents.items():
         write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
 
 
@@ -186,7 +230,8 @@ def load_config(path: Path, schema: type) -> Any:
     """
     try:
         saved = OmegaConf.create(read_yaml(path))
-        agent = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig}[saved.agent.kind]
+        agents = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig, "guest": schemas.GuestConfig}
+        agent = agents[saved.agent.kind]
         instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
         typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent(), instructor=instructor())), saved)
         return OmegaConf.to_object(typed)

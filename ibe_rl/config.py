@@ -98,6 +98,15 @@ class DQNConfig(AgentConfig):
 
 
 @dataclass
+class GuestConfig(AgentConfig):
+    """An agent that was trained elsewhere; a run folder says what it was, and never where to load it from."""
+
+    kind: str = setting("guest", choices=("guest",))
+    sees_instruction: bool | None = None  # None: it says so itself
+    made_from: str = "an object in Python"  # for messages
+
+
+@dataclass
 class InstructorConfig:
     """Who instructs: ``oracle`` follows the environment's rule at every step, ``silent`` never says anything."""
 
@@ -274,6 +283,13 @@ class ExplainConfig:
     """``explain.py``."""
 
     run: str | None = None  # None: the newest below runs/
+    agent_file: str | None = None  # agent=FILE.zip or MODULE:NAME on the command line: trained elsewhere
+    agent_sees_instruction: bool | None = None  # None: it says so itself, or did when its run folder was made
+    episodes: int = setting(200, low=2, high=100_000)  # of such an agent, that its vocabulary is learnt from
+    random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of the actions in them
+    run_dir: str = MISSING  # of the folder that is made for it
+    env: EnvConfig = MISSING  # that it acts in
+    mapping: MappingConfig = MISSING
     sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode

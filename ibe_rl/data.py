@@ -91,6 +91,22 @@ class Episode:
     def __len__(self) -> int:
         return len(self.actions)
 
+    def as_steps(self) -> dict[str, Array]:
+        """Its columns ``(1, T, ...)`` as a log takes them: one environment that played this episode."""
+        last = np.arange(len(self)) == len(self) - 1
+        columns = {
+            "state": self.states[:-1],
+            "action": self.actions,
+            "reward": self.rewards,
+            "instruction": self.instructions,
+            "given": self.given,
+            "next_state": self.states[1:],
+            "done": last,
+            "terminated": last & self.terminated,
+            "success": last & self.success,
+        }
+        return {name: column[None] for name, column in columns.items()}
+
     @property
     def total_reward(self) -> float:
         """Undiscounted sum of the rewards."""

@@ -29,10 +29,10 @@ LAYERS = (
         *("command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},
-    {"instruct", "agent", "predict", "metrics"},
+    {"instruct", "agent", "guest", "predict", "metrics"},
     {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
-    {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep"},
-    {"parts"},
+    {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep", "telling"},
+    {"parts", "own_agent", "minari_log"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
@@ -45,6 +45,7 @@ SIDEWAYS = {
         ("classroom", "explainer"),
         ("progress", "stream"),
     ),
+    *(("telling", "evaluation"), ("telling", "stream"), ("minari_log", "own_agent")),
     *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
     *(("sweep", "viewer"), ("sweep", "serve"), ("sweep", "evaluation"), ("sweep", "paper")),
 }

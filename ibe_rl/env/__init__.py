@@ -3,6 +3,7 @@
 import gymnasium
 
 from ibe_rl.env.cart_pole_task import CART_POLE_TASK
+from ibe_rl.env.instructed import Instructed
 from ibe_rl.env.lander_task import LANDER_TASK
 
 LANDER_ID, CART_POLE_ID = "ibe_rl/LunarLanderPads-v0", "ibe_rl/CartPoleTarget-v0"
@@ -20,4 +21,4 @@ if LANDER_ID not in gymnasium.registry:
         max_episode_steps=CART_POLE_TASK.max_episode_steps,
     )
 
-__all__ = ["CART_POLE_ID", "CART_POLE_TASK", "LANDER_ID", "LANDER_TASK"]
+__all__ = ["CART_POLE_ID", "CART_POLE_TASK", "LANDER_ID", "LANDER_TASK", "Instructed"]

@@ -24,13 +24,17 @@ AS_REFRESHED = "ibe:as_refreshed"
 """The vocabulary that the run itself spoke at the end, which remembers earlier ones; the others start from nothing."""
 
 
-def compare(cfg: ExplainConfig) -> None:
+def compare(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
     """Learn every mapping from the log of a run and judge all on the same moments, at the run's own horizon.
+
+    Args:
+        cfg: how, and of which run.
+        opened: that run, if it is open already.
 
     Raises:
         ConfigError: if the run lacks what is needed or a mapping is unknown, before anything is flown.
     """
-    run = load_run(find_run(cfg.run, Path("runs")))
+    run = opened or load_run(find_run(cfg.run, Path("runs")))
     configs = asked_for(cfg.compare.mappings, choices("mapping"))
     refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
     report.make_folders(run.folder)

@@ -31,13 +31,17 @@ EXPLAINERS, ENSEMBLES = 11, 3
 """That are judged at each horizon beside the refits: how far the bar goes."""
 
 
-def evaluate(cfg: ExplainConfig) -> None:
+def evaluate(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
     """Judge the explanations of a run; see ``docs/QUALITY.md`` for what the numbers mean.
+
+    Args:
+        cfg: how, and of which run.
+        opened: that run, if it is open already.
 
     Raises:
         ConfigError: if the run lacks what is needed, before anything is flown.
     """
-    run = load_run(find_run(cfg.run, Path("runs")))
+    run = opened or load_run(find_run(cfg.run, Path("runs")))
     horizons = horizons_of(cfg.evaluate, run)
     refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
     report.make_folders(run.folder)

@@ -15,6 +15,7 @@ from ibe_rl.data import ConfigError, Policy, Predictor
 from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation.moments import Moments, Plan, gather
 from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.guest import crosses_processes
 from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.predict import make_simulator
 
@@ -61,12 +62,25 @@ class Flying:
         return gather(run.make_env, run.task, policy or run.policy, instructor, self.predictor, seeds, plan, title)
 
 
+def processes_for(asked: int | None, policy: Policy) -> int:
+    """How many processes share the futures; a policy that other processes cannot be given is followed in this one.
+
+    Raises:
+        ConfigError: if more are asked for such a policy.
+    """
+    if (asked or PROCESSES) == 1 or crosses_processes(policy):
+        return asked or PROCESSES
+    if asked:
+        raise ConfigError(f"predictor.processes={asked}: the agent cannot be sent to other processes; allowed is 1")
+    return 1
+
+
 @contextmanager
 def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
     """Start the predictor's processes, and stop them at the end."""
     torch.set_num_threads(1)
     make_one = partial(make_copy, run.config.env)
-    config = replace(cfg.predictor, processes=cfg.predictor.processes or PROCESSES)
+    config = replace(cfg.predictor, processes=processes_for(cfg.predictor.processes, run.policy))
     with closing(make_simulator(config, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
         yield Flying(run, cfg, predictor)
 

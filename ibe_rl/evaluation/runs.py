@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,8 +14,8 @@ import gymnasium
 from ibe_rl.agent import GreedyPolicy, make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config, refuse_strange_code
-from ibe_rl.config import TrainConfig
-from ibe_rl.data import ConfigError
+from ibe_rl.config import GuestConfig, TrainConfig
+from ibe_rl.data import ConfigError, Policy
 from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping
@@ -33,7 +34,7 @@ class TrainedRun:
         folder: where it lies.
         config: what it was trained with.
         task: the environment's own.
-        policy: the greedy policy of the last evaluation.
+        policy: the greedy policy of the last evaluation; of a guest the one that was named.
         policy_frame: training frames when it was kept.
         mapping: the vocabulary of the last refresh before that.
         mapping_frame: training frames when it was learnt.
@@ -46,7 +47,7 @@ class TrainedRun:
     folder: Path
     config: TrainConfig
     task: Task
-    policy: GreedyPolicy
+    policy: Policy
     policy_frame: int
     mapping: ClusterMapping
     mapping_frame: int
@@ -64,8 +65,12 @@ class TrainedRun:
         return make_game(self.config.env)
 
 
-def load_run(folder: Path) -> TrainedRun:
+def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None) -> TrainedRun:
     """Open the run in ``folder`` as it last was.
+
+    Args:
+        folder: of the run.
+        guest: makes the policy of an agent that was trained elsewhere, for a folder that was made for such a one.
 
     Raises:
         ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
@@ -76,8 +81,10 @@ def load_run(folder: Path) -> TrainedRun:
     refuse_strange_code(config.env, folder)
     env = make_game(config.env)
     task = task_of(env)
-    frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
-    policy = _load_policy(path, config, env)
+    if _is_for_guests(folder, config, bool(guest)):
+        frame, _ = _last(_refreshes(folder), folder, "vocabulary")
+    else:
+        frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
     saved = _last_refresh(folder, frame)
     for steps, mapping in {**saved.spans, saved.horizon_steps: saved.mapping}.items():
         _check_vocabulary(folder, steps, mapping, task)
@@ -89,7 +96,7 @@ def load_run(folder: Path) -> TrainedRun:
         folder,
         config,
         task,
-        policy,
+        guest(config) if guest else _load_policy(path, config, env),
         frame,
         saved.mapping,
         saved.frame,
@@ -97,6 +104,21 @@ def load_run(folder: Path) -> TrainedRun:
         saved.spans,
         calibration,
     )
+
+
+def _is_for_guests(folder: Path, config: TrainConfig, named: bool) -> bool:
+    """Whether the folder was made for an agent that it does not hold, which has to be ``named`` then."""
+    guests = isinstance(config.agent, GuestConfig)
+    if isinstance(config.agent, GuestConfig) and not named:
+        raise ConfigError(
+            f"agent=null with run={folder}: its agent is not in it, it was trained elsewhere "
+            f"({config.agent.made_from}); allowed is its file or module:name, which you trust"
+        )
+    if named and not guests:
+        raise ConfigError(
+            f"agent= with run={folder}: that run has an agent of its own; allowed is a run that was made for a guest"
+        )
+    return guests
 
 
 def _check_vocabulary(folder: Path, horizon_steps: int, mapping: ClusterMapping, task: Task) -> None:

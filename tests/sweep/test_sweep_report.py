@@ -154,7 +154,7 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     ("overrides", "expected"),
     [
         (["sweep=nowhere"], "sweep=nowhere: there is no run in it"),
-        (["sweep=a", "run=b"], "sweep=a reports a whole sweep; allowed is neither run= nor task= beside it"),
+        (["sweep=a", "run=b"], "sweep=a reports a whole sweep; allowed is no run=, agent= or task= beside it"),
         (["sweep=a", "task=evaluate"], "sweep=a reports a whole sweep"),
         (["sweep=a", "viewer=live", "viewer.web_port=70000"], "viewer.web_port=70000: allowed is at least 1"),
     ],

@@ -1,0 +1,85 @@
+"""One episode in words: flown, explained step by step, and told as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from itertools import groupby
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from ibe_rl.config import ExplainConfig, GuestConfig
+from ibe_rl.data import ConfigError, Explanation
+from ibe_rl.env.snapshots import make_copy
+from ibe_rl.evaluation import TrainedRun
+from ibe_rl.explainer import explain
+from ibe_rl.ibe import phrase
+from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.metrics import phrases_true
+from ibe_rl.play import watch
+from ibe_rl.predict import make_simulator
+from ibe_rl.scene import Watched
+from ibe_rl.stream import SILENCE, short
+
+
+def check_context(context: str | None, run: TrainedRun) -> None:
+    """Refuse a context that the run's environment does not have.
+
+    Raises:
+        ConfigError: naming those that it has.
+    """
+    if context is not None and context not in run.task.contexts:
+        allowed = ", ".join(run.task.contexts)
+        raise ConfigError(f"context={context}: allowed is one of {allowed}, or none to draw one")
+
+
+def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
+    """Fly the episode, then explain its every step."""
+    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
+    voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
+    make_one = partial(make_copy, run.config.env)
+    with closing(make_simulator(cfg.predictor, make_one, run.task.rule, cfg.seed)) as predictor:
+        said = explain(watched.moments, run.policy, predictor, voice)
+    return watched, said
+
+
+def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation], console: Console | None = None) -> None:
+    """Print what was said, one row for each stretch of steps with the same words."""
+    true = phrases_true(watched.episode, said, run.mapping, run.task.phrases)
+    console = console or Console(highlight=False)
+    console.width = max(console.width, 110)
+    console.print(_table(run, watched, said, true))
+    whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
+    if isinstance(run.config.agent, GuestConfig):
+        whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
+    console.print(f"{np.mean(true):.0%} of what it said about its next {run.horizon_steps} steps came true. {whose}")
+
+
+def _table(run: TrainedRun, watched: Watched, said: Sequence[Explanation], true: np.ndarray) -> Table:
+    episode, words = watched.episode, run.task.phrases
+    told = [
+        short([phrase(moment.instruction, words)], words)[0] if moment.given else SILENCE for moment in watched.moments
+    ]
+    outcome = "success" if episode.success else "no success"
+    table = Table(box=SIMPLE, title_justify="left", show_edge=False)
+    table.title = (
+        f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
+    )
+    ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
+    for column in ("steps", "is told", *ahead, "number", "sure", "true"):
+        table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
+    spoken = [short([one.said for one in each.all_spans], words) for each in said]
+    for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
+        steps = list(group)
+        expressions = np.array([said[step].expression for step in steps])
+        numbers = " ".join(f"{value:+.2f}" for value in expressions.mean(axis=0))
+        confidence = np.mean([said[step].confidence for step in steps])
+        span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
+        table.add_row(span, instruction, *heard, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
+    return table
