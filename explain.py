@@ -18,6 +18,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from rich.table import Table
 from ibe_rl.command_line import installed, run_script
 from ibe_rl.config import ExplainConfig
 from ibe_rl.data import ConfigError, Explanation
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
@@ -89,7 +91,8 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
-    with closing(make_simulator(cfg.predictor, run.make_env, run.task.rule, cfg.seed)) as predictor:
+    make_one = partial(make_copy, run.config.env)
+    with closing(make_simulator(cfg.predictor, make_one, run.task.rule, cfg.seed)) as predictor:
         said = explain(watched.moments, run.policy, predictor, voice)
     return watched, said
 

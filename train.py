@@ -32,7 +32,7 @@ from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.development import figures
 from ibe_rl.ending import nothing_lost
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
@@ -250,7 +250,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
-    env = make_gym(cfg.env.id, cfg.env.kwargs)
+    env = make_game(cfg.env)
     check_parts(cfg, task_of(env))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     lesson_port = choose_port(cfg.instructor)

@@ -29,7 +29,7 @@ from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
 from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.limits import check
@@ -125,7 +125,7 @@ def fly(folder: Path, episodes: int) -> Flown:
     if not kept:
         raise ConfigError(f"RUN={folder}: it has no policy yet; allowed is a finished run")
     log = TrajectoryLog.open(folder / TRAJECTORIES)
-    envs = [make_gym(config.env.id, config.env.kwargs) for _ in range(ENVS)]
+    envs = [make_game(config.env) for _ in range(ENVS)]
     task = task_of(envs[0])
     agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames, task.state_names)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))

@@ -12,6 +12,7 @@ from typing import Any
 from omegaconf import MISSING
 
 from ibe_rl.limits import TINY, setting
+from ibe_rl.task_config import TaskConfig
 
 MAX_SEED = 9_999
 OTHERS = ("oracle", "silent", "habits")
@@ -20,10 +21,11 @@ OTHERS = ("oracle", "silent", "habits")
 
 @dataclass
 class EnvConfig:
-    """A registered gymnasium environment that declares a task (see ``ibe_rl.task.Task``)."""
+    """A gymnasium environment; what is explained of it is declared by itself (``ibe_rl.task.Task``) or in ``task``."""
 
-    id: str = MISSING
+    id: str = MISSING  # module:id for one that a module registers
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
+    task: TaskConfig | None = None
 
 
 @dataclass

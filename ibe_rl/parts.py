@@ -22,7 +22,8 @@ from ibe_rl.command_line import installed, is_sweep, run_name
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.development import FIGURES, Development, check_development
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, check_obedience, make_obedience
@@ -97,6 +98,7 @@ def check_parts(cfg: TrainConfig, task: Task) -> None:
     check_development(cfg, task)
     check_obedience(cfg, task)
     check_report(cfg, task)
+    make_copy(cfg.env)  # to predict in
 
 
 def build(
@@ -120,18 +122,19 @@ def build(
     """
     torch.set_num_threads(1)
     torch.manual_seed(cfg.seed)
-    make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
+    make_one = partial(make_game, cfg.env)
     env = make_one()
     task = task_of(env)
     development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
+    predictor = make_simulator(cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed)
     parts = Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
         instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
-        predictor=owned.enter_context(closing(make_simulator(cfg.predictor, make_one, task.rule, cfg.seed))),
+        predictor=owned.enter_context(closing(predictor)),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         recorder=recorder,
         watched_env=env,

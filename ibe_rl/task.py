@@ -43,7 +43,7 @@ class Task:
         phrases: the words, one entry for each of the ``d`` numbers.
         context: initial state ``(S,)`` to the name of what the episode is about.
         contexts: all such names; also the options that ``reset`` takes under ``context_option``.
-        context_option: key of the reset option that fixes the context.
+        context_option: key of the reset option that fixes the context; empty if nothing does.
         success_key: the key in ``info`` that says whether the episode ended well.
         explained: index of the state dimension that the instructions speak of, used for figures and metrics,
             never by the explainer.
@@ -57,6 +57,7 @@ class Task:
         hidden_goal: arguments of the environment with which nobody can see where the goal is; or empty.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
+        judges_success: False if nobody says whether an episode ended well.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Task:
     hidden_goal: Dict[str, Any] = field(default_factory=dict)
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
+    judges_success: bool = True
 
     @property
     def instruction_size(self) -> int:

@@ -12,7 +12,19 @@ SCRIPTS = ("train", "explain")
 
 LAYERS = (
     {
-        *("data", "task", "scene", "colours", "config", "config_store", "limits", "ports", "run_folder", "signals"),
+        *(
+            "data",
+            "task",
+            "task_config",
+            "scene",
+            "colours",
+            "config",
+            "config_store",
+            "limits",
+            "ports",
+            "run_folder",
+            "signals",
+        ),
         *("command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},
@@ -139,7 +151,7 @@ def test_only_the_view_knows_rerun():
 
 
 def test_only_the_settings_know_hydra():
-    assert users("hydra", "omegaconf") <= {"config", "config_store", "command_line", *SCRIPTS}
+    assert users("hydra", "omegaconf") <= {"config", "task_config", "config_store", "command_line", *SCRIPTS}
 
 
 def test_agents_know_no_environment_and_predictors_no_agent():

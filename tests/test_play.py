@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -141,7 +142,7 @@ def test_a_watched_episode_has_a_moment_for_each_step_and_a_drawing_for_each_sta
     assert [len(shape.points) for shape in watched.figures[0]] == [len(shape.points) for shape in watched.figures[-1]]
 
 
-class Counter:
+class Counter(gymnasium.Env[Array, int]):
     """An environment that cannot be drawn: counts to three."""
 
     task = Task(
@@ -150,11 +151,7 @@ class Counter:
         explained=0, explained_band=0.5, max_episode_steps=3,
     )  # fmt: skip
 
-    @property
-    def unwrapped(self) -> "Counter":
-        return self
-
-    def reset(self, seed: int, options: Any) -> tuple[Array, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Array, dict[str, Any]]:
         assert (seed, options) == (4, None)
         self.n = 0
         return np.zeros(1, np.float32), {}

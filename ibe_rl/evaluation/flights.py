@@ -12,7 +12,7 @@ import torch
 from ibe_rl.collect import JUDGING_SEED
 from ibe_rl.config import EvaluateConfig, ExplainConfig
 from ibe_rl.data import ConfigError, Policy, Predictor
-from ibe_rl.env.make import make_gym
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation.moments import Moments, Plan, gather
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.instruct import make_instructor, stand_in
@@ -65,7 +65,7 @@ class Flying:
 def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
     """Start the predictor's processes, and stop them at the end."""
     torch.set_num_threads(1)
-    make_one = partial(make_gym, run.config.env.id, run.config.env.kwargs)
+    make_one = partial(make_copy, run.config.env)
     config = replace(cfg.predictor, processes=cfg.predictor.processes or PROCESSES)
     with closing(make_simulator(config, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
         yield Flying(run, cfg, predictor)

@@ -15,7 +15,7 @@ from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.limits import check
@@ -61,7 +61,7 @@ class TrainedRun:
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """One more environment as the run had them."""
-        return make_gym(self.config.env.id, self.config.env.kwargs)
+        return make_game(self.config.env)
 
 
 def load_run(folder: Path) -> TrainedRun:
@@ -73,7 +73,7 @@ def load_run(folder: Path) -> TrainedRun:
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
-    env = make_gym(config.env.id, config.env.kwargs)
+    env = make_game(config.env)
     task = task_of(env)
     frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
     policy = _load_policy(path, config, env)

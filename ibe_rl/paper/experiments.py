@@ -16,7 +16,8 @@ from rich.console import Console
 
 from ibe_rl.config import ExplainConfig, FiguresConfig
 from ibe_rl.data import Array, ConfigError, Episode, Mapping
-from ibe_rl.env.make import make_gym
+from ibe_rl.env.make import make_game
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation import load_run, tables
 from ibe_rl.evaluation.flights import PROCESSES
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -165,13 +166,13 @@ def foretell(
 ) -> dict[str, Told]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
     env, predictor_config = lab.run.config.env, lab.cfg.predictor
-    make_one = partial(make_gym, env.id, {**env.kwargs, **lab.task.hidden_goal})
+    hidden = replace(env, kwargs={**env.kwargs, **lab.task.hidden_goal})
     vocabularies = {name: taught[name] for name in (PAPER, OURS)}
     told_by = vocabularies, learn_shuffled(lab, agent), typical(lab, agent, checked)
-    shown = hidden_flights(lab, agent, make_one())
+    shown = hidden_flights(lab, agent, make_game(hidden))
     workers = replace(predictor_config, processes=predictor_config.processes or PROCESSES)
     horizon_steps, told = lab.horizon_steps, {}
-    with closing(make_simulator(workers, make_one, lab.task.rule, lab.config.seed)) as predictor:
+    with closing(make_simulator(workers, partial(make_copy, hidden), lab.task.rule, lab.config.seed)) as predictor:
         for cut in (END, CONTACT):
             about = shown, cut, agent.policy, predictor
             listened = listen(*about, *told_by, lab.task, horizon_steps, predictor_config.futures)

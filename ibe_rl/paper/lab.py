@@ -19,7 +19,7 @@ from ibe_rl.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.command_line import choices
 from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Instructor, Policy
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.evaluation import TrainedRun
 from ibe_rl.evaluation.flights import PROCESSES, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
@@ -76,7 +76,7 @@ class Airfield:
     def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
         """Fly a greedy episode for each seed."""
         while len(self._envs) < min(AT_ONCE, len(seeds)):
-            self._envs.append(make_gym(self._env.id, self._env.kwargs))
+            self._envs.append(make_game(self._env))
         return play(self._envs, policy, make_instructor(self._instructor, task_of(self._envs[0])), seeds)
 
 

@@ -10,7 +10,6 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import cycle
 from typing import Any
 
-import gymnasium
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -19,7 +18,7 @@ from ibe_rl.data import Array, Moment, Policy, Prediction, observe
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.workers import end_with_parent
 
-MakeEnv = Callable[[], gymnasium.Env[Any, Any]]
+MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
 Part = tuple[Sequence[Moment], Sequence[Any]]
 """Moments, and the seed of the noise for each of them."""

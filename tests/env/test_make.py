@@ -262,7 +262,7 @@ def test_an_unknown_environment_is_refused():
 
 
 def test_an_environment_without_a_task_is_refused():
-    with pytest.raises(ConfigError, match=r"env\.id=LunarLander-v3: the environment declares no task"):
+    with pytest.raises(ConfigError, match=r"env\.id=LunarLander-v3: it declares no task"):
         make_gym("LunarLander-v3", {})
 
 
