@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.config import PredictorConfig
 from ibe_rl.data import Array, Moment, Policy, Prediction, observe
+from ibe_rl.log import TrajectoryLog
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.workers import end_with_parent
 
@@ -78,6 +79,9 @@ class Simulator:
         except BrokenProcessPool:  # somebody has killed one of them
             self.close()
             return [self._games.roll(part, policy, horizon_steps) for part in parts]
+
+    def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
+        """There is nothing to learn: it knows the environment itself."""
 
     def forget(self) -> None:
         """Play with new copies from now on: old ones show traces of whom they played before."""
