@@ -18,7 +18,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 
@@ -31,23 +30,25 @@ from rich.table import Table
 from ibe_rl.command_line import installed, run_script
 from ibe_rl.config import ExplainConfig
 from ibe_rl.data import ConfigError, Explanation
-from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
+from ibe_rl.evaluation.foresight import predictor_of
 from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.metrics import happened, phrases_true
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.play import watch
-from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import find_run
 from ibe_rl.scene import Watched
 from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.stream import SILENCE, Recorder, short
 from ibe_rl.sweep.report import report
+from ibe_rl.task import Task
 from ibe_rl.viewer import main as show
+
+NOT_TRUSTED = "(?)"
 
 
 def main(cfg: ExplainConfig) -> None:
@@ -91,8 +92,7 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
-    make_one = partial(make_copy, run.config.env)
-    with closing(make_simulator(cfg.predictor, make_one, run.task.rule, cfg.seed)) as predictor:
+    with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
         said = explain(watched.moments, run.policy, predictor, voice)
     return watched, said
 
@@ -112,7 +112,7 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None
     ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
     for column in ("steps", "is told", *ahead, "number", "sure", "true"):
         table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
-    spoken = [short([one.said for one in each.all_spans], words) for each in said]
+    spoken = [spoken_of(each, run.task) for each in said]
     for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
         steps = list(group)
         expressions = np.array([said[step].expression for step in steps])
@@ -127,6 +127,15 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation]) -> None
         f"{np.mean(true):.0%} of what it said about its next {run.horizon_steps} steps came true. "
         f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
     )
+    if not all(span.trusted for one in said for span in one.all_spans):
+        console.print(f"{NOT_TRUSTED}: its predictor does not stand by a path that long.")
+
+
+def spoken_of(said: Explanation, task: Task) -> list[str]:
+    """What is said of each span of time, with a mark where the predictor does not stand by it to the end."""
+    spans = said.all_spans
+    words = short([one.said for one in spans], task.phrases)
+    return [text if one.trusted else f"{text} {NOT_TRUSTED}" for text, one in zip(words, spans, strict=True)]
 
 
 def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence[Explanation]) -> Path:

@@ -20,6 +20,7 @@ LAYERS = (
             "colours",
             "config",
             "config_store",
+            "predictor_config",
             "limits",
             "ports",
             "run_folder",

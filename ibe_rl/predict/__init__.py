@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from ibe_rl.config import EnsembleConfig, PredictorConfig, RegressionConfig
-from ibe_rl.data import Moment, Policy, Prediction
+from ibe_rl.config import EnsembleConfig, HumanConfig, InstructorConfig, PredictorConfig, RegressionConfig
+from ibe_rl.data import ConfigError, Moment, Policy, Prediction
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.predict.ensemble import Ensemble
 from ibe_rl.predict.experience import ActionColumns
@@ -41,6 +41,24 @@ def is_learnt(config: PredictorConfig) -> bool:
     return isinstance(config, EnsembleConfig | RegressionConfig)
 
 
+def check_predictor(config: PredictorConfig, instructor: InstructorConfig, env: Any) -> None:
+    """Refuse, before anything is made, a predictor that cannot work.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if not is_learnt(config):
+        return
+    if isinstance(instructor, HumanConfig):  # it would have to be sent to the process of the lesson
+        raise ConfigError(f"predictor={config.kind} with instructor=human: allowed is predictor=simulator")
+    if isinstance(config, EnsembleConfig):
+        ActionColumns.of(env.action_space)
+        if not config.hidden or min(config.hidden) < 1:
+            raise ConfigError(f"predictor.hidden={list(config.hidden)}: allowed are one or more widths of at least 1")
+    if isinstance(config, RegressionConfig) and (not config.spans_steps or min(config.spans_steps) < 1):
+        raise ConfigError(f"predictor.spans_steps={list(config.spans_steps)}: allowed is at least 1 for each, and one")
+
+
 def make_predictor(
     config: PredictorConfig, make_copy: Callable[[], Any], rule: Callable[[Any], Any], seed: int, env: Any
 ) -> KeptPredictor:
@@ -60,7 +78,7 @@ def make_predictor(
         actions, size = ActionColumns.of(env.action_space), int(env.observation_space.shape[0])
         return Ensemble(config, actions, size, rule, seed)
     if isinstance(config, RegressionConfig):
-        return Regression(config, (), seed)
+        return Regression(config, seed)
     return make_simulator(config, make_copy, rule, seed)
 
 
@@ -69,6 +87,7 @@ __all__ = [
     "KeptPredictor",
     "Regression",
     "Simulator",
+    "check_predictor",
     "is_learnt",
     "make_predictor",
     "make_simulator",

@@ -126,7 +126,7 @@ def train(
         rows = torch.stack([each[torch.randint(len(each), (minibatch_size,), generator=generator)] for each in drawn])
         inputs, targets = (column[rows] for column in columns)
         optimizer.zero_grad()
-        losses(run(layers, inputs), targets).backward()  # type: ignore[no-untyped-call]
+        losses(run(layers, inputs), targets).backward()
         torch.nn.utils.clip_grad_norm_(parameters, MAX_GRADIENT_NORM)
         optimizer.step()
     return [(weights.detach(), bias.detach()) for weights, bias in layers]

@@ -26,13 +26,12 @@ class Regression:
 
     Args:
         config: see ``RegressionConfig``.
-        spans_steps: how far ahead it learns to look, beside ``config.spans_steps``.
         seed: of the draw of the windows.
     """
 
-    def __init__(self, config: RegressionConfig, spans_steps: Sequence[int], seed: int):
+    def __init__(self, config: RegressionConfig, seed: int):
         self._config, self._seed = config, seed
-        self._spans = np.unique([*config.spans_steps, *spans_steps])
+        self._spans = np.unique(config.spans_steps)
         self._features = PolynomialFeatures(config.degree, include_bias=False)
         self._weights: Array | None = None
         self._bias = self._error = np.zeros(0)
