@@ -7,6 +7,7 @@ python explain.py run=runs/NAME seed=3 context=left
 python explain.py run=runs/NAME viewer=live      and look at it in the browser
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
+python explain.py run=runs/NAME task=predictors  as true without a simulator? evaluation/predictors.json
 python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
 python explain.py sweep=runs/NAME                what the runs of a sweep learnt, by what differs: figures/report.html
 python explain.py sweep=runs/NAME viewer=live    and all their recordings in the browser
@@ -34,6 +35,7 @@ from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.evaluation.foresight import predictor_of
+from ibe_rl.evaluation.predictors import judge_predictors
 from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor, stand_in
@@ -56,7 +58,8 @@ def main(cfg: ExplainConfig) -> None:
     if cfg.sweep_dir is not None:
         report_sweep(cfg)
         return
-    {"episode": explain_episode, "evaluate": evaluate, "compare": compare, "figures": reproduce}[cfg.task](cfg)
+    tasks = {"evaluate": evaluate, "compare": compare, "predictors": judge_predictors, "figures": reproduce}
+    tasks.get(cfg.task, explain_episode)(cfg)
 
 
 def report_sweep(cfg: ExplainConfig) -> None:

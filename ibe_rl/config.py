@@ -12,7 +12,10 @@ from typing import Any
 from omegaconf import MISSING
 
 from ibe_rl.limits import TINY, setting
-from ibe_rl.predictor_config import PredictorConfig
+from ibe_rl.predictor_config import PREDICTORS as PREDICTORS
+from ibe_rl.predictor_config import EnsembleConfig as EnsembleConfig
+from ibe_rl.predictor_config import PredictorConfig as PredictorConfig
+from ibe_rl.predictor_config import RegressionConfig as RegressionConfig
 from ibe_rl.task_config import TaskConfig
 
 MAX_SEED = 9_999
@@ -265,7 +268,7 @@ class ExplainConfig:
 
     run: str | None = None  # None: the newest below runs/
     sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
-    task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
+    task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know

@@ -6,16 +6,17 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from ibe_rl.checkpoint import PREDICTOR, as_arrays, load, policies
 from ibe_rl.config import EnvConfig, PredictorConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.env.snapshots import make_copy
+from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.log import TrajectoryLog
 from ibe_rl.predict import KeptPredictor, is_learnt, make_predictor
-from ibe_rl.run_folder import CHECKPOINTS, TRAJECTORIES
+from ibe_rl.run_folder import CHECKPOINTS
 
 NOT_LEARNT = ("future_instruction", "futures", "moments_at_once", "processes", "max_uncertainty")
 """Settings that change how is predicted, and not what is learnt."""
@@ -46,9 +47,26 @@ def predictor_of(
         yield predictor
 
 
+def can_foresee(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
+    """Whether a predictor as of a frame of the training can be had: it was kept, or the log reaches back far enough."""
+    if not is_learnt(config) or _kept(run, config, frame):
+        return True
+    index = open_log(run).index
+    until = index[index["frame"] <= frame]
+    needed: int = getattr(config, "newest_frames", 0)
+    return len(until) > 0 and (until["number"][0] == 0 or int(until["steps"].sum()) >= needed)
+
+
+def _kept(run: TrainedRun, config: PredictorConfig, frame: int) -> dict[int, Path]:
+    """Training frames to the weights kept by then, if what the run learnt is what ``config`` asks for."""
+    if _what_is_learnt(config) != _what_is_learnt(run.config.predictor):
+        return {}
+    return {at: path for at, path in policies(run.folder / CHECKPOINTS, PREDICTOR).items() if at <= frame}
+
+
 def _prepare(predictor: KeptPredictor, run: TrainedRun, config: PredictorConfig, frame: int) -> None:
-    kept = {at: path for at, path in policies(run.folder / CHECKPOINTS, PREDICTOR).items() if at <= frame}
-    if kept and _what_is_learnt(config) == _what_is_learnt(run.config.predictor):
+    kept = _kept(run, config, frame)
+    if kept:
         path = kept[max(kept)]
         try:
             predictor.load_state_dict(as_arrays(load(path)))
@@ -56,7 +74,7 @@ def _prepare(predictor: KeptPredictor, run: TrainedRun, config: PredictorConfig,
             raise ConfigError(f"{path}: not a predictor of this run ({' '.join(str(error).split())[:200]})") from None
         return
     try:
-        predictor.learn(TrajectoryLog.open(run.folder / TRAJECTORIES), frame)
+        predictor.learn(open_log(run), frame)
     except ValueError as error:
         raise ConfigError(f"predictor={config.kind} with run={run.folder}: it cannot be learnt: {error}") from None
 

@@ -127,11 +127,28 @@ def gather(
         plan: which moments.
         title: of the progress bar.
     """
+    taken = fly_moments(make_env, task, policy, instructor, seeds, plan)
+    return put_together(taken, *predict_all(taken, policy, predictor, plan, title), plan)
+
+
+def fly_moments(
+    make_env: Callable[[], gymnasium.Env[Any, Any]],
+    task: Task,
+    policy: Policy,
+    instructor: Instructor,
+    seeds: Sequence[int],
+    plan: Plan,
+) -> list[Taken]:
+    """Fly an episode for each seed and keep the moments that the plan asks for; see ``gather``."""
     envs = [make_env() for _ in range(min(len(seeds), AT_ONCE))]
     taken: list[Taken] = []
     for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
         taken += _take(episode, moments, number, seeds[number], plan, task)
-    predicted, trusted = predict_all([one.moment for one in taken], policy, predictor, plan, title)
+    return taken
+
+
+def put_together(taken: Sequence[Taken], predicted: Array, trusted: Array, plan: Plan) -> Moments:
+    """Moments with what was predicted of them, from ``predict_all``."""
     of_each = ("episode", "seed", "step", "regular", "observed", "realised")
     columns = {name: np.array([getattr(one, name) for one in taken]) for name in of_each}
     return Moments(
@@ -175,10 +192,10 @@ def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
 
 
 def predict_all(
-    moments: Sequence[Moment], policy: Policy, predictor: Predictor, plan: Plan, title: str
+    taken: Sequence[Taken], policy: Policy, predictor: Predictor, plan: Plan, title: str
 ) -> tuple[Array, Array]:
     """Changes ``(N, F, H, S)`` in the futures of the moments, and whether they are trusted ``(N, F, H)``."""
-    futures = [moment for moment in moments for _ in range(plan.futures)]
+    futures = [one.moment for one in taken for _ in range(plan.futures)]
     cuts, ahead = range(0, len(futures), PER_ROLLOUT), np.array(plan.horizons_steps)
     parts, trusted = [], []
     with waiting(title, len(cuts)) as step:
@@ -188,5 +205,5 @@ def predict_all(
             trusted.append(predicted.trusted_steps[:, None] >= ahead)
             step()
     together = np.concatenate(parts)
-    shape = (len(moments), plan.futures, len(ahead))
+    shape = (len(taken), plan.futures, len(ahead))
     return together.reshape(*shape, -1), np.concatenate(trusted).reshape(shape)
