@@ -32,12 +32,12 @@ def drive(state: Array, pushes: list[float]) -> Array:
     return np.array(states)
 
 
-def logged(folder: Path, continuous: bool = False, episodes: int = 120, seed: int = 0) -> TrajectoryLog:
+def logged(folder: Path, continuous: bool = False, episodes: int = 300, seed: int = 0) -> TrajectoryLog:
     """A log of carts pushed at random, by -1, 0 or 1, which are the actions 0, 1 and 2, or by any number between."""
-    random, log = np.random.default_rng(seed), TrajectoryLog(folder, 20_000, ["cart"])
+    random, log = np.random.default_rng(seed), TrajectoryLog(folder, 40_000, ["cart"])
     for number in range(episodes):
         pushes = random.uniform(-1, 1, 40) if continuous else random.integers(-1, 2, 40).astype(float)
-        start = np.array([random.uniform(-2, 1.9), random.uniform(-1, 1), number % 2, 0], np.float32)
+        start = np.array([random.uniform(-2, 1.9), random.uniform(-0.7, 1.2), number % 2, 0], np.float32)
         start[BEYOND] = start[POSITION] > 1
         states = drive(start, pushes.tolist())
         count = len(states) - 1

@@ -13,7 +13,7 @@ from ibe_rl.predict import Regression
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> TrajectoryLog:
-    return logged(tmp_path_factory.mktemp("log"), episodes=300)
+    return logged(tmp_path_factory.mktemp("log"))
 
 
 def learnt(log: TrajectoryLog, *spans: int, degree: int = 1) -> Regression:
@@ -27,7 +27,9 @@ def test_it_foretells_the_mean_of_what_followed(log: TrajectoryLog):
     predicted = learnt(log, 5, 10, degree=2).rollout([moment(-1.5, 0.5), moment(-1.5, -0.5)], coast, 10)
     np.testing.assert_allclose(predicted.paths[:, [5, 10], POSITION], [[-1.25, -1.0], [-1.75, -2.0]], atol=0.12)
     assert (predicted.paths[:, 0] == [moment(-1.5, 0.5).state, moment(-1.5, -0.5).state]).all()
-    assert np.diff(predicted.paths[0, :6, POSITION]) == pytest.approx(np.diff(predicted.paths[0, :2, POSITION])[0], abs=1e-5)
+    assert np.diff(predicted.paths[0, :6, POSITION]) == pytest.approx(
+        np.diff(predicted.paths[0, :2, POSITION])[0], abs=1e-5
+    )
 
 
 def test_beyond_the_longest_span_it_stands_still_and_does_not_stand_by_it(log: TrajectoryLog):
