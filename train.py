@@ -171,7 +171,7 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     counts.refreshes += refresh.taken
     counts.kept += not refresh.taken
     with timeit("explain"):
-        parts.predictor.forget()  # so that a resumed run predicts the same
+        parts.foresee()
         watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + counts.refreshes + counts.kept)
         voice, every = parts.development.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
         said = hold(explain(watched.moments[::every], policy, parts.predictor, voice), every, len(watched.moments))

@@ -30,7 +30,7 @@ from ibe_rl.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, w
 from ibe_rl.task_config import code_of
 from ibe_rl.workers import LostWorkerError
 
-KINDS = ("agent", "instructor")
+KINDS = ("agent", "instructor", "predictor")
 """Groups whose choices have settings of their own."""
 FOLDERS = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
 """Settings of a script that name a file or folder, where hydra would look in ``configs/``; what they are in it."""
@@ -88,7 +88,7 @@ def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
     resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
-        kinds = {group: str(saved[group]["kind"]) for group in KINDS}
+        kinds = {group: str(saved[group]["kind"]) for group in KINDS if "kind" in saved[group]}
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return []  # if it is wrong, taking the run up says so
     known = {group: {path.stem for path in (configs / group).glob("*.yaml")} for group in KINDS}
@@ -233,7 +233,9 @@ def load_config(path: Path, schema: type) -> Any:
         agents = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig, "guest": schemas.GuestConfig}
         agent = agents[saved.agent.kind]
         instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
-        typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent(), instructor=instructor())), saved)
+        predictor = schemas.PREDICTORS.get(saved.predictor.get("kind"), schemas.PredictorConfig)
+        chosen = schema(agent=agent(), instructor=instructor(), predictor=predictor())
+        typed = OmegaConf.merge(OmegaConf.structured(chosen), saved)
         return OmegaConf.to_object(typed)
     except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
         reason = one_line(error)[:200]

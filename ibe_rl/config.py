@@ -12,6 +12,10 @@ from typing import Any
 from omegaconf import MISSING
 
 from ibe_rl.limits import TINY, setting
+from ibe_rl.predictor_config import PREDICTORS as PREDICTORS
+from ibe_rl.predictor_config import EnsembleConfig as EnsembleConfig
+from ibe_rl.predictor_config import PredictorConfig as PredictorConfig
+from ibe_rl.predictor_config import RegressionConfig as RegressionConfig
 from ibe_rl.task_config import TaskConfig
 
 MAX_SEED = 9_999
@@ -188,16 +192,6 @@ class MappingConfig:
 
 
 @dataclass
-class PredictorConfig:
-    """How the future is predicted: in the environment's own engine, from a snapshot."""
-
-    future_instruction: str = setting("hold", choices=("hold", "rule"))
-    processes: int | None = setting(None, low=1, high=64)  # that share the moments; None: 1, to judge a run 2
-    futures: int = setting(3, low=1, high=100)  # sampled from each moment; what most of them are called is said
-    moments_at_once: int = setting(32, low=1)  # copies of the environment; more of them crowd the processor's cache
-
-
-@dataclass
 class ViewerConfig:
     """``live`` records and serves the recording, ``file`` records only, ``off`` does neither."""
 
@@ -291,7 +285,7 @@ class ExplainConfig:
     env: EnvConfig = MISSING  # that it acts in
     mapping: MappingConfig = MISSING
     sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
-    task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
+    task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know

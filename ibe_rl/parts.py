@@ -16,7 +16,7 @@ from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
 from ibe_rl.agent import Agent, check_actions, check_agent, make_agent
-from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
+from ibe_rl.checkpoint import BEST, LATEST, PREDICTOR, as_arrays, as_tensors, link, save_latest, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.collect import check_collect
 from ibe_rl.command_line import installed, is_sweep, run_name
@@ -29,7 +29,7 @@ from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, check_obedience, make_obedience
 from ibe_rl.paper.lab import check_report
-from ibe_rl.predict import Simulator, make_simulator
+from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
 from ibe_rl.progress import TrainingProgress
 from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
@@ -70,7 +70,7 @@ class Parts:
     task: Task
     agent: Agent
     instructor: Instructor
-    predictor: Simulator
+    predictor: KeptPredictor
     log: TrajectoryLog
     recorder: RunRecorder | NoRecorder
     watched_env: gymnasium.Env[Any, Any]
@@ -81,9 +81,18 @@ class Parts:
     folder: Path
     development: Development
     obedience: Obedience
+    learns_to_predict: bool = False
     random: GlobalRNGState = field(default_factory=GlobalRNGState)
     counts: Counts = field(default_factory=Counts)
     under_way: list[UnderWay] = field(default_factory=list)
+
+    def foresee(self) -> None:
+        """Let the predictor learn from the log as it stands, keep what it has learnt, and forget all else."""
+        self.predictor.learn(self.log)
+        if self.learns_to_predict:
+            state = as_tensors(self.predictor.state_dict())
+            save_policy(self.folder / CHECKPOINTS, self.log.frames, state, PREDICTOR)
+        self.predictor.forget()  # so that a resumed run predicts the same
 
 
 def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> None:
@@ -106,7 +115,9 @@ def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> 
     check_development(cfg, task)
     check_obedience(cfg)
     check_report(cfg, task)
-    make_copy(cfg.env)  # to predict in
+    check_predictor(cfg.predictor, cfg.instructor, make_game(cfg.env))
+    if not is_learnt(cfg.predictor):
+        make_copy(cfg.env)  # to predict in
 
 
 def build(
@@ -137,7 +148,7 @@ def build(
     recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
-    predictor = make_simulator(cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed)
+    predictor = make_predictor(cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed, env)
     parts = Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
@@ -153,6 +164,7 @@ def build(
         folder=folder,
         development=development,
         obedience=make_obedience(cfg, task, development),
+        learns_to_predict=is_learnt(cfg.predictor),
     )
     if state:
         _load_state(parts, state)

@@ -21,6 +21,7 @@ LAYERS = (
             "colours",
             "config",
             "config_store",
+            "predictor_config",
             "limits",
             "ports",
             "run_folder",

@@ -207,5 +207,24 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     return figure
 
 
+def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
+    """Over the training: how often each predictor leads to the phrase of the exact one, and how true that is."""
+    metrics = {"equal": "same phrase as the exact one", "motion_auc": "motion AUC", "came_true_voted": "came true"}
+    names = list(dict.fromkeys(row["predictor"] for row in rows))
+    step = max(row["frame"] for row in rows) / 1_000
+    figure, axes = _figure(3.6 * len(metrics) + 1, 3.6, len(metrics))
+    for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
+        for number, name in enumerate(names):
+            known = [(row["frame"] / 1_000, row[metric]) for row in rows if row["predictor"] == name]
+            known = [(frame, told) for frame, told in known if told["value"] is not None]
+            if metric != "equal" or name != names[0]:  # the first one is the exact one itself
+                _line(axis, known, number, step * (number - 1) / 100, name.replace("_", " "))
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("refresh after (thousand frames)")
+    axes[1].legend(fontsize=8, frameon=False)
+    figure.suptitle(f"Explanations of {horizon_steps} steps with learned predictors beside the exact one")
+    return figure
+
+
 def _thousands(frame: int) -> str:
     return f"{frame / 1000:,.0f}"

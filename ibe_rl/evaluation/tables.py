@@ -149,6 +149,47 @@ def tell_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) ->
         console().print(f"no simulated observer: it listens to one number, here there are {len(rows[0]['each'])}")
 
 
+BESIDE_EXACT = {
+    "equal": "same phrase",
+    "equal_trusted": "where trusted",
+    "trusted": "trusted",
+    "motion_auc": "motion AUC",
+    "motion_auc_minus_exact": "minus exact",
+    "motion_auc_disobeyed": "disob.",
+    "came_true_voted": "true",
+    "ece": "ECE",
+    "observer_error": "obs. %",
+}
+"""What is told of a predictor to what heads its column."""
+
+
+def predictors_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
+    """All predictors at one age, a row each."""
+    table = Table(box=SIMPLE, title=f"Predictors: {title}", title_justify="left", show_edge=False, pad_edge=False)
+    table.add_column("predictor", no_wrap=True)
+    for short in BESIDE_EXACT.values():
+        table.add_column(short, no_wrap=True, justify="right")
+    for row in rows:
+        signs = {name: "+" if name.endswith("_minus_exact") else "" for name in BESIDE_EXACT}
+        cells = [_cell(row[name], name in ("equal", "motion_auc_minus_exact"), signs[name]) for name in BESIDE_EXACT]
+        table.add_row(row["predictor"], *cells)
+    return table
+
+
+def predictors_over_training(rows: Sequence[dict[str, Any]]) -> Table:
+    """Share of the same phrases and motion AUC of each predictor over the training."""
+    names = list(dict.fromkeys(row["predictor"] for row in rows))
+    table = Table(box=SIMPLE, title="Same phrase / motion AUC over the training", title_justify="left", show_edge=False)
+    for column in ("frame", *names):
+        table.add_column(column, no_wrap=True, justify="right")
+    found = {(row["frame"], row["predictor"]): row for row in rows}
+    for frame in dict.fromkeys(row["frame"] for row in rows):
+        here = [found.get((frame, name)) for name in names]
+        cells = [f"{_cell(row['equal'])} / {_cell(row['motion_auc'])}" if row else "" for row in here]
+        table.add_row(f"{frame:,}", *cells)
+    return table
+
+
 def _known_first(value: float | None) -> tuple[bool, float]:
     return value is None, value or 0.0
 

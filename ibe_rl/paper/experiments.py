@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +15,9 @@ from rich.console import Console
 from ibe_rl.config import ExplainConfig, FiguresConfig
 from ibe_rl.data import Array, ConfigError, Episode, Mapping
 from ibe_rl.env.make import make_game
-from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation import load_run, tables
 from ibe_rl.evaluation.flights import PROCESSES
+from ibe_rl.evaluation.foresight import predictor_of, with_processes
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.refit import fit_shuffled
 from ibe_rl.evaluation.report import make_folders
@@ -35,7 +33,6 @@ from ibe_rl.paper.lab import Lab, find_agents, protocol
 from ibe_rl.paper.page import write_report
 from ibe_rl.paper.strips import Told
 from ibe_rl.paper.words import OURS, PAPER
-from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
 
 TRIES = 10
@@ -170,9 +167,9 @@ def foretell(
     vocabularies = {name: taught[name] for name in (PAPER, OURS)}
     told_by = vocabularies, learn_shuffled(lab, agent), typical(lab, agent, checked)
     shown = hidden_flights(lab, agent, make_game(hidden))
-    workers = replace(predictor_config, processes=predictor_config.processes or PROCESSES)
+    workers = with_processes(predictor_config, PROCESSES)
     horizon_steps, told = lab.horizon_steps, {}
-    with closing(make_simulator(workers, partial(make_copy, hidden), lab.task.rule, lab.config.seed)) as predictor:
+    with predictor_of(lab.run, workers, lab.config.seed, hidden) as predictor:
         for cut in (END, CONTACT):
             about = shown, cut, agent.policy, predictor
             listened = listen(*about, *told_by, lab.task, horizon_steps, predictor_config.futures)

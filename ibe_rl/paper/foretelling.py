@@ -132,7 +132,7 @@ def listen(
         for one, last in zip(shown, lasts, strict=True)
         for step in range(last - SEEN_STEPS + 1, last + 1)
     ]
-    paths = predictor.rollout([moment for moment in moments for _ in range(futures)], policy, horizon_steps)
+    paths = predictor.rollout([moment for moment in moments for _ in range(futures)], policy, horizon_steps).paths
     deltas = (paths[:, -1] - paths[:, 0]).reshape(len(shown), SEEN_STEPS, futures, -1)
     states = np.array([one.watched.episode.states[last] for one, last in zip(shown, lasts, strict=True)])
     ends = np.array([one.watched.episode.states[one.ends[cut]] for one in shown])

@@ -100,7 +100,7 @@ class Film:
         path = picture.flipped(self._task.scene_path(watched.episode.states), height)
         trails = picture.trails(path)
         self._send("scene/trail", every, rr.LineStrips2D.columns(strips=trails))
-        predicted = picture.flipped(self._task.scene_path(np.stack([one.path for one in said])), height)
+        predicted = picture.flipped(self._task.scene_path(np.stack([one.trusted_path for one in said])), height)
         self._send_predicted(place, picture.thinned(predicted), said)
 
     def _send_predicted(self, place: Place, predicted: Array, said: Sequence[Explanation]) -> None:
@@ -108,7 +108,7 @@ class Film:
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
         shades = _shades(said)
-        words = [f"says: {one.in_time(self._short)}" for one in said]
+        words = [f"says: {one.in_time(self._short)}{'' if one.trusted else ' ?'}" for one in said]
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
 
     def _send_judged(self, place: Place, said: Sequence[Explanation], real: Sequence[str]) -> None:
@@ -123,7 +123,7 @@ class Film:
             return
         times = place.columns(np.add(begun, steps_ago))
         height, true = self._task.scene_size[1], [said[i].phrase == real[i] for i in begun]
-        paths = picture.flipped(self._task.scene_path(np.stack([said[i].path for i in begun])), height)
+        paths = picture.flipped(self._task.scene_path(np.stack([said[i].trusted_path for i in begun])), height)
         shades = np.where(np.array(true)[:, None], colours.GREEN, colours.PINK).astype(np.uint8)
         self._send(entities[0], times, rr.LineStrips2D.columns(strips=picture.thinned(paths), colors=shades))
         words = [sentences.judged(steps_ago, said[i].phrase, real[i]) for i in begun]

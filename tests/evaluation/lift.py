@@ -55,6 +55,7 @@ def moments(
         observed=np.zeros(count, bool) if observed is None else np.array(observed),
         realised=heights(np.array(realised, float))[:, None],
         predicted=heights(np.array(predicted, float))[:, :, None],
+        trusted=np.ones((count, len(predicted[0]), 1), bool),
         horizons_steps=(5,),
     )
 

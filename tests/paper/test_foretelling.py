@@ -13,7 +13,7 @@ from ibe_rl.agent import make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.collect import JUDGING_SEED
 from ibe_rl.config import InstructorConfig, PPOConfig
-from ibe_rl.data import Array, Moment
+from ibe_rl.data import Array, Moment, Prediction
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -72,12 +72,12 @@ class Foreseen:
     def __init__(self) -> None:
         self.asked: list[tuple[list[float], Any, int]] = []
 
-    def rollout(self, moments: Sequence[Moment], policy: Any, horizon_steps: int) -> Array:
+    def rollout(self, moments: Sequence[Moment], policy: Any, horizon_steps: int) -> Prediction:
         now = np.array([moment.state for moment in moments], float)
         self.asked.append((now[:, 0].tolist(), policy, horizon_steps))
         change = np.where(now % 4 == 0, 2.0, -2.0)
         change[::FUTURES] = -3
-        return now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None]
+        return Prediction.exact(now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None])
 
 
 def listened(cut: str, predictor: Any = None, episodes: Sequence[Shown] = (RISING, FALLING)) -> Listened:
