@@ -102,7 +102,7 @@ class Refits:
         Raises:
             ConfigError: if they are too few, or the mapping cannot work in this environment.
         """
-        check_mapping(config, self._run.task)
+        check_mapping(replace(config, horizon_steps=horizon_steps, spans_steps=[]), self._run.task)
         given = lessons or self.lessons(config)
         with self._enough():
             return self._fit(config, horizon_steps, given.best, given.heard)
