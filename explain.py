@@ -7,6 +7,7 @@ python explain.py run=runs/NAME seed=3 context=left
 python explain.py run=runs/NAME viewer=live      and look at it in the browser
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
+python explain.py run=runs/NAME task=predictors  as true without a simulator? evaluation/predictors.json
 python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
 python explain.py agent=model.zip env=lander     an agent trained elsewhere: play, learn the words, explain
 python explain.py sweep=runs/NAME                what the runs of a sweep learnt, by what differs: figures/report.html
@@ -28,6 +29,7 @@ from ibe_rl.data import ConfigError, Explanation
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
+from ibe_rl.evaluation.predictors import judge_predictors
 from ibe_rl.metrics import happened
 from ibe_rl.own_agent import open_guest, refuse_guest_settings
 from ibe_rl.paper.experiments import reproduce
@@ -50,7 +52,8 @@ def main(cfg: ExplainConfig) -> None:
         {"episode": explain_episode, "evaluate": evaluate, "compare": compare}[cfg.task](cfg, opened)
         return
     refuse_guest_settings()
-    {"episode": explain_episode, "evaluate": evaluate, "compare": compare, "figures": reproduce}[cfg.task](cfg)
+    tasks = {"evaluate": evaluate, "compare": compare, "predictors": judge_predictors, "figures": reproduce}
+    tasks.get(cfg.task, explain_episode)(cfg)
 
 
 def report_sweep(cfg: ExplainConfig) -> None:

@@ -32,7 +32,7 @@ from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.development import figures
 from ibe_rl.ending import nothing_lost
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
@@ -171,7 +171,7 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     counts.refreshes += refresh.taken
     counts.kept += not refresh.taken
     with timeit("explain"):
-        parts.predictor.forget()  # so that a resumed run predicts the same
+        parts.foresee()
         watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + counts.refreshes + counts.kept)
         voice, every = parts.development.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
         said = hold(explain(watched.moments[::every], policy, parts.predictor, voice), every, len(watched.moments))
@@ -205,10 +205,11 @@ def evaluate(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         episodes = play(parts.evaluation_envs, parts.agent.greedy, parts.instructor, seeds)
     with timeit("checkpoint"):
         save_policy(parts.folder / CHECKPOINTS, parts.log.frames, parts.agent.greedy.state_dict())
-    success, best = float(np.mean([episode.success for episode in episodes])), parts.counts
-    if success > best.best_success:
-        best.best_success, best.best_frames = success, parts.log.frames
-    return {"eval/return_mean": float(np.mean([e.total_reward for e in episodes])), "eval/success_rate": success}
+    success, total = (float(np.mean(of)) for of in zip(*((e.success, e.total_reward) for e in episodes), strict=True))
+    best = parts.counts
+    if (success, total) > (best.best_success, best.best_return):
+        best.best_success, best.best_return, best.best_frames = success, total, parts.log.frames
+    return {"eval/return_mean": total, "eval/success_rate": success}
 
 
 def finish(
@@ -250,8 +251,10 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
 def main(cfg: TrainConfig) -> None:
     """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
-    env = make_gym(cfg.env.id, cfg.env.kwargs)
-    check_parts(cfg, task_of(env))
+    env = make_game(cfg.env)
+    check_parts(cfg, task_of(env), env.action_space)
+    if not task_of(env).judges_success:
+        print(f"note: nobody says whether an episode of {cfg.env.id} ended well, so that none counts as a success")
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     lesson_port = choose_port(cfg.instructor)
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))

@@ -158,9 +158,9 @@ def losses(run: TrainedRun, moments: Moments, flaws: FlawedConfig, draw: int) ->
 def loss_of(mapping: Mapping, moments: Moments, run: TrainedRun) -> float | None:
     """By how much the words tell less than the predicted change itself."""
     task, at = run.task, moments.at(run.horizon_steps)
-    change, predicted = moments.realised[:, at, task.explained], moments.predicted[:, 0, at]
-    ceiling = motion_auc(predicted[:, task.explained], change, task.explained_band)
-    loss = ceiling - motion_auc(mapping.express(predicted)[:, 0], change, task.explained_band)
+    change, predicted = moments.realised[:, at, task.explained[0]], moments.predicted[:, 0, at]
+    ceiling = motion_auc(predicted[:, task.explained[0]], change, task.explained_band[0])
+    loss = ceiling - motion_auc(mapping.express(predicted)[:, 0], change, task.explained_band[0])
     return None if np.isnan(loss) else round(float(loss), 5)
 
 

@@ -29,7 +29,7 @@ from ibe_rl.checkpoint import load, policies
 from ibe_rl.command_line import load_config
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
 from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.limits import check
@@ -125,7 +125,7 @@ def fly(folder: Path, episodes: int) -> Flown:
     if not kept:
         raise ConfigError(f"RUN={folder}: it has no policy yet; allowed is a finished run")
     log = TrajectoryLog.open(folder / TRAJECTORIES)
-    envs = [make_gym(config.env.id, config.env.kwargs) for _ in range(ENVS)]
+    envs = [make_game(config.env) for _ in range(ENVS)]
     task = task_of(envs[0])
     agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames, task.state_names)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))
@@ -163,9 +163,9 @@ def measure(flown: Flown, seeds: int, resamples: int) -> tuple[dict[str, Any], d
         rows[key] = {name: np.mean([each[name] for each in scores], axis=0) for name in SCORES}
         values = {name: [rounded(each[name][0]) for each in scores] for name in SCORES}
         single[key] = {"group": variant.group, "name": variant.name, "by_hand": variant.by_hand, **values}
-    x, task = flown.task.explained, flown.task
+    x, task = flown.task.explained[0], flown.task
     about = {"name": flown.name, "success": flown.success, "moments": len(flown.windows)}
-    about |= {"explained": task.state_names[x], "unit": task.state_units[x], "band": task.explained_band}
+    about |= {"explained": task.state_names[x], "unit": task.state_units[x], "band": task.explained_band[0]}
     about |= {"horizon_steps": flown.base.horizon_steps, "instruction_values": list(task.instruction_values)}
     paper = {name: rounded(values[name][0]) for name, values in [(n, rows[next(iter(rows))]) for n in SCORES]}
     return about | {"paper": paper, "variants": single, "facts": facts(flown, school, seeds)}, rows
@@ -177,8 +177,8 @@ def score(school: School, variant: Variant, flown: Flown, seed: int, weights: Ar
         said = school.learn(variant, seed).express(flown.windows.delta)[:, 0]
     except TooLittleDataError:
         return {name: np.full(len(weights), np.nan) for name in SCORES}
-    change, told = flown.windows.delta[:, flown.task.explained], flown.windows.instruction[:, 0]
-    return motion_scores(said, change, told, flown.task.explained_band, weights)
+    change, told = flown.windows.delta[:, flown.task.explained[0]], flown.windows.instruction[:, 0]
+    return motion_scores(said, change, told, flown.task.explained_band[0], weights)
 
 
 def rounded(value: float) -> float | None:

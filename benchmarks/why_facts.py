@@ -42,7 +42,7 @@ def _mean(each: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _of_mapping(mapping: ClusterMapping, flown: Flown, learnt: Windows) -> dict[str, Any]:
     said, told = mapping.express(flown.windows.delta)[:, 0], np.sign(flown.windows.instruction[:, 0])
-    way = went(flown.windows.delta[:, flown.task.explained], flown.task.explained_band)
+    way = went(flown.windows.delta[:, flown.task.explained[0]], flown.task.explained_band[0])
     lost, ties = losses(said, way)
     kinds = {"told 0, moved": (told == 0) & (way != 0), "told 0, stayed": (told == 0) & (way == 0)}
     kinds |= {"told to move, did": (told != 0) & (way == told), "told to move, stayed": (told != 0) & (way == 0)}
@@ -105,7 +105,7 @@ def clusters(mapping: ClusterMapping, windows: Windows, task: Task) -> list[dict
     "down", "stayed", "up": shares of its moments, by the explained dimension; "stands_out": the dimension whose mean
     change in it is farthest from that of all moments, and how far, in standard deviations.
     """
-    labels, change = mapping.cluster(windows.delta), windows.delta[:, task.explained]
+    labels, change = mapping.cluster(windows.delta), windows.delta[:, task.explained[0]]
     scale = np.where(windows.delta.std(axis=0) > 0, windows.delta.std(axis=0), 1)
     standard = (windows.delta - windows.delta.mean(axis=0)) / scale
     told = []
@@ -115,7 +115,7 @@ def clusters(mapping: ClusterMapping, windows: Windows, task: Task) -> list[dict
         about |= {"expression": round(float(mapping.expressions[i, 0]), 4)}
         about |= {"mean_instruction": round(float(mapping.mean_instructions[i, 0]), 4)}
         if inside.any():
-            way, means = went(change[inside], task.explained_band), standard[inside].mean(axis=0)
+            way, means = went(change[inside], task.explained_band[0]), standard[inside].mean(axis=0)
             far = int(np.abs(means).argmax())
             about |= {"quantiles": _rounded(np.quantile(change[inside], QUANTILES))}
             about |= {name: round(float(np.mean(way == side)), 4) for name, side in WAYS.items()}
@@ -127,7 +127,7 @@ def clusters(mapping: ClusterMapping, windows: Windows, task: Task) -> list[dict
 def _learnt_from(school: School, learnt: Windows, task: Task) -> dict[str, Any]:
     """The windows of the best episodes: what was said where, and what came of it, in shares of all."""
     names = np.array([episode.context for episode in school.lessons(school.base).best])[learnt.episode]
-    told, way = learnt.instruction[:, 0], went(learnt.delta[:, task.explained], task.explained_band)
+    told, way = learnt.instruction[:, 0], went(learnt.delta[:, task.explained[0]], task.explained_band[0])
     values = task.instruction_values
     best = school.lessons(school.base).best
     steps = np.array([len(episode) for episode in best])
@@ -160,7 +160,7 @@ def weights(school: School, learnt: Windows, task: Task, seeds: int) -> dict[str
     regression = _shares(LinearRegression().fit(learnt.delta, learnt.instruction[:, 0]).coef_ * scale)
     return {
         "axis": dict(zip(task.state_names, _rounded(axes.mean(axis=0)), strict=True)),
-        "axis_explained": _rounded(axes[:, task.explained]),
+        "axis_explained": _rounded(axes[:, task.explained[0]]),
         "regression": dict(zip(task.state_names, _rounded(regression), strict=True)),
     }
 

@@ -49,7 +49,7 @@ def variants(task: Task, constant: Sequence[str] = ()) -> list[Variant]:
         task: the environment's own names.
         constant: state dimensions that never change over a window: to leave them out changes nothing.
     """
-    names, x = task.state_names, task.state_names[task.explained]
+    names, x = task.state_names, task.state_names[task.explained[0]]
     return [
         Variant(PAPER, "the paper's"),
         Variant("without windows told 0", "which windows", told_only=True),
@@ -140,7 +140,7 @@ class School:
         if variant.named == "own":
             return mapping
         if variant.named == "explained":
-            return renamed(mapping, windows.delta, windows.delta[:, self.task.explained])
+            return renamed(mapping, windows.delta, windows.delta[:, self.task.explained[0]])
         return renamed(mapping, windows.delta, self.movement(windows.delta, seed))
 
     def movement(self, delta: Array, seed: int) -> Array:

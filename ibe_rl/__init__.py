@@ -1,18 +1,40 @@
 """ibe_rl: agents that explain themselves while they learn, in the words they were taught with.
 
-Importing it registers the environments with gymnasium; IBE itself works on plain arrays, without torch. Agents that
-were trained elsewhere are explained by ``study`` and ``open_study``, which bring torch in when they are asked for.
+Importing it registers the environments with gymnasium; IBE itself works on plain arrays, without torch. What needs
+torch is imported when it is first asked for. docs/API.md lists all of it.
 """
 
 from importlib import import_module
 from typing import Any
 
-import ibe_rl.env  # noqa: F401 - registers the environments
+from ibe_rl.data import ConfigError, Episode
+from ibe_rl.env import Instructed
 from ibe_rl.ibe import ClusterMapping, IBEMapping, cut_windows, delta_states, phrase, top_episodes
+from ibe_rl.task import Phrases, Task
 
-WITH_TORCH = {"study": "ibe_rl.own_agent", "open_study": "ibe_rl.own_agent", "Study": "ibe_rl.own_agent"}
+WITH_TORCH = {
+    **dict.fromkeys(("Study", "open_study", "study"), "ibe_rl.own_agent"),
+    **dict.fromkeys(("export_log", "import_log"), "ibe_rl.minari_log"),
+}
 
-__all__ = ["ClusterMapping", "IBEMapping", "cut_windows", "delta_states", "phrase", "top_episodes"]
+__all__ = [
+    "ClusterMapping",
+    "ConfigError",
+    "Episode",
+    "IBEMapping",
+    "Instructed",
+    "Phrases",
+    "Study",
+    "Task",
+    "cut_windows",
+    "delta_states",
+    "export_log",
+    "import_log",
+    "open_study",
+    "phrase",
+    "study",
+    "top_episodes",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -17,12 +17,12 @@ from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import write_atomically
 
 LATEST, BEST = "latest.pt", "best.pt"
-EVALUATED, BETWEEN = "policy", "between"
-"""What files of policies begin with: kept at an evaluation, or between two."""
+EVALUATED, BETWEEN, PREDICTOR = "policy", "between", "predictor"
+"""What files of weights begin with: of policies kept at an evaluation, or between two; of a predictor at a refresh."""
 
 
-def save_policy(folder: Path, frames: int, state: dict[str, torch.Tensor], kind: str = EVALUATED) -> Path:
-    """Keep the greedy policy's weights."""
+def save_policy(folder: Path, frames: int, state: dict[str, Any], kind: str = EVALUATED) -> Path:
+    """Keep the greedy policy's weights, or a predictor's."""
     path = folder / f"{kind}_{frames:012d}.pt"
     write_atomically(path, lambda stream: torch.save(state, stream))
     return path
@@ -62,7 +62,7 @@ def link(folder: Path, name: str, also: str) -> None:
 
 
 def policies(folder: Path, *kinds: str) -> dict[int, Path]:
-    """Frames to files of the policies kept, in rising order; without ``kinds`` those of the evaluations."""
+    """Frames to files of weights kept, in rising order; without ``kinds`` the policies of the evaluations."""
     named = re.compile(rf"(?:{'|'.join(kinds or (EVALUATED,))})_(\d+)\.pt")
     found = {int(match[1]): path for path in folder.glob("*.pt") if (match := named.match(path.name))}
     return dict(sorted(found.items()))

@@ -20,7 +20,7 @@ from torchrl.envs import EnvBase
 from ibe_rl.agent import Agent
 from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.data import Array, ConfigError, Instructor
-from ibe_rl.env.make import TRAINING_SEEDS, join, make_gym
+from ibe_rl.env.make import TRAINING_SEEDS, join, make_game
 from ibe_rl.instruct import make_instructor
 from ibe_rl.ray_workers import RayWorkers, check_ray
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
@@ -57,7 +57,7 @@ def env_of_worker(
     if apart(collect):
         end_with_parent(FAREWELL_S if lesson else 0.0)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
-    games = [make_gym(env.id, env.kwargs) for _ in range(collect.envs_per_process)]
+    games = [make_game(env) for _ in range(collect.envs_per_process)]
     person = lesson(games) if lesson else None
     mine = under_way[worker * collect.envs_per_process :][: collect.envs_per_process]
     made = join(games, make_instructor(instructor, task, first, person), first, mine)

@@ -8,6 +8,8 @@ from ibe_rl.data import Array
 
 NEGATIVE, ZERO, POSITIVE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions -1, 0 and +1, told apart also without red or green."""
+DARKER, LIGHTER = 0.5, 0.65
+"""How far the second number of an expression goes towards black and white."""
 INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
 GREEN, OTHERS = (132, 224, 96), (130, 130, 140)
 """The best, what came true; and the others."""
@@ -21,10 +23,21 @@ LASTING = (
 
 
 def of_expressions(values: Array) -> Array:
-    """Numbers ``(N,)`` in [-1, 1] to colours ``(N, 3)`` uint8 from blue over grey to orange."""
-    values = np.clip(np.asarray(values, float), -1, 1)[:, None]
-    ends = np.where(values < 0, NEGATIVE, POSITIVE)
-    return (ZERO + np.abs(values) * (ends - np.array(ZERO))).round().astype(np.uint8)
+    """Expressions in [-1, 1] to colours ``(N, 3)`` uint8.
+
+    The first number goes from blue over grey to orange; a second one makes that darker below 0, lighter above. Others
+    are not seen.
+
+    Args:
+        values: ``(N,)``, or ``(N, d)``.
+    """
+    values = np.clip(np.asarray(values, float), -1, 1).reshape(len(values), -1)
+    first = values[:, :1]
+    shades = ZERO + np.abs(first) * (np.where(first < 0, NEGATIVE, POSITIVE) - np.array(ZERO))
+    if values.shape[1] > 1:
+        second = values[:, 1:2]
+        shades += np.where(second < 0, DARKER * second * shades, LIGHTER * second * (255 - shades))
+    return shades.round().astype(np.uint8)
 
 
 def of_clusters(ids: Array) -> Array:

@@ -27,9 +27,10 @@ from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
 from ibe_rl.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.task_config import code_of
 from ibe_rl.workers import LostWorkerError
 
-KINDS = ("agent", "instructor")
+KINDS = ("agent", "instructor", "predictor")
 """Groups whose choices have settings of their own."""
 FOLDERS = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
 """Settings of a script that name a file or folder, where hydra would look in ``configs/``; what they are in it."""
@@ -87,7 +88,7 @@ def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
     resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
-        kinds = {group: str(saved[group]["kind"]) for group in KINDS}
+        kinds = {group: str(saved[group]["kind"]) for group in KINDS if "kind" in saved[group]}
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return []  # if it is wrong, taking the run up says so
     known = {group: {path.stem for path in (configs / group).glob("*.yaml")} for group in KINDS}
@@ -105,6 +106,23 @@ def choices(group: str) -> dict[str, Any]:
     names = GlobalHydra.instance().config_loader().get_group_options(group)
     files = [name for name in names if "schema" not in name]
     return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in files}
+
+
+def refuse_strange_code(env: schemas.EnvConfig, folder: Path) -> None:
+    """Refuse an environment from a run folder that names code which no file in ``configs/env`` names.
+
+    Raises:
+        ConfigError: naming the code.
+    """
+    named = code_of(env.id, env.task)
+    if named:
+        with settings_at_hand():
+            named -= set().union(*(code_of(known.id, known.task) for known in choices("env").values()))
+    if named:
+        raise ConfigError(
+            f"{folder}: its environment runs code, {', '.join(sorted(named))}; allowed is what comes with ibe_rl or is "
+            "named by a file in configs/env or below a --config-dir: put one there if you trust it"
+        )
 
 
 @contextmanager
@@ -215,7 +233,9 @@ def load_config(path: Path, schema: type) -> Any:
         agents = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig, "guest": schemas.GuestConfig}
         agent = agents[saved.agent.kind]
         instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
-        typed = OmegaConf.merge(OmegaConf.structured(schema(agent=agent(), instructor=instructor())), saved)
+        predictor = schemas.PREDICTORS.get(saved.predictor.get("kind"), schemas.PredictorConfig)
+        chosen = schema(agent=agent(), instructor=instructor(), predictor=predictor())
+        typed = OmegaConf.merge(OmegaConf.structured(chosen), saved)
         return OmegaConf.to_object(typed)
     except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
         reason = one_line(error)[:200]

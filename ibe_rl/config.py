@@ -12,6 +12,11 @@ from typing import Any
 from omegaconf import MISSING
 
 from ibe_rl.limits import TINY, setting
+from ibe_rl.predictor_config import PREDICTORS as PREDICTORS
+from ibe_rl.predictor_config import EnsembleConfig as EnsembleConfig
+from ibe_rl.predictor_config import PredictorConfig as PredictorConfig
+from ibe_rl.predictor_config import RegressionConfig as RegressionConfig
+from ibe_rl.task_config import TaskConfig
 
 MAX_SEED = 9_999
 OTHERS = ("oracle", "silent", "habits")
@@ -20,10 +25,11 @@ OTHERS = ("oracle", "silent", "habits")
 
 @dataclass
 class EnvConfig:
-    """A registered gymnasium environment that declares a task (see ``ibe_rl.task.Task``)."""
+    """A gymnasium environment; what is explained of it is declared by itself (``ibe_rl.task.Task``) or in ``task``."""
 
-    id: str = MISSING
+    id: str = MISSING  # module:id for one that a module registers
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
+    task: TaskConfig | None = None
 
 
 @dataclass
@@ -71,6 +77,7 @@ class PPOConfig(AgentConfig):
     epochs: int = setting(4, low=1)
     minibatch_size: int = setting(512, low=2)
     entropy: float = setting(0.004, low=0.0)
+    first_std: float = setting(0.6, low=TINY, high=10.0)  # of continuous actions at the start, in half ranges
     value_weight: float = setting(0.5, low=0.0)
     max_grad_norm: float = setting(0.5, low=TINY)
 
@@ -166,7 +173,7 @@ class MappingConfig:
     top_within: str = setting("all", choices=("all", "context"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
     failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of an episode gone wrong
-    n_clusters: int = setting(8, low=2)
+    n_clusters: int = setting(8, low=2)  # for each number of an instruction: two of them get twice as many together
     space: str = setting("all", choices=("all", "information", "lasso", "network", "rule"))  # see ibe_rl.ibe.IBEMapping
     split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
     power: float = setting(1.0, low=0.05, high=1.0)  # of a movement's magnitude: below 1 small ones get more clusters
@@ -182,16 +189,6 @@ class MappingConfig:
     survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # with less in common a cluster is not the same one
     hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving cluster's expression moves by more or stays
     max_fit_windows: int = setting(20_000, low=100)  # clusters are learnt from at most so many, drawn at random
-
-
-@dataclass
-class PredictorConfig:
-    """How the future is predicted: in the environment's own engine, from a snapshot."""
-
-    future_instruction: str = setting("hold", choices=("hold", "rule"))
-    processes: int | None = setting(None, low=1, high=64)  # that share the moments; None: 1, to judge a run 2
-    futures: int = setting(3, low=1, high=100)  # sampled from each moment; what most of them are called is said
-    moments_at_once: int = setting(32, low=1)  # copies of the environment; more of them crowd the processor's cache
 
 
 @dataclass
@@ -288,7 +285,7 @@ class ExplainConfig:
     env: EnvConfig = MISSING  # that it acts in
     mapping: MappingConfig = MISSING
     sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
-    task: str = setting("episode", choices=("episode", "evaluate", "compare", "figures"))
+    task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # what the episode is about; None draws one
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know

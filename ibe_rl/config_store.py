@@ -6,6 +6,7 @@ from hydra.core.config_store import ConfigStore
 
 from ibe_rl.config import (
     DQNConfig,
+    EnsembleConfig,
     EnvConfig,
     ExplainConfig,
     FlawedConfig,
@@ -15,6 +16,7 @@ from ibe_rl.config import (
     PPOConfig,
     PredictorConfig,
     RecordedConfig,
+    RegressionConfig,
     TrainConfig,
     ViewerConfig,
 )
@@ -35,6 +37,8 @@ def register() -> None:
         "instructor/human_schema": HumanConfig,
         "mapping/schema": MappingConfig,
         "predictor/schema": PredictorConfig,
+        "predictor/ensemble_schema": EnsembleConfig,
+        "predictor/regression_schema": RegressionConfig,
         "viewer/schema": ViewerConfig,
     }
     for path, node in groups.items():

@@ -145,10 +145,11 @@ class Explanation:
             times ``purity``.
         path: ``(H + 1, S)`` predicted states, the present one first; repeats the last one after an end.
         futures: ``(F, S)`` predicted changes in all the futures that were sampled, ``delta_state`` one of them.
-        agreement: share of these that are called like this.
+        agreement: share of these that are called like this and that the predictor stands by to the horizon.
         purity: share of the cluster's windows that carried its most frequent instruction.
         known: False if the agent is not confident enough to say it.
         spans: what it says of other spans of time from here, by rising horizon.
+        trusted_steps: for so many of the steps the predictor stands by ``path``; None: for all of them.
     """
 
     expression: Array
@@ -163,6 +164,18 @@ class Explanation:
     purity: float = 1.0
     known: bool = True
     spans: tuple[Explanation, ...] = ()
+    trusted_steps: int | None = None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the predictor stands by the path to the horizon."""
+        return self.trusted_steps is None or self.trusted_steps >= self.horizon_steps
+
+    @property
+    def trusted_path(self) -> Array:
+        """The path ``(H + 1, S)`` as far as the predictor stands by it; from there on it repeats that state."""
+        last = len(self.path) - 1 if self.trusted_steps is None else self.trusted_steps
+        return self.path[np.minimum(np.arange(len(self.path)), last)]
 
     @property
     def said(self) -> str:
@@ -220,10 +233,37 @@ class Mapping(Protocol):
         """Changes ``(W, S)`` to confidences ``(W,)`` in [0, 1]."""
 
 
+@dataclass(frozen=True)
+class Prediction:
+    """``N`` predicted futures.
+
+    Attributes:
+        paths: ``(N, H + 1, S)`` predicted states, the present one first; one that ends early repeats its last state.
+        trusted_steps: ``(N,)`` for so many steps, ``H`` at most, the predictor stands by each of them.
+        uncertainty: ``(N,)`` error that the predictor expects of its last states, as a share of how much the changes
+            of the state vary: 0 for the exact one, about 1 for one that knows nothing.
+    """
+
+    paths: Array
+    trusted_steps: Array
+    uncertainty: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.paths)
+        for name, shape in (("paths", (None, None, None)), ("trusted_steps", (count,)), ("uncertainty", (count,))):
+            object.__setattr__(self, name, read_only(getattr(self, name), shape, f"Prediction.{name}"))
+
+    @classmethod
+    def exact(cls, paths: Array) -> Prediction:
+        """Of a predictor that is sure of all of its paths ``(N, H + 1, S)``."""
+        count, horizon_steps = len(paths), paths.shape[1] - 1
+        return cls(paths, np.full(count, horizon_steps), np.zeros(count, np.float32))
+
+
 class Predictor(Protocol):
     """Where a policy will lead, from given moments."""
 
-    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """Follow the policy from each moment.
 
         Args:
@@ -232,6 +272,5 @@ class Predictor(Protocol):
             horizon_steps: ``H``.
 
         Returns:
-            ``(N, H + 1, S)`` predicted states, the present one first; a prediction that ends early
-            repeats its last state.
+            ``N`` futures, in the order of the moments.
         """

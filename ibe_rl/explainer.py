@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,8 @@ from ibe_rl.metrics import Calibration
 from ibe_rl.task import Phrases
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
-"""What the confidence is calibrated from: the share of the futures with the spoken phrase, ``Mapping.confidence``."""
+"""What the confidence is calibrated from: the share of the futures that are trusted and have the spoken phrase,
+``Mapping.confidence``."""
 
 
 @dataclass(frozen=True)
@@ -58,23 +58,34 @@ def explain(moments: Sequence[Moment], policy: Policy, predictor: Predictor, voi
         return []
     longest = max([voice.horizon_steps, *voice.spans])
     futures = [moment for moment in moments for _ in range(voice.futures)]
-    paths = predictor.rollout(futures, policy, longest)
-    return put_in_words(paths.reshape(len(moments), voice.futures, *paths.shape[1:]), voice)
+    predicted, shape = predictor.rollout(futures, policy, longest), (len(moments), voice.futures)
+    paths = predicted.paths.reshape(*shape, *predicted.paths.shape[1:])
+    return put_in_words(paths, voice, predicted.trusted_steps.reshape(shape))
 
 
-def put_in_words(paths: Array, voice: Voice) -> list[Explanation]:
-    """Say what predictions ``(N, F, H + 1, S)``, ``F`` futures of each moment, are called."""
-    said = _of_span(paths[:, :, : voice.horizon_steps + 1], voice)
+def put_in_words(paths: Array, voice: Voice, trusted_steps: Array | None = None) -> list[Explanation]:
+    """Say what predictions are called.
+
+    Args:
+        paths: ``(N, F, H + 1, S)``, ``F`` futures of each moment.
+        voice: what is spoken with.
+        trusted_steps: ``(N, F)``, see ``Prediction``; None: all of them.
+    """
+    if trusted_steps is None:
+        trusted_steps = np.full(paths.shape[:2], paths.shape[2] - 1)
+    said = _of_span(paths, trusted_steps, voice)
     others = [
-        _of_span(paths[:, :, : steps + 1], Voice(mapping, steps, voice.words))
+        _of_span(paths, trusted_steps, Voice(mapping, steps, voice.words))
         for steps, mapping in sorted(voice.spans.items())
     ]
     return [replace(one, spans=tuple(other[row] for other in others)) for row, one in enumerate(said)]
 
 
-def _of_span(paths: Array, voice: Voice) -> list[Explanation]:
+def _of_span(paths: Array, trusted_steps: Array, voice: Voice) -> list[Explanation]:
+    steps = voice.horizon_steps
+    paths, trusted_steps = paths[:, :, : steps + 1], np.minimum(trusted_steps, steps)
     deltas = paths[:, :, -1] - paths[:, :, 0]
-    phrases, which, agreement = voted(deltas, voice.mapping, voice.words)
+    phrases, which, agreement = voted(deltas, voice.mapping, voice.words, trusted_steps >= steps)
     rows = np.arange(len(deltas))
     spoken = deltas[rows, which]
     purity = voice.mapping.confidence(spoken)
@@ -91,28 +102,35 @@ def _of_span(paths: Array, voice: Voice) -> list[Explanation]:
             futures=deltas[row],
             agreement=float(agreed),
             purity=float(pure),
+            trusted_steps=int(trusted_steps[row, which[row]]),
         )
         for row, (expression, cluster, agreed, pure) in enumerate(zip(*columns, strict=True))
     ]
     return said if voice.calibration is None else _calibrated(said, voice.calibration, voice.min_confidence)
 
 
-def voted(deltas: Array, mapping: Mapping, words: Sequence[Phrases]) -> tuple[list[str], Array, Array]:
+def voted(
+    deltas: Array, mapping: Mapping, words: Sequence[Phrases], trusted: Array | None = None
+) -> tuple[list[str], Array, Array]:
     """What most of the futures of each moment are called.
 
     Args:
         deltas: ``(N, F, S)`` changes of the state in ``F`` futures.
         mapping: the vocabulary.
         words: of the environment.
+        trusted: ``(N, F)`` bool, the futures that the predictor stands by; None: all of them.
 
     Returns:
-        ``N`` phrases, the first ``(N,)`` of the futures that is called so, and the share ``(N,)`` that are.
+        ``N`` phrases, the first ``(N,)`` of the futures that is called so, and the share ``(N,)`` that are and are
+        trusted.
     """
     count, futures, size = deltas.shape
     called = phrases_of(mapping.express(deltas.reshape(-1, size)), words).reshape(count, futures)
-    most = [Counter(row.tolist()).most_common(1)[0] for row in called]
-    phrases, votes = [name for name, _ in most], np.array([votes for _, votes in most])
-    return phrases, np.argmax(called == np.array(phrases)[:, None], axis=1), votes / futures
+    alike = called[:, :, None] == called[:, None]
+    which = np.argmax(alike.sum(axis=2), axis=1)
+    rows = np.arange(count)
+    votes = alike[rows, which] if trusted is None else alike[rows, which] & trusted
+    return called[rows, which].tolist(), which, votes.sum(axis=1) / futures
 
 
 def _calibrated(said: Sequence[Explanation], calibration: Calibration, minimum: float) -> list[Explanation]:

@@ -153,7 +153,7 @@ def _said(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
 
 
 def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> IBEMapping:
-    settings = {name: getattr(config, name) for name in PASSED_ON}
+    settings = {name: getattr(config, name) for name in PASSED_ON} | {"n_clusters": clusters_of(config, task)}
     return IBEMapping(
         **settings,
         dimensions=[task.state_names.index(name) for name in config.dimensions] or None,
@@ -161,6 +161,11 @@ def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMappin
         memory=config.memory or 0.0,
         random_state=seed,
     )
+
+
+def clusters_of(config: MappingConfig, task: Task) -> int:
+    """How many clusters a vocabulary has: ``n_clusters`` for each number of an instruction."""
+    return config.n_clusters * task.instruction_size
 
 
 PASSED_ON = (
@@ -189,6 +194,8 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
         allowed = ", ".join(task.state_names)
         raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
     refreshed = config.memory is not None  # then each refresh starts from the one before
+    if config.failed_ends == "drop" and not task.judges_success:
+        raise ConfigError("mapping.failed_ends=drop: allowed is keep where nobody says whether an episode ended well")
     settings = {name: getattr(config, name) for name in PASSED_ON}
     try:
         check_settings(SimpleNamespace(**settings, memory=0.0, last=refreshed or None))

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.command_line import composed, load_config
+from ibe_rl.command_line import composed, load_config, refuse_strange_code
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.guest import check_actions
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.own_agent import guest_run_config, keep_run
@@ -48,6 +48,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     minari, folder = _minari(), find_run(str(run), Path("runs"))
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
+    refuse_strange_code(config.env, folder)
     if newest is not None and newest < 1:
         raise ConfigError(f"newest={newest}: allowed is at least 1")
     try:
@@ -59,7 +60,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
         raise ConfigError(f"run={folder}: no episode has ended in its log; allowed is one with episodes")
     episodes = log.read(range(max(0, count - (newest or count)), count))
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(config)}
-    env = make_gym(config.env.id, config.env.kwargs)
+    env = make_game(config.env)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that it names no code, no e-mail
@@ -70,7 +71,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
 
 
 def _description(config: TrainConfig) -> str:
-    name = task_of(make_gym(config.env.id, config.env.kwargs)).name
+    name = task_of(make_game(config.env)).name
     return (
         f"{name}, told in which way to go: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether there "
         f"was one, infos[{SUCCESS!r}] whether the episode ended well, infos[{CONTEXT!r}] what it was about."
@@ -118,7 +119,7 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
         dataset = minari.load_dataset(dataset_id)
     except (OSError, ValueError, ImportError) as error:
         raise ConfigError(f"dataset={dataset_id}: {' '.join(str(error).split())[:200]}") from None
-    env = make_gym(cfg.env.id, cfg.env.kwargs)
+    env = make_game(cfg.env)
     task = task_of(env)
     check_actions(f"dataset={dataset_id}", dataset, env.action_space)
     _check_observations(dataset_id, dataset.observation_space, task)

@@ -108,23 +108,23 @@ def make_obedience(cfg: TrainConfig, task: Task, development: Development) -> Ob
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
-    """What changes mean to the instructor: the way the explained dimension went.
+    """What changes mean to the instructor: the way each of the explained dimensions went.
 
     Args:
-        task: of the environment, with an instruction of one number.
+        task: of the environment.
         horizon_steps: of the changes.
         full_horizon_steps: that the task's band is declared for; over fewer steps it is narrower.
     """
-    band = task.explained_band * horizon_steps / full_horizon_steps
+    bands = [band * horizon_steps / full_horizon_steps for band in task.explained_band]
 
     def judge(delta: Array) -> Array:
-        change = delta[:, task.explained, None]
-        return np.where(np.abs(change) > band, np.sign(change), 0.0)
+        change = delta[:, task.explained]
+        return np.where(np.abs(change) > np.array(bands, delta.dtype), np.sign(change), 0.0)
 
     return judge
 
 
-def check_obedience(cfg: TrainConfig, task: Task) -> None:
+def check_obedience(cfg: TrainConfig) -> None:
     """Refuse an extra reward that nothing could be judged for.
 
     Raises:
@@ -137,7 +137,3 @@ def check_obedience(cfg: TrainConfig, task: Task) -> None:
         raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
     if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:
         raise ConfigError(f"{asked} with refresh_every_frames=null: allowed is none or oracle, without a vocabulary")
-    if cfg.obedience.judge == "oracle" and task.instruction_size != 1:
-        raise ConfigError(
-            f"{asked}: allowed is none or mapping, where an instruction has {task.instruction_size} numbers"
-        )

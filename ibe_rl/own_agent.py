@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from ibe_rl.command_line import composed, named_settings, settings_at_hand, write_config
 from ibe_rl.config import ExplainConfig, GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Explanation, Policy, observe
-from ibe_rl.env.make import episode_seed, make_gym, task_of
+from ibe_rl.env.make import episode_seed, make_game, task_of
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.guest import Wandering, as_policy, find_agent
@@ -205,7 +205,7 @@ def _found(agent: Any) -> Any:
 
 
 def _policy(agent: Any, config: TrainConfig, sees_instruction: bool | None) -> Policy:
-    env = make_gym(config.env.id, config.env.kwargs)
+    env = make_game(config.env)
     task = task_of(env)
     states = np.array([env.reset(seed=seed)[0] for seed in range(EXAMPLES)])
     examples = observe(states, task.rule(states), np.ones((EXAMPLES, 1)))
@@ -229,7 +229,7 @@ def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConf
     Raises:
         ConfigError: if the vocabulary cannot be learnt like this in this environment.
     """
-    check_mapping(cfg.mapping, task_of(make_gym(cfg.env.id, cfg.env.kwargs)))
+    check_mapping(cfg.mapping, task_of(make_game(cfg.env)))
     return replace(
         composed("train", [f"seed={seed}"]),
         run_dir=cfg.run_dir,
@@ -243,7 +243,7 @@ def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConf
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:
     """Let the agent act, while the instructor's rule is heard beside it."""
-    envs = [make_gym(config.env.id, config.env.kwargs) for _ in range(min(AT_ONCE, cfg.episodes))]
+    envs = [make_game(config.env) for _ in range(min(AT_ONCE, cfg.episodes))]
     acting = Wandering(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
     instructor = make_instructor(config.instructor, task_of(envs[0]), config.seed)
     return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])
@@ -261,7 +261,7 @@ def keep_run(folder: Path, config: TrainConfig, episodes: Iterable[Episode], row
     Raises:
         ConfigError: if they teach none; the episodes are kept all the same.
     """
-    task = task_of(make_gym(config.env.id, config.env.kwargs))
+    task = task_of(make_game(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
     for episode in episodes:
         log.add(episode.as_steps(), task.context)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -14,20 +15,21 @@ import torch
 from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
-from ibe_rl.agent import Agent, check_agent, make_agent
-from ibe_rl.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
+from ibe_rl.agent import Agent, check_actions, check_agent, make_agent
+from ibe_rl.checkpoint import BEST, LATEST, PREDICTOR, as_arrays, as_tensors, link, save_latest, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.collect import check_collect
 from ibe_rl.command_line import installed, is_sweep, run_name
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.development import FIGURES, Development, check_development
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, check_obedience, make_obedience
 from ibe_rl.paper.lab import check_report
-from ibe_rl.predict import Simulator, make_simulator
+from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
 from ibe_rl.progress import TrainingProgress
 from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
@@ -55,6 +57,7 @@ class Counts:
     kept: int = 0
     skipped: int = 0
     best_success: float = -1.0
+    best_return: float = -math.inf
     best_frames: int = -1
     wall_s: float = 0.0
     times_s: dict[str, float] = field(default_factory=dict)
@@ -67,7 +70,7 @@ class Parts:
     task: Task
     agent: Agent
     instructor: Instructor
-    predictor: Simulator
+    predictor: KeptPredictor
     log: TrajectoryLog
     recorder: RunRecorder | NoRecorder
     watched_env: gymnasium.Env[Any, Any]
@@ -78,13 +81,27 @@ class Parts:
     folder: Path
     development: Development
     obedience: Obedience
+    learns_to_predict: bool = False
     random: GlobalRNGState = field(default_factory=GlobalRNGState)
     counts: Counts = field(default_factory=Counts)
     under_way: list[UnderWay] = field(default_factory=list)
 
+    def foresee(self) -> None:
+        """Let the predictor learn from the log as it stands, keep what it has learnt, and forget all else."""
+        self.predictor.learn(self.log)
+        if self.learns_to_predict:
+            state = as_tensors(self.predictor.state_dict())
+            save_policy(self.folder / CHECKPOINTS, self.log.frames, state, PREDICTOR)
+        self.predictor.forget()  # so that a resumed run predicts the same
 
-def check_parts(cfg: TrainConfig, task: Task) -> None:
+
+def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> None:
     """Refuse settings that cannot work, before anything is made.
+
+    Args:
+        cfg: of the run.
+        task: of the environment.
+        actions: that it takes.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -93,10 +110,14 @@ def check_parts(cfg: TrainConfig, task: Task) -> None:
         raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
     check_collect(cfg.collect)
     check_agent(cfg.agent, task.state_names)
+    check_actions(cfg.agent, actions)
     check_instructor(cfg.instructor, cfg.collect, task)
     check_development(cfg, task)
-    check_obedience(cfg, task)
+    check_obedience(cfg)
     check_report(cfg, task)
+    check_predictor(cfg.predictor, cfg.instructor, make_game(cfg.env))
+    if not is_learnt(cfg.predictor):
+        make_copy(cfg.env)  # to predict in
 
 
 def build(
@@ -120,18 +141,19 @@ def build(
     """
     torch.set_num_threads(1)
     torch.manual_seed(cfg.seed)
-    make_one = partial(make_gym, cfg.env.id, cfg.env.kwargs)
+    make_one = partial(make_game, cfg.env)
     env = make_one()
     task = task_of(env)
     development = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
+    predictor = make_predictor(cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed, env)
     parts = Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
         instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
-        predictor=owned.enter_context(closing(make_simulator(cfg.predictor, make_one, task.rule, cfg.seed))),
+        predictor=owned.enter_context(closing(predictor)),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         recorder=recorder,
         watched_env=env,
@@ -142,6 +164,7 @@ def build(
         folder=folder,
         development=development,
         obedience=make_obedience(cfg, task, development),
+        learns_to_predict=is_learnt(cfg.predictor),
     )
     if state:
         _load_state(parts, state)

@@ -9,8 +9,9 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, observe
-from ibe_rl.env.make import task_of
-from ibe_rl.scene import Shape, Watched
+from ibe_rl.env.make import drawn, task_of
+from ibe_rl.env.snapshots import stoppable
+from ibe_rl.scene import Watched
 
 
 class _Flight:
@@ -18,6 +19,7 @@ class _Flight:
 
     def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None = None, keep: bool = False):
         self.env, self.task, self.keep = env, task_of(env), keep
+        self._game = stoppable(env) if keep else None
         state, _ = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
         self.states: list[Array] = [state]
         self.actions: list[Any] = []
@@ -29,8 +31,8 @@ class _Flight:
 
     def step(self, action: Any, instruction: Array, given: bool) -> None:
         if self.keep:
-            game: Any = self.env.unwrapped  # with a snapshot, which gymnasium's own type does not know
-            self.moments.append(Moment(self.states[-1], instruction, given, game.snapshot()))
+            snapshot = self._game.snapshot() if self._game else None
+            self.moments.append(Moment(self.states[-1], instruction, given, snapshot))
         state, reward, self.terminated, truncated, info = self.env.step(action)
         self.done = self.terminated or truncated
         self.success = bool(info[self.task.success_key])
@@ -75,7 +77,7 @@ def play_moments(
 ) -> Iterator[tuple[Episode, Sequence[Moment]]]:
     """As ``play``, one episode after the other with the ``T`` moments before its actions.
 
-    The environments need ``snapshot``. Moments are many: keep those that are needed, and the others are forgotten.
+    Moments are many: keep those that are needed, and the others are forgotten.
     """
     for flight in _fly(envs, policy, instructor, seeds, keep=True):
         yield flight.episode(), flight.moments
@@ -114,22 +116,17 @@ def watch(
     """Fly one episode and keep all that is needed to draw and to explain it.
 
     Args:
-        env: an environment with ``snapshot``; with ``background`` and ``figure`` it can be drawn.
+        env: an environment; with ``background`` and ``figure`` it can be drawn.
         policy: the greedy policy.
         instructor: begins anew.
         seed: of the episode.
         context: one of the task's contexts; None draws one.
     """
-    flight, game = _Flight(env, seed, context, keep=True), env.unwrapped
+    flight = _Flight(env, seed, context, keep=True)
     instructor.reset(np.ones(1, bool))
-    figures = [_drawn(game, "figure")]
-    background = _drawn(game, "background")
+    figures = [drawn(env, "figure")]
+    background = drawn(env, "background")
     while not flight.done:
         _step_all([flight], policy, instructor)
-        figures.append(_drawn(game, "figure"))
+        figures.append(drawn(env, "figure"))
     return Watched(flight.episode(), flight.moments, background, figures)
-
-
-def _drawn(game: Any, part: str) -> list[Shape]:
-    draw = getattr(game, part, None)
-    return draw() if draw else []

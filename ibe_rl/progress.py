@@ -66,13 +66,13 @@ class TrainingProgress:
         """Report a refresh and what the watched episode ended on."""
         self._bar.update(self._task, phrase=phrase)
         done = f"refresh {number}" if refresh.taken else f"refresh {number} stays"
-        expressions = " ".join(f"{value:+.2f}" for value in refresh.standing.expressions[:, 0])
+        numbers = [" ".join(f"{value:+.2f}" for value in column) for column in refresh.standing.expressions.T]
         episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
         self.say(
             f"{done} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
             f"{windows}instruction {_counts(refresh.windows_by_instruction)})\n"
-            f"  expressions {expressions}; {came_true:.0%} of the watched episode's explanations came true\n"
+            f"  expressions {' | '.join(numbers)}; {came_true:.0%} of the watched episode's explanations came true\n"
             f"  {'; '.join(sentences.moved(refresh)) or 'the first vocabulary'}"
         )
 

@@ -144,7 +144,7 @@ def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
     """Windows by the value of the instruction; with several numbers each is counted under its own name."""
     values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
     columns = instructions.T
-    names = values if len(columns) == 1 else [f"{column}: {v}" for column in range(len(columns)) for v in values]
+    names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]
     counts = [int(np.sum(np.isclose(column, value))) for column in columns for value in task.instruction_values]
     return dict(zip(names, counts, strict=True))
 

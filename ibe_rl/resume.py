@@ -9,8 +9,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, link, load, policies
-from ibe_rl.command_line import changed, load_config
+from ibe_rl.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, link, load, policies
+from ibe_rl.command_line import changed, load_config, refuse_strange_code
 from ibe_rl.config import HumanConfig, RecordedConfig, TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
@@ -35,6 +35,7 @@ State = dict[str, Any]
 FIXED = (
     *("seed", "run_dir", "env", "log", "instructor", "mapping", "experiment"),
     *(f"collect.{name}" for name in ("processes", "envs_per_process", "steps_per_batch", "overlap", "ahead_batches")),
+    *(f"predictor.{name}" for name in ("kind", "members", "hidden", "spans_steps", "degree")),
     *("agent.kind", "agent.hidden", "agent.ignores", "agent.n_steps", "agent.buffer_frames"),
 )
 """What a run keeps: its state would not fit otherwise, or it would be another experiment."""
@@ -62,6 +63,7 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     going_on = replace(saved, stop_after_frames=None)  # it has stopped there
     config = replace(changed(going_on, FIXED), run_dir=str(folder), resume=None)
     check(config)
+    refuse_strange_code(config.env, folder)
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:
         raise ConfigError(
@@ -157,6 +159,7 @@ def _set_aside(folder: Path, state: State) -> Path | None:
     frames = state["frames"]
     aside = next(path for n in count(1) if not (path := folder / REPLACED / str(n)).exists())
     late = [path for at, path in policies(folder / CHECKPOINTS, EVALUATED, BETWEEN).items() if at > frames]
+    late += [path for at, path in policies(folder / CHECKPOINTS, PREDICTOR).items() if at > frames]
     late += [path for path in (folder / REFRESHES).glob("*.json") if int(path.stem) > frames]
     late += [path for name in (SUMMARY, EVALUATION, FIGURES, LESSON) if (path := folder / name).exists()]
     late += [] if state["recorder"] else [path for path in [folder / RECORDING] if path.exists()]

@@ -40,23 +40,29 @@ class Task:
         state_units: ``S`` units.
         rule: the instructor's rule, states ``(..., S)`` to instructions ``(..., d)``.
         instruction_values: the values the rule can give, rising.
-        phrases: the words, one entry for each of the ``d`` numbers.
+        phrases: the words, one entry for each of the ``d`` numbers; said one after the other with "and" between.
         context: initial state ``(S,)`` to the name of what the episode is about.
         contexts: all such names; also the options that ``reset`` takes under ``context_option``.
-        context_option: key of the reset option that fixes the context.
+        context_option: key of the reset option that fixes the context; empty if nothing does.
         success_key: the key in ``info`` that says whether the episode ended well.
-        explained: index of the state dimension that the instructions speak of, used for figures and metrics,
-            never by the explainer.
-        explained_band: change of it, over an explanation's horizon, beyond which it went one way or the other.
+        explained: for each number of an instruction the index of the state dimension that it speaks of: with +1 it
+            shall rise, with -1 fall. Used for figures and metrics, never by the explainer.
+        explained_band: change of each of these, over an explanation's horizon, beyond which it went one way or the
+            other.
         max_episode_steps: where the environment cuts an episode off.
-        explained_range: how far that dimension reaches; errors in it are told in percent of this.
-        motion: states ``(..., S)`` to the change ``(...)`` of the explained dimension in one step, if the present
+        explained_range: how far each of these reaches; errors in it are told in percent of this. Empty: 1 each.
+        motion: states ``(..., S)`` to the change ``(..., d)`` of the explained dimensions in one step, if the present
             motion simply goes on. This and the next three, each may be None, only serve to judge explanations.
-        goal_offset: states ``(..., S)`` to how far ``(...)`` the goal lies above the explained dimension, signed.
+        goal_offset: states ``(..., S)`` to how far ``(..., d)`` the goal lies above the explained dimensions, signed.
         first_contact: states ``(T + 1, S)`` of an episode to the step at which the eye knows the outcome, or the last.
         hidden_goal: arguments of the environment with which nobody can see where the goal is; or empty.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
+        judges_success: False if nobody says whether an episode ended well.
+
+    Raises:
+        ValueError: if there are not as many phrases, explained dimensions, bands and ranges, or a dimension does not
+            exist.
     """
 
     name: str
@@ -69,21 +75,39 @@ class Task:
     contexts: tuple[str, ...]
     context_option: str
     success_key: str
-    explained: int
-    explained_band: float
+    explained: tuple[int, ...]
+    explained_band: tuple[float, ...]
     max_episode_steps: int
-    explained_range: float = 1.0
+    explained_range: tuple[float, ...] = ()
     motion: Callable[[Array], Array] | None = None
     goal_offset: Callable[[Array], Array] | None = None
     first_contact: Callable[[Array], int] | None = None
     hidden_goal: Dict[str, Any] = field(default_factory=dict)
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
+    judges_success: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.explained_range:
+            object.__setattr__(self, "explained_range", (1.0,) * len(self.explained))
+        for name in ("explained", "explained_band", "explained_range"):
+            if len(getattr(self, name)) != len(self.phrases):
+                raise ValueError(
+                    f"Task.{name}={getattr(self, name)} has {len(getattr(self, name))} entries but Task.phrases "
+                    f"{len(self.phrases)}: allowed is one for each number of an instruction"
+                )
+        if not all(0 <= dimension < len(self.state_names) for dimension in self.explained):
+            raise ValueError(f"Task.explained={self.explained}: allowed are 0 to {len(self.state_names) - 1}")
 
     @property
     def instruction_size(self) -> int:
         """``d``, the number of numbers in an instruction."""
         return len(self.phrases)
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        """What each number of an instruction is about: ``d`` names of state dimensions."""
+        return tuple(self.state_names[dimension] for dimension in self.explained)
 
     @property
     def observation_size(self) -> int:

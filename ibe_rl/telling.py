@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import closing
 from dataclasses import replace
 from itertools import groupby
 
@@ -15,14 +14,17 @@ from rich.table import Table
 from ibe_rl.config import ExplainConfig, GuestConfig
 from ibe_rl.data import ConfigError, Explanation
 from ibe_rl.evaluation import TrainedRun
+from ibe_rl.evaluation.foresight import predictor_of
 from ibe_rl.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import make_instructor, stand_in
 from ibe_rl.metrics import phrases_true
 from ibe_rl.play import watch
-from ibe_rl.predict import make_simulator
 from ibe_rl.scene import Watched
 from ibe_rl.stream import SILENCE, short
+from ibe_rl.task import Task
+
+NOT_TRUSTED = "(?)"
 
 
 def check_context(context: str | None, run: TrainedRun) -> None:
@@ -41,7 +43,7 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
-    with closing(make_simulator(cfg.predictor, run.make_env, run.task.rule, cfg.seed)) as predictor:
+    with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
         said = explain(watched.moments, run.policy, predictor, voice)
     return watched, said
 
@@ -56,6 +58,15 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation], console
     if isinstance(run.config.agent, GuestConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
     console.print(f"{np.mean(true):.0%} of what it said about its next {run.horizon_steps} steps came true. {whose}")
+    if not all(span.trusted for one in said for span in one.all_spans):
+        console.print(f"{NOT_TRUSTED}: its predictor does not stand by a path that long.")
+
+
+def _spoken(said: Explanation, task: Task) -> list[str]:
+    """What is said of each span of time, with a mark where the predictor does not stand by it to the end."""
+    spans = said.all_spans
+    words = short([one.said for one in spans], task.phrases)
+    return [text if one.trusted else f"{text} {NOT_TRUSTED}" for text, one in zip(words, spans, strict=True)]
 
 
 def _table(run: TrainedRun, watched: Watched, said: Sequence[Explanation], true: np.ndarray) -> Table:
@@ -71,7 +82,7 @@ def _table(run: TrainedRun, watched: Watched, said: Sequence[Explanation], true:
     ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
     for column in ("steps", "is told", *ahead, "number", "sure", "true"):
         table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
-    spoken = [short([one.said for one in each.all_spans], words) for each in said]
+    spoken = [_spoken(each, run.task) for each in said]
     for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
         steps = list(group)
         expressions = np.array([said[step].expression for step in steps])

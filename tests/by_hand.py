@@ -53,8 +53,8 @@ TASK = Task(
     contexts=("lower", "upper"),
     context_option="floor",
     success_key="arrived",
-    explained=0,
-    explained_band=0.5,
+    explained=(0,),
+    explained_band=(0.5,),
     max_episode_steps=100,
 )
 STEPS = 12

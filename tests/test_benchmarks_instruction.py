@@ -126,7 +126,7 @@ def test_every_arm_can_be_trained(part: str, name: str):
     check_collect(cfg.collect)
     check_agent(cfg.agent, LANDER_TASK.state_names)
     check_development(cfg, LANDER_TASK)
-    check_obedience(cfg, LANDER_TASK)
+    check_obedience(cfg)
     assert cfg.total_frames == 700_000
     assert (cfg.instructor.kind == "silent") == name.startswith("silent")
     assert (cfg.agent.ignores == ["goal_x"]) == name.endswith("hidden")

@@ -35,6 +35,7 @@ from ibe_rl.env.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.lessons import PASSED_ON, check_mapping
 from ibe_rl.limits import check
+from ibe_rl.task_config import FUNCTIONS
 
 ROOT = Path(__file__).parent.parent
 CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
@@ -237,7 +238,7 @@ def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]
     owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
-    found = set(PASSED_ON)  # these by their name
+    found = {*PASSED_ON, *FUNCTIONS, "explained_range"}  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":
             continue

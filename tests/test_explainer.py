@@ -8,7 +8,7 @@ import pytest
 from by_hand import WORDS as OF_THE_LIFT
 from by_hand import on_a_line
 
-from ibe_rl.data import DOES_NOT_KNOW, Array, Moment, Policy
+from ibe_rl.data import DOES_NOT_KNOW, Array, Moment, Policy, Prediction
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, explain, hold, put_in_words, voted
 from ibe_rl.ibe.space import along
 from ibe_rl.metrics import Calibration
@@ -27,11 +27,11 @@ class Straight:
     def __init__(self) -> None:
         self.calls: list[tuple[int, Policy, int]] = []
 
-    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         self.calls.append((len(moments), policy, horizon_steps))
         start = np.array([moment.state for moment in moments])
         steps = np.arange(horizon_steps + 1)[None, :, None] * start[:, None, 1:]
-        return start[:, None] + np.concatenate([steps, 0 * steps], axis=2)
+        return Prediction.exact(start[:, None] + np.concatenate([steps, 0 * steps], axis=2))
 
 
 class Tenths:
@@ -94,7 +94,7 @@ def test_predictions_can_be_put_into_the_words_of_another_vocabulary():
         def express(self, delta: Array) -> Array:
             return -super().express(delta)
 
-    paths = Straight().rollout(moments(2, -0.25), stay, 4)
+    paths = Straight().rollout(moments(2, -0.25), stay, 4).paths
     now, then = (put_in_words(paths[:, None], Voice(mapping, 4, WORDS)) for mapping in (Tenths(), Backwards()))
     assert [(one.phrase, one.cluster) for one in now] == [("up", 5), ("a little down", 7)]
     assert [(one.phrase, one.cluster) for one in then] == [("down", 30), ("a little up", 10)]
@@ -160,11 +160,11 @@ def test_clusters_of_one_name_vote_together():
 class Gusts(Straight):
     """The copies of a moment are carried off by 0, 3 and -8 metres a step, one after the other."""
 
-    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
-        paths = super().rollout(moments, policy, horizon_steps)
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
+        paths = super().rollout(moments, policy, horizon_steps).paths.copy()
         gusts = np.resize([0, 3, -8], len(moments))
         paths[..., 0] += np.multiply.outer(gusts, np.arange(horizon_steps + 1))
-        return paths
+        return Prediction.exact(paths)
 
 
 def test_as_many_futures_are_sampled_of_each_moment_as_asked_for():

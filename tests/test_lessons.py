@@ -1,16 +1,17 @@
 """Which episodes and windows of a log made by hand a vocabulary is learnt from, and what cannot be learnt."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import STEPS, TASK, add, better_half, config, two_floors
+from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 
 from ibe_rl import lessons as module
 from ibe_rl.data import ConfigError, Episode
 from ibe_rl.ibe import IBEMapping, TooLittleDataError
-from ibe_rl.lessons import best_windows, check_mapping, fit_mapping, read_lessons, told_windows
+from ibe_rl.lessons import best_windows, check_mapping, clusters_of, fit_mapping, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
 
 
@@ -267,3 +268,9 @@ def test_settings_that_do_not_go_together_are_refused(changes: dict[str, Any], m
 )
 def test_what_starts_anew_may_start_anew(changes: dict[str, Any]):
     check_mapping(config(**changes), TASK)
+
+
+def test_each_number_of_an_instruction_gets_its_clusters():
+    both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(1, 1), explained_range=())
+    assert clusters_of(config(n_clusters=8), TASK) == 8
+    assert clusters_of(config(n_clusters=8), both) == 16

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.instruct import make_instructor
 from ibe_rl.play import play, play_moments, watch
-from ibe_rl.task import Task
+from ibe_rl.task import Phrases, Task
 
 
 def make(count: int) -> list[Any]:
@@ -141,20 +142,16 @@ def test_a_watched_episode_has_a_moment_for_each_step_and_a_drawing_for_each_sta
     assert [len(shape.points) for shape in watched.figures[0]] == [len(shape.points) for shape in watched.figures[-1]]
 
 
-class Counter:
+class Counter(gymnasium.Env[Array, int]):
     """An environment that cannot be drawn: counts to three."""
 
     task = Task(
         name="count", state_names=("n",), state_units=("",), rule=lambda states: 0 * states, instruction_values=(0.0,),
-        phrases=(), context=lambda _: "here", contexts=("here",), context_option="where", success_key="done",
-        explained=0, explained_band=0.5, max_episode_steps=3,
+        phrases=(Phrases("as it is", "", "", ()),), context=lambda _: "here", contexts=("here",),
+        context_option="where", success_key="done", explained=(0,), explained_band=(0.5,), max_episode_steps=3,
     )  # fmt: skip
 
-    @property
-    def unwrapped(self) -> "Counter":
-        return self
-
-    def reset(self, seed: int, options: Any) -> tuple[Array, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Array, dict[str, Any]]:
         assert (seed, options) == (4, None)
         self.n = 0
         return np.zeros(1, np.float32), {}

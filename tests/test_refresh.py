@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import STEPS, TASK, better_half, two_floors
+from by_hand import STEPS, TASK, WORDS, better_half, two_floors
 
 from ibe_rl import refresh as module
 from ibe_rl.ibe import Transition
@@ -239,6 +239,7 @@ def test_a_damaged_file_is_refused(log: TrajectoryLog, tmp_path: Path, how: str)
 
 
 def test_instructions_of_several_numbers_are_counted_each():
-    """By the place of the number and its value."""
-    counts = module._count_instructions(np.array([[1.0, 0], [1, -1], [0, -1]]), TASK)
-    assert counts == {"0: -1": 0, "0: 0": 1, "0: +1": 2, "1: -1": 2, "1: 0": 1, "1: +1": 0}
+    """By what the number is about and its value."""
+    both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(1, 1), explained_range=())
+    counts = module._count_instructions(np.array([[1.0, 0], [1, -1], [0, -1]]), both)
+    assert counts == {"height -1": 0, "height 0": 1, "height +1": 2, "speed -1": 2, "speed 0": 1, "speed +1": 0}

@@ -39,7 +39,9 @@ AGENTS = {
         "agent.learn_after_frames=500",
         "agent.epsilon_share=0.5",
     ],
+    "continuous": ["viewer=off", "env=lander_continuous", "agent.minibatch_size=64"],
 }
+SLOW = [name if name != "continuous" else pytest.param(name, marks=pytest.mark.soak) for name in AGENTS]
 KILL = """
 import os, signal
 from ibe_rl.run_folder import MetricsTable
@@ -78,7 +80,7 @@ def sittings(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Folder
     return make
 
 
-@pytest.fixture(params=AGENTS)
+@pytest.fixture(params=SLOW)
 def folders(request: pytest.FixtureRequest, sittings: Callable[[str], Folders]) -> Folders:
     return sittings(request.param)
 

@@ -9,6 +9,7 @@ import gymnasium
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
+from ibe_rl.agent.actions import discrete, make_actions
 from ibe_rl.agent.dqn import DQN
 from ibe_rl.agent.networks import GreedyPolicy
 from ibe_rl.agent.ppo import PPO
@@ -51,21 +52,20 @@ def make_agent(
     Args:
         config: of the agent.
         observation_size: O.
-        actions: the environment's, discrete.
+        actions: the environment's.
         total_frames: that it will learn from.
         state_names: of the first numbers of the observation, for ``config.ignores``.
 
     Raises:
-        ConfigError: if the environment's actions are not discrete, the config is of no known kind, or the agent is
-            to ignore what is not there.
+        ConfigError: if the agent cannot take such actions, the config is of no known kind, or the agent is to ignore
+            what is not there.
     """
-    if not isinstance(actions, gymnasium.spaces.Discrete):
-        raise ConfigError(f"env: its actions are {actions}; the agents here need a Discrete space")
+    check_actions(config, actions)
     ignored = _ignored(config, state_names)
     if isinstance(config, PPOConfig):
-        return PPO(config, observation_size, int(actions.n), total_frames, ignored)
+        return PPO(config, observation_size, make_actions(actions, config.first_std), total_frames, ignored)
     if isinstance(config, DQNConfig):
-        return DQN(config, observation_size, int(actions.n), total_frames, ignored)
+        return DQN(config, observation_size, make_actions(actions, 1.0).outputs, total_frames, ignored)
     raise ConfigError(f"agent={type(config).__name__}: allowed is one of PPOConfig, DQNConfig")
 
 
@@ -78,6 +78,17 @@ def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
     _ignored(config, state_names)
 
 
+def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
+    """Refuse, before anything is made, an agent for which the environment's actions are of the wrong kind.
+
+    Raises:
+        ConfigError: naming the actions and what is allowed.
+    """
+    make_actions(actions, 1.0)
+    if isinstance(config, DQNConfig) and not discrete(actions):
+        raise ConfigError(f"agent=dqn: the environment's actions are {actions}, not Discrete; allowed is agent=ppo")
+
+
 def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
     """The places of what it ignores."""
     for name in config.ignores:
@@ -86,4 +97,4 @@ def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
     return [list(state_names).index(name) for name in config.ignores]
 
 
-__all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "check_agent", "make_agent"]
+__all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent"]

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 from torchrl.modules import MLP
 
+from ibe_rl.agent.actions import Mode, best
 from ibe_rl.data import Array
 
 
@@ -49,17 +49,19 @@ def make_network(
 
 
 class GreedyPolicy:
-    """The action with the highest output of an average of a network's weights.
+    """The action that an average of a network's weights holds for the best.
 
     The average wavers less between updates than the weights themselves. It reaches back over a share of all
     updates so far: early it follows fast, late it is steady (Shamir and Zhang 2013, polynomial-decay averaging).
 
     Args:
-        network: observations ``(N, O)`` to one output per action ``(N, A)``; not changed.
+        network: observations ``(N, O)`` to outputs ``(N, K)``; not changed.
         share: of the updates so far that the average reaches back over, about; 0 follows the weights themselves.
+        mode: outputs to actions; as it stands the place of the highest one.
     """
 
-    def __init__(self, network: nn.Module, share: float):
+    def __init__(self, network: nn.Module, share: float, mode: Mode = best):
+        self._mode = mode
         self._average = AveragedModel(network, avg_fn=partial(_move, share))
 
     def follow(self, network: nn.Module) -> None:
@@ -68,10 +70,9 @@ class GreedyPolicy:
 
     @torch.no_grad()
     def __call__(self, observations: Array) -> Array:
-        """Observations ``(N, O)`` float32 to actions ``(N,)`` int64."""
-        outputs: Tensor = self._average.module(torch.from_numpy(observations))
-        actions: Array = outputs.argmax(-1).numpy()
-        return actions.astype(np.int64)
+        """Observations ``(N, O)`` float32 to actions, ``(N,)`` int64 or ``(N, A)`` float32."""
+        actions: Array = self._mode(self._average.module(torch.from_numpy(observations))).numpy()
+        return actions
 
     def state_dict(self) -> dict[str, Tensor]:
         """The averaged weights and how many updates they have followed."""

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
+from ibe_rl.agent.actions import Actions
 from ibe_rl.agent.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agent.reward import learning_reward
 from ibe_rl.config import PPOConfig
@@ -25,18 +26,18 @@ from ibe_rl.config import PPOConfig
 class SamplingPolicy(TensorDictModuleBase):
     """Draws actions and writes their log-probabilities: one fused module, half the cost of a chain of modules."""
 
-    def __init__(self, network: nn.Module):
+    def __init__(self, network: nn.Module, actions: Actions):
         super().__init__()
-        self.network = network
-        self.in_keys, self.out_keys = ["observation"], ["action", "action_log_prob"]
+        self.network, self._actions = network, actions
+        self.in_keys = ["observation"]
+        self.out_keys = list(dict.fromkeys(["action", "action_log_prob", actions.learnt_from]))
 
     @torch.no_grad()
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Observations ``(N, O)`` to actions ``(N,)`` and log-probabilities ``(N,)``."""
-        log_probs = self.network(tensordict.get("observation")).log_softmax(-1)
-        action = torch.multinomial(log_probs.exp(), 1)
-        tensordict.set("action", action.squeeze(-1))
-        return tensordict.set("action_log_prob", log_probs.gather(-1, action).squeeze(-1))
+        """Observations ``(N, O)`` to actions ``(N,)`` or ``(N, A)`` and log-probabilities ``(N,)``."""
+        for key, value in self._actions.draw(self.network(tensordict.get("observation"))).items():
+            tensordict.set(key, value)
+        return tensordict
 
 
 class Steps(NamedTuple):
@@ -44,32 +45,34 @@ class Steps(NamedTuple):
 
     Attributes:
         observation: ``(B, O)``.
-        action: ``(B,)`` int64.
-        log_prob: ``(B,)`` of the action when it was drawn.
+        drawn: ``(B,)`` int64 or ``(B, A)``, what the policy drew.
+        log_prob: ``(B,)`` of it when it was drawn.
         advantage: ``(B,)``.
         value_target: ``(B,)``.
     """
 
     observation: Tensor
-    action: Tensor
+    drawn: Tensor
     log_prob: Tensor
     advantage: Tensor
     value_target: Tensor
 
 
-def clipped_losses(log_probs: Tensor, values: Tensor, steps: Steps, clip: float) -> tuple[Tensor, Tensor, Tensor]:
+def clipped_losses(
+    log_prob: Tensor, entropy: Tensor, values: Tensor, steps: Steps, clip: float
+) -> tuple[Tensor, Tensor, Tensor]:
     """The clipped objective of Schulman et al. (2017), equation 7, the squared error of the values, the mean entropy.
 
     Args:
-        log_probs: ``(B, A)`` of all actions, under the present policy.
+        log_prob: ``(B,)`` of what was drawn, under the present policy.
+        entropy: ``(B,)`` of the present policy.
         values: ``(B,)`` of the present critic.
         steps: what was done; advantages are normalised over the ``B`` steps.
         clip: how far the ratio of probabilities may go from 1.
     """
-    ratio = (log_probs.gather(-1, steps.action[:, None]).squeeze(-1) - steps.log_prob).exp()
+    ratio = (log_prob - steps.log_prob).exp()
     advantage = (steps.advantage - steps.advantage.mean()) / steps.advantage.std().clamp_min(1e-6)
     gain = torch.min(ratio * advantage, ratio.clamp(1 - clip, 1 + clip) * advantage)
-    entropy = -(log_probs.exp() * log_probs).sum(-1)
     return -gain.mean(), (values - steps.value_target).square().mean(), entropy.mean()
 
 
@@ -79,7 +82,7 @@ class PPO:
     Args:
         config: see ``PPOConfig``.
         observation_size: O.
-        n_actions: A.
+        actions: the kind that the environment takes.
         total_frames: frames after which learning rate and entropy bonus reach 0.
         ignored: places in the observation that it does not see.
 
@@ -89,13 +92,15 @@ class PPO:
     """
 
     def __init__(
-        self, config: PPOConfig, observation_size: int, n_actions: int, total_frames: int, ignored: Sequence[int] = ()
+        self, config: PPOConfig, observation_size: int, actions: Actions, total_frames: int, ignored: Sequence[int] = ()
     ):
         self._config, self._total_frames, self._frames = config, total_frames, 0
-        self._actor = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=0.01, ignored=ignored)
+        self._actions = actions
+        network = make_network(observation_size, config.hidden, actions.outputs, nn.ReLU, 0.01, ignored)
+        self._actor = actions.finish(network)
         self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0, ignored=ignored)
-        self.policy = SamplingPolicy(deepcopy(self._actor))
-        self.greedy = GreedyPolicy(self._actor, config.average_share)
+        self.policy = SamplingPolicy(deepcopy(self._actor), actions)
+        self.greedy = GreedyPolicy(self._actor, config.average_share, actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])
         self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
         self._parameters = [*self._actor.parameters(), *self._critic.parameters()]
@@ -127,16 +132,16 @@ class PPO:
             self._estimate(data)
         return Steps(
             observation=data["observation"].flatten(0, 1),
-            action=batch["action"].flatten(),
+            drawn=batch[self._actions.learnt_from].flatten(0, 1),
             log_prob=batch["action_log_prob"].flatten(),
             advantage=data["advantage"].flatten(),
             value_target=data["value_target"].flatten(),
         )
 
     def _step(self, steps: Steps, entropy_weight: float) -> dict[str, float]:
-        log_probs = self._actor(steps.observation).log_softmax(-1)
+        judged = self._actions.judge(self._actor(steps.observation), steps.drawn)
         values = self._critic(steps.observation).squeeze(-1)
-        policy_loss, value_loss, entropy = clipped_losses(log_probs, values, steps, self._config.clip)
+        policy_loss, value_loss, entropy = clipped_losses(*judged, values, steps, self._config.clip)
         (policy_loss + self._config.value_weight * value_loss - entropy_weight * entropy).backward()
         nn.utils.clip_grad_norm_(self._parameters, self._config.max_grad_norm)
         self._optimizer.step()

@@ -21,7 +21,8 @@ from ibe_rl.classroom.speaker import Speaker, weights_of
 from ibe_rl.colours import of_clusters
 from ibe_rl.config import HumanConfig, InstructorConfig, TrainConfig
 from ibe_rl.data import ConfigError, Instructor
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import task_of
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.explainer import Voice
 from ibe_rl.ibe import ClusterMapping, phrases_of
 from ibe_rl.instruct import LessonWriter
@@ -206,7 +207,7 @@ def open_classroom(
     """
     if not isinstance(cfg.instructor, HumanConfig) or port is None:
         return NoClassroom()
-    task, make_one = task_of(env), partial(make_gym, cfg.env.id, cfg.env.kwargs)
+    task = task_of(env)
     about = {
         "name": task.name,
         "run": folder.name,
@@ -223,7 +224,7 @@ def open_classroom(
         folder / LESSON,
         task,
         partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
-        partial(make_simulator, cfg.predictor, make_one, task.rule, cfg.seed),
+        partial(make_simulator, cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed),
         about,
     )
 

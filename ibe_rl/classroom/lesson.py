@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,9 +15,9 @@ from ibe_rl.classroom.desk import NOBODY, ORACLE, Desk, Said
 from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker, told
 from ibe_rl.data import Array, Explanation, Moment
-from ibe_rl.env.make import task_of
+from ibe_rl.env.make import drawn, task_of
+from ibe_rl.env.snapshots import stoppable
 from ibe_rl.instruct import LessonWriter, RecordedEpisode
-from ibe_rl.scene import Shape
 
 FRAME_S = 0.004
 """Frames that follow each other faster are not shown: no screen would."""
@@ -143,7 +142,7 @@ class Lesson:
         self._server.post("frame", self._frame(state))
         if self._speaker.due():
             instruction, given = self._last()
-            moment = Moment(state, instruction, bool(given), self._game.snapshot())
+            moment = Moment(state, instruction, bool(given), self._snapshot())
             self._speaker.ask(moment, partial(self._explained, self._episode))
 
     def _explained(self, episode: int, said: Explanation) -> None:
@@ -151,9 +150,9 @@ class Lesson:
         path = None if self._task.scene_path is None else self._task.scene_path(said.path)
         self._server.post("explanation", {"episode": episode, **told(said, path)})
 
-    @property
-    def _game(self) -> Any:
-        return self._stage.unwrapped
+    def _snapshot(self) -> Any:
+        game = stoppable(self._stage.env)
+        return game.snapshot() if game else None
 
     def _frame(self, state: Array) -> dict[str, Any]:
         value, said = self._said[-1] if self._said else (None, Said(None, NOBODY, 0))
@@ -161,7 +160,7 @@ class Lesson:
         return {
             "episode": self._episode,
             "step": len(self._said),
-            "shapes": outlines(self._game, "figure"),
+            "shapes": outlines(self._stage, "figure"),
             "at": at,
             "told": None if said.by == NOBODY or value is None else float(value[0]),
             "by": said.by,
@@ -175,14 +174,13 @@ def scene(stage: Stage, episode: int) -> dict[str, Any]:
     return {
         "episode": episode,
         "size": list(task_of(stage).scene_size),
-        "background": outlines(stage.unwrapped, "background"),
+        "background": outlines(stage, "background"),
     }
 
 
-def outlines(game: Any, part: str) -> list[dict[str, Any]]:
+def outlines(game: gymnasium.Env[Any, Any], part: str) -> list[dict[str, Any]]:
     """The shapes of a game that draws itself, for a page."""
-    draw: Callable[[], Sequence[Shape]] | None = getattr(game, part, None)
     return [
         {"points": shape.points.round(2).tolist(), "colour": list(shape.colour), "closed": shape.closed}
-        for shape in (draw() if draw else [])
+        for shape in drawn(game, part)
     ]

@@ -2,10 +2,11 @@
 
 import gymnasium
 
+from ibe_rl.env.cart_pole_task import CART_POLE_TASK
 from ibe_rl.env.instructed import Instructed
 from ibe_rl.env.lander_task import LANDER_TASK
 
-LANDER_ID = "ibe_rl/LunarLanderPads-v0"
+LANDER_ID, CART_POLE_ID = "ibe_rl/LunarLanderPads-v0", "ibe_rl/CartPoleTarget-v0"
 
 if LANDER_ID not in gymnasium.registry:
     gymnasium.register(
@@ -14,5 +15,10 @@ if LANDER_ID not in gymnasium.registry:
         max_episode_steps=LANDER_TASK.max_episode_steps,
         reward_threshold=200,
     )
+    gymnasium.register(
+        id=CART_POLE_ID,
+        entry_point="ibe_rl.env.cart_pole:CartPoleTarget",
+        max_episode_steps=CART_POLE_TASK.max_episode_steps,
+    )
 
-__all__ = ["LANDER_ID", "LANDER_TASK", "Instructed"]
+__all__ = ["CART_POLE_ID", "CART_POLE_TASK", "LANDER_ID", "LANDER_TASK", "Instructed"]

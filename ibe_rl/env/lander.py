@@ -18,6 +18,7 @@ from gymnasium import spaces
 from gymnasium.envs.box2d import lunar_lander as game
 
 from ibe_rl.data import Array
+from ibe_rl.env.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.env.lander_task import FLAG_DISTANCE, HEIGHT, LANDER_TASK, PAD_X, PAD_Y, WIDTH, outline
 from ibe_rl.env.lean_step import lean_step
 from ibe_rl.scene import Shape
@@ -64,23 +65,24 @@ class LunarLanderPads(game.LunarLander):
         pad: "random" to draw the pad for each episode, or "left", "center", "right".
         flat: flat ground everywhere (the paper's prediction task).
         flags: False hides the flags in ``render`` (the paper's prediction task).
+        speed: True instructs how fast to fall too (``lander_speed_task``).
         **kwargs: gymnasium's own, such as ``render_mode``.
 
     Raises:
         ValueError: for another pad.
     """
 
-    task = LANDER_TASK
     lander: Any
     prev_shaping: Any
     wind_idx: Any
     torque_idx: Any
 
-    def __init__(self, pad: str = "random", flat: bool = False, flags: bool = True, **kwargs: Any):
+    def __init__(self, pad: str = "random", flat: bool = False, flags: bool = True, speed: bool = False, **kwargs: Any):
         super().__init__(**kwargs)
+        self.task = LANDER_SPEED_TASK if speed else LANDER_TASK
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
-        self._lean = not (self.continuous or self.enable_wind or self.render_mode)
+        self._lean = not (self.enable_wind or self.render_mode)
         self.pad = "center"
         self._pad_random = np.random.default_rng()
         theirs: Any = self.observation_space

@@ -22,7 +22,7 @@ FLAG_DISTANCE = 0.2
 WIDTH = game.VIEWPORT_W / game.SCALE
 HEIGHT = game.VIEWPORT_H / game.SCALE
 PAD_Y = HEIGHT / 4
-X, Y, VX, LEFT_LEG, RIGHT_LEG, GOAL_X = 0, 1, 2, 6, 7, 8
+X, Y, VX, VY, LEFT_LEG, RIGHT_LEG, GOAL_X = 0, 1, 2, 3, 6, 7, 8
 
 
 def instruct(states: Array) -> Array:
@@ -45,17 +45,17 @@ def pad_of(state: Array) -> str:
 
 
 def motion(states: Array) -> Array:
-    """States ``(..., 9)`` to the change of x in one step at the present velocity: 0.01 vx, in half widths.
+    """States ``(..., 9)`` to the change ``(..., 1)`` of x in one step at the present velocity: 0.01 vx, in half widths.
 
     vx is m/s times half the width over the frames of a second, gymnasium's way; dividing by half the width once gives
     the metres of a step, twice gives half widths.
     """
-    return states[..., VX] / (WIDTH / 2) ** 2
+    return states[..., [VX]] / (WIDTH / 2) ** 2
 
 
 def goal_offset(states: Array) -> Array:
-    """States ``(..., 9)`` to how far right of the lander the pad's middle lies, in half widths."""
-    return states[..., GOAL_X] - states[..., X]
+    """States ``(..., 9)`` to how far ``(..., 1)`` right of the lander the pad's middle lies, in half widths."""
+    return states[..., [GOAL_X]] - states[..., [X]]
 
 
 def first_contact(states: Array) -> int:
@@ -89,10 +89,10 @@ LANDER_TASK = Task(
     contexts=tuple(PAD_X),
     context_option="pad",
     success_key="landed",
-    explained=X,
-    explained_band=0.05,
+    explained=(X,),
+    explained_band=(0.05,),
     max_episode_steps=MAX_EPISODE_STEPS,
-    explained_range=2.0,
+    explained_range=(2.0,),
     motion=motion,
     goal_offset=goal_offset,
     first_contact=first_contact,

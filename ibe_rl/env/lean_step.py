@@ -1,13 +1,13 @@
 """gymnasium's step of the Lunar Lander without its overhead: the same physics calls, the same numbers.
 
-For discrete actions without wind and rendering only; what is left out are checks, decorations and detours through
-numpy. Names and constants are those of ``gymnasium.envs.box2d.lunar_lander``. Tests hold both steps equal to the
-last bit.
+Without wind and rendering only; what is left out are checks, decorations and detours through numpy. Names and
+constants are those of ``gymnasium.envs.box2d.lunar_lander``. Tests hold both steps equal to the last bit.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from gymnasium.envs.box2d import lunar_lander as game
@@ -15,26 +15,25 @@ from gymnasium.envs.box2d import lunar_lander as game
 SCALE = game.SCALE
 HALF_WIDTH, HALF_HEIGHT = game.VIEWPORT_W / SCALE / 2, game.VIEWPORT_H / SCALE / 2
 LEGS_BELOW = game.LEG_DOWN / SCALE
+ENGINES = ((0.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))
+"""Power of the main engine and, to the right, of the side engines, for each discrete action."""
 
 
-def lean_step(lunar: Any, action: int) -> tuple[list[float], float, bool]:
+def lean_step(lunar: Any, action: Any) -> tuple[list[float], float, bool]:
     """Step a ``LunarLander``.
 
     Args:
         lunar: the game; its bodies, ``prev_shaping`` and random generator go on by one step.
-        action: 0 nothing, 1 left engine, 2 main engine, 3 right engine.
+        action: 0 nothing, 1 left engine, 2 main engine, 3 right engine; or of continuous engines both throttles.
 
     Returns:
         gymnasium's eight state numbers, its reward, and whether the episode has ended.
     """
-    _fire(lunar, action)
+    main, side = throttles(action) if lunar.continuous else ENGINES[action]
+    _fire(lunar, main, side)
     lunar.world.Step(1.0 / game.FPS, 6 * 30, 2 * 30)
     state = _state(lunar)
-    reward = _shaped(lunar, state)
-    if action == 2:
-        reward -= 0.30
-    elif action:
-        reward -= 0.03
+    reward = _shaped(lunar, state) - main * 0.30 - abs(side) * 0.03
     if not lunar.lander.awake:
         return state, 100.0, True
     if lunar.game_over or abs(state[0]) >= 1.0:
@@ -42,27 +41,35 @@ def lean_step(lunar: Any, action: int) -> tuple[list[float], float, bool]:
     return state, reward, False
 
 
-def _fire(lunar: Any, action: int) -> None:
-    """Push the lander as the engine of ``action`` does; both random numbers are drawn in any case."""
+def throttles(action: Sequence[float]) -> tuple[float, float]:
+    """Both numbers of a continuous action to the power of main and side engines: off, or between half and full."""
+    main, side = min(max(float(action[0]), -1.0), 1.0), min(max(float(action[1]), -1.0), 1.0)
+    return (main + 1.0) * 0.5 if main > 0 else 0.0, side if abs(side) > 0.5 else 0.0
+
+
+def _fire(lunar: Any, main: float, side: float) -> None:
+    """Push the lander as its engines do; both random numbers are drawn in any case."""
     draw, body = lunar.np_random.random, lunar.lander
     first, second = (-1.0 + 2.0 * draw()) / SCALE, (-1.0 + 2.0 * draw()) / SCALE  # what uniform(-1, 1) computes
-    if action == 0:
+    if not (main or side):
         return
-    angle = body.angle
+    angle, position = body.angle, body.position  # its x and y cost half of what unpacking it does
     tip_x, tip_y = math.sin(angle), math.cos(angle)
     side_x, side_y = -tip_y, tip_x
-    position = body.position  # its x and y cost half of what unpacking it does
     x, y = position.x, position.y
-    if action == 2:
+    if main:
         along = game.MAIN_ENGINE_Y_LOCATION / SCALE + 2 * first
         push_x, push_y = tip_x * along + side_x * second, -tip_y * along - side_y * second
-        point, power = (x + push_x, y + push_y), game.MAIN_ENGINE_POWER
-    else:
-        across = 3 * second + (action - 2) * game.SIDE_ENGINE_AWAY / SCALE
+        _push(body, (push_x, push_y), game.MAIN_ENGINE_POWER, main, (x + push_x, y + push_y))
+    if side:
+        across = 3 * second + math.copysign(1.0, side) * game.SIDE_ENGINE_AWAY / SCALE
         push_x, push_y = tip_x * first + side_x * across, -tip_y * first - side_y * across
         point = (x + push_x - tip_x * 17 / SCALE, y + push_y + tip_y * game.SIDE_ENGINE_HEIGHT / SCALE)
-        power = game.SIDE_ENGINE_POWER
-    body.ApplyLinearImpulse((-push_x * power, -push_y * power), point, True)
+        _push(body, (push_x, push_y), game.SIDE_ENGINE_POWER, abs(side), point)
+
+
+def _push(body: Any, push: tuple[float, float], engine: float, power: float, point: tuple[float, float]) -> None:
+    body.ApplyLinearImpulse((-push[0] * engine * power, -push[1] * engine * power), point, True)
 
 
 def _state(lunar: Any) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,38 +14,75 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
+from ibe_rl.config import EnvConfig
 from ibe_rl.data import Array, ConfigError, Instructor, observe
+from ibe_rl.env.declare import Declared, declare
+from ibe_rl.scene import Shape
 from ibe_rl.task import Task
+from ibe_rl.task_config import TaskConfig
 from ibe_rl.under_way import UnderWay
 
 TRAINING_SEEDS = 2_000_000_000
 """Seeds of training episodes are below it, those of all others are not."""
 
 
-def make_gym(env_id: str, kwargs: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
-    """Make one environment, with its time limit and nothing else around it.
+def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None = None) -> gymnasium.Env[Any, Any]:
+    """Make one environment, with its time limit.
+
+    Args:
+        env_id: as gymnasium knows it; ``module:id`` for one that a module registers.
+        kwargs: of its constructor.
+        declared: what a config declares of it; None: the environment has a ``task``.
 
     Raises:
-        ConfigError: if ``env_id`` is not registered or the environment declares no task.
+        ConfigError: if ``env_id`` is not registered, cannot be made, nobody declares a task, or it does not fit.
     """
-    if env_id not in gymnasium.registry:
-        ours = ", ".join(name for name in gymnasium.registry if name.startswith("ibe_rl/"))
-        raise ConfigError(
-            f"env.id={env_id}: not registered with gymnasium; allowed is one that declares a task: {ours}"
-        )
+    _check_registered(env_id)
+    limit = (
+        {}
+        if declared is None or declared.max_episode_steps is None
+        else {"max_episode_steps": declared.max_episode_steps}
+    )
     try:
-        env = gymnasium.make(env_id, disable_env_checker=True, **kwargs)
-    except (TypeError, ValueError, AssertionError) as error:
+        env = gymnasium.make(env_id, disable_env_checker=True, **limit, **kwargs)
+    except (TypeError, ValueError, AssertionError, ImportError, gymnasium.error.Error) as error:
         raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
-    if not isinstance(getattr(env.unwrapped, "task", None), Task):
-        raise ConfigError(f"env.id={env_id}: the environment declares no task (an attribute of type ibe_rl.task.Task)")
-    return env
+    if declared is not None:
+        return declare(env, declared)
+    if not env.has_wrapper_attr("task") or not isinstance(task_of(env), Task):
+        raise ConfigError(
+            f"env.id={env_id}: it declares no task; allowed is an environment with an attribute task of type "
+            "ibe_rl.task.Task, or to declare it in env.task (docs/OWN_ENVIRONMENT.md)"
+        )
+    return env if env.observation_space.dtype == np.float32 else Declared(env, task_of(env))
+
+
+def _check_registered(env_id: str) -> None:
+    module, colon, name = env_id.rpartition(":")
+    if colon:
+        try:
+            importlib.import_module(module)
+        except Exception as error:
+            raise ConfigError(f"env.id={env_id}: {module} cannot be imported ({error})") from None
+    if name not in gymnasium.registry:
+        ours = ", ".join(known for known in gymnasium.registry if known.startswith("ibe_rl/"))
+        raise ConfigError(f"env.id={env_id}: not registered with gymnasium; of ours allowed are {ours}")
+
+
+def make_game(env: EnvConfig) -> gymnasium.Env[Any, Any]:
+    """As ``make_gym``, from the settings of an environment."""
+    return make_gym(env.id, env.kwargs, env.task)
 
 
 def task_of(env: gymnasium.Env[Any, Any]) -> Task:
-    """What the environment declares of its own."""
-    task: Task = env.unwrapped.task  # type: ignore[attr-defined]  # make_gym has looked
+    """What is declared of the environment."""
+    task: Task = env.get_wrapper_attr("task")
     return task
+
+
+def drawn(env: gymnasium.Env[Any, Any], part: str) -> list[Shape]:
+    """The "background" or the "figure" of an environment as it is now; empty if it cannot be drawn."""
+    return list(env.get_wrapper_attr(part)()) if env.has_wrapper_attr(part) else []
 
 
 class InstructedEnvs(EnvBase):
@@ -131,9 +169,8 @@ class InstructedEnvs(EnvBase):
             playing = going & [step < len(one.actions) for one in under_way]
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
-                self._states[row], _, terminated, truncated, _ = self._games[row].step(
-                    under_way[row].actions[step].tolist()
-                )
+                action = plain(under_way[row].actions[step])
+                self._states[row], _, terminated, truncated, _ = self._games[row].step(action)
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -143,8 +180,7 @@ class InstructedEnvs(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
-        choices = actions.tolist() if actions.ndim == 1 else actions.numpy()  # games read plain ints faster
-        steps = [game.step(action) for game, action in zip(self._games, choices, strict=True)]
+        steps = [game.step(action) for game, action in zip(self._games, plain(actions.numpy()), strict=True)]
         states, rewards, terminated, truncated, infos = zip(*steps, strict=True)
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
@@ -174,6 +210,11 @@ class InstructedEnvs(EnvBase):
             "instruction": observation[:, state_end:-1].clone(),
             "instruction_given": observation[:, -1:].clone(),
         }
+
+
+def plain(actions: Array) -> Any:
+    """Actions ``()`` or ``(N,)`` as plain ints, which games read faster; rows of numbers as they are."""
+    return actions.tolist() if actions.dtype.kind in "iu" else actions
 
 
 def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:

@@ -27,7 +27,7 @@ CHEAP = ("present_velocity", "direction_to_goal", "last_instruction", "constant"
 
 @dataclass(frozen=True)
 class StateRegressor:
-    """A regression from the state, the goal in it, to the change of the explained dimension.
+    """A regression from the state, the goal in it, to the change of one explained dimension.
 
     Attributes:
         kind: "ridge" or "boosting", whichever foretold left-out episodes better.
@@ -44,25 +44,31 @@ class StateRegressor:
         return np.asarray(self.model.predict(states))
 
 
-def fit_state_regressor(episodes: Sequence[Episode], horizon_steps: int, task: Task, seed: int) -> StateRegressor:
-    """Fit both kinds on the log's windows, keep the better one, and fit it again on all of them.
+def fit_state_regressors(
+    episodes: Sequence[Episode], horizon_steps: int, task: Task, seed: int
+) -> list[StateRegressor]:
+    """One for each number of an instruction, from the log's windows.
 
     Args:
         episodes: of the log, at least two, good ones and bad ones.
         horizon_steps: how far ahead; windows end with their episode.
-        task: says which dimension is explained.
+        task: says which dimensions are explained.
         seed: of the draws.
     """
     states = np.concatenate([episode.states[:-1] for episode in episodes])
     changes = np.concatenate([delta_states(episode.states, horizon_steps, "clamp") for episode in episodes])
     numbers = np.repeat(np.arange(len(episodes)), [len(episode) for episode in episodes])
     rows = np.random.default_rng(seed).permutation(len(states))[:MAX_WINDOWS]
-    states, change, numbers = states[rows], changes[rows, task.explained], numbers[rows]
+    return [_fit(states[rows], changes[rows, dimension], numbers[rows], seed) for dimension in task.explained]
+
+
+def _fit(states: Array, change: Array, episode: Array, seed: int) -> StateRegressor:
+    """Fit both kinds, keep the better one on left-out episodes, and fit it again on all of them."""
     kinds: dict[str, Any] = {
         "ridge": make_pipeline(StandardScaler(), Ridge()),
         "boosting": HistGradientBoostingRegressor(random_state=seed),
     }
-    learnt, left = next(GroupShuffleSplit(1, random_state=seed).split(states, groups=numbers))
+    learnt, left = next(GroupShuffleSplit(1, random_state=seed).split(states, groups=episode))
     r2 = {
         kind: model.fit(states[learnt], change[learnt]).score(states[left], change[left])
         for kind, model in kinds.items()
@@ -71,13 +77,20 @@ def fit_state_regressor(episodes: Sequence[Episode], horizon_steps: int, task: T
     return StateRegressor(best, kinds[best].fit(states, change), {kind: float(value) for kind, value in r2.items()})
 
 
-def cheap_baselines(moments: Moments, horizon_steps: int, task: Task, regressor: StateRegressor) -> dict[str, Array]:
-    """What each baseline without a simulator says ``(N,)``; those that the task declares nothing for are missing."""
+def forecasts(regressors: Sequence[StateRegressor], states: Array) -> Array:
+    """States ``(N, S)`` to the changes ``(N, d)`` that the regressors of the ``d`` numbers foretell."""
+    return np.stack([one.predict(states) for one in regressors], axis=1)
+
+
+def cheap_baselines(
+    moments: Moments, horizon_steps: int, task: Task, regressors: Sequence[StateRegressor]
+) -> dict[str, Array]:
+    """What each baseline without a simulator says ``(N, d)``; those that the task declares nothing for are missing."""
     states = moments.state
     said = {
-        "last_instruction": moments.instruction[:, 0],
-        "constant": np.zeros(len(moments)),
-        "state_regressor": regressor.predict(states),
+        "last_instruction": moments.instruction,
+        "constant": np.zeros(moments.instruction.shape),
+        "state_regressor": forecasts(regressors, states),
     }
     if task.motion is not None:
         said["present_velocity"] = horizon_steps * task.motion(states)
@@ -86,6 +99,6 @@ def cheap_baselines(moments: Moments, horizon_steps: int, task: Task, regressor:
     return {name: np.asarray(said[name], float) for name in CHEAP if name in said}
 
 
-def as_instruction(name: str, said: Array, band: float) -> Array:
-    """What a baseline says, on the instructor's scale: changes become the way that they go."""
-    return said if name in ("last_instruction", "constant") else went(said, band).astype(float)
+def as_instruction(name: str, said: Array, band: Sequence[float]) -> Array:
+    """What a baseline says ``(N, d)``, on the instructor's scale: changes become the way that they go."""
+    return said if name in ("last_instruction", "constant") else went(said, np.array(band)).astype(float)

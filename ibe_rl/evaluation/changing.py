@@ -7,7 +7,7 @@ from typing import Any
 
 from ibe_rl.data import Mapping
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.rows import MOTION, Samples, as_json, difference
+from ibe_rl.evaluation.rows import MOTION, Samples, as_json, difference, over_numbers
 from ibe_rl.evaluation.spoken import speak
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, motion_scores, weighted_mean
 from ibe_rl.task import Task
@@ -41,13 +41,14 @@ def judge_ages(
     """
     usable = {frame: mapping for frame, mapping in sorted(vocabularies.items()) if frame <= policy_frame}
     weights = episode_weights(moments.episode, resamples, seed)
-    change = moments.realised[:, moments.at(horizon_steps), task.explained].astype(float)
-    told = moments.instruction[:, 0].astype(float)
+    change = moments.realised[:, moments.at(horizon_steps)][:, task.explained].astype(float)
+    told = moments.instruction.astype(float)
     samples: dict[int, Samples] = {}
     for frame, mapping in usable.items():
         spoken = speak(mapping, moments, horizon_steps, task.phrases)
-        scores = motion_scores(spoken.expression[:, 0], change, told, task.explained_band, weights)
-        samples[frame] = {**scores, "came_true": weighted_mean(spoken.true, weights)}
+        numbers = zip(spoken.expression.T, change.T, told.T, task.explained_band, strict=True)
+        each = [motion_scores(*number, weights) for number in numbers]
+        samples[frame] = {**over_numbers(each), "came_true": weighted_mean(spoken.true, weights)}
     return [
         {
             "policy_frame": policy_frame,

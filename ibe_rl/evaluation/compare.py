@@ -10,7 +10,7 @@ from ibe_rl.command_line import choices
 from ibe_rl.config import ExplainConfig, MappingConfig
 from ibe_rl.data import ConfigError, Mapping
 from ibe_rl.evaluation import report, tables
-from ibe_rl.evaluation.baselines import fit_state_regressor
+from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.flights import flying, gather_both
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.quality import Judged, Learnt, judge, paired_of, rows_of
@@ -45,18 +45,16 @@ def compare(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
     weights = episode_weights(moments.episode, config.resamples, config.seed)
     judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed)
     rows = rows_of(judged)
-    true_change = held_out.realised[:, held_out.at(own), run.task.explained]
+    true_change = held_out.realised[:, held_out.at(own), run.task.explained[0]]
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
     samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     add_errors(rows, samples, own)
     about = report.protocol(run, cfg, len(moments))
     path = run.folder / EVALUATION / "compare.json"
     write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
-    console = tables.console()
-    console.print(tables.quality_table(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps"))
-    if observers["rows"]:
-        console.print(tables.observers_table(observers))
-    console.print(f"numbers: {path}", soft_wrap=True)
+    tables.tell_rows(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps")
+    tables.tell_observers(observers, rows)
+    tables.console().print(f"numbers: {path}", soft_wrap=True)
 
 
 def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str, MappingConfig]:
@@ -81,7 +79,7 @@ def learn(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cf
             vocabularies[f"{prefix}{name}"] = refits.fit(config, own)
             step()
     heard = refits.lessons(run.config.mapping).heard
-    return Learnt(vocabularies, {}, fit_state_regressor(heard, own, run.task, cfg.evaluate.seed))
+    return Learnt(vocabularies, {}, fit_state_regressors(heard, own, run.task, cfg.evaluate.seed))
 
 
 def all_pairs(judged: Judged) -> list[dict[str, Any]]:

@@ -102,4 +102,5 @@ def of_another_moment(moments: Moments, random: np.random.Generator) -> Moments:
     sorted_rows = np.argsort(episode, kind="stable")
     given_by = other[episode]
     drawn = starts[given_by] + (random.random(len(moments)) * counts[given_by]).astype(int)
-    return replace(moments, predicted=moments.predicted[sorted_rows[drawn]])
+    rows = sorted_rows[drawn]
+    return replace(moments, predicted=moments.predicted[rows], trusted=moments.trusted[rows])

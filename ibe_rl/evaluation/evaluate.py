@@ -10,6 +10,7 @@ from ibe_rl.command_line import choices
 from ibe_rl.config import ExplainConfig
 from ibe_rl.data import Mapping
 from ibe_rl.evaluation import figures, report, tables
+from ibe_rl.evaluation.baselines import StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.flights import Flying, flying, gather_both, horizons_of, seeds_for
@@ -119,7 +120,7 @@ def watch_all(
         "baseline:flipped": [Flipped(here.vocabularies[ours])],
         "baseline:shuffled": here.ensembles["baseline:shuffled"],
     }
-    true_change = held_out.realised[:, held_out.at(own), run.task.explained]
+    true_change = held_out.realised[:, held_out.at(own), run.task.explained[0]]
     config = cfg.evaluate
     samples, told = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     rows = [row for one in judged.values() for row in rows_of(one)]
@@ -162,10 +163,19 @@ def protocol(
         "vocabulary": {str(n): "refresh" if n in refreshed else "learnt anew from the log" for n in horizons},
         "observed_episodes": int(moments.observed.sum()),
         "future_instruction": cfg.predictor.future_instruction,
-        "band": run.task.explained_band,
+        "band": _of_numbers(run.task.explained_band),
         "refits": config.shuffles,
-        "state_regressor": {str(n): {"kind": one.regressor.kind, "r2": one.regressor.r2} for n, one in learnt.items()},
+        "state_regressor": {str(n): _of_numbers([*map(_about, one.regressors)]) for n, one in learnt.items()},
     }
+
+
+def _of_numbers(values: Sequence[Any]) -> Any:
+    """What belongs to each number of an instruction; of a single one by itself."""
+    return values[0] if len(values) == 1 else list(values)
+
+
+def _about(regressor: StateRegressor) -> dict[str, Any]:
+    return {"kind": regressor.kind, "r2": regressor.r2}
 
 
 def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
@@ -175,11 +185,10 @@ def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Se
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
         "(with 95 % intervals)"
     )
-    console.print(tables.quality_table([row for row in rows if row["horizon_steps"] == own], title))
+    tables.tell_rows([row for row in rows if row["horizon_steps"] == own], title)
     console.print(tables.paired_table(quality["paired"], own))
     console.print(tables.horizons_table(rows, shown))
-    if observers["rows"]:
-        console.print(tables.observers_table(observers))
+    tables.tell_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
 

@@ -65,31 +65,47 @@ def _plain(name: str) -> str:
 
 
 def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
-    """Every explainer at one horizon, best first, with intervals."""
+    """Every explainer at one horizon, best first, with intervals; several numbers also each by itself."""
     here = [row for row in rows if row["horizon_steps"] == horizon_steps and row["motion_auc"]["value"] is not None]
     here.sort(key=lambda row: row["motion_auc"]["value"])
-    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
-    figure, axes = _figure(9.5, 1.6 + 0.3 * len(here), 2, sharey=True)
-    for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
-        for place, row in enumerate(here):
+    panels = _panels(here)
+    figure, axes = _figure(2.8 + 3.35 * len(panels), 1.6 + 0.3 * len(here), len(panels), sharey=True)
+    for axis, (title, told) in zip(axes, panels.items(), strict=True):
+        for place, (row, value) in enumerate(zip(here, told, strict=True)):
             ours, spread = row["explainer"].startswith("ibe:"), row.get("over") == "refits"
             colour = COLOURS[0] if ours else GREY if spread else COLOURS[1]
-            _point(axis, row[metric], place, colour, MARKERS[0] if ours else MARKERS[2] if spread else MARKERS[1])
+            _point(axis, value, place, colour, MARKERS[0] if ours else MARKERS[2] if spread else MARKERS[1])
         axis.axvline(0.5, color="#000000", linewidth=0.8, linestyle=":")
         axis.set(xlim=(-0.02, 1.02), xlabel="motion AUC (0.5: chance, 1: always right)")
         axis.set_title(title, fontsize=10)
-    axes[0].set_yticks(range(len(here)), [_plain(row["explainer"]) for row in here])
-    for tick, row in zip(axes[0].get_yticklabels(), here, strict=True):
+    _name_explainers(axes[0], here)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.suptitle(f"Does it tell which way it goes over the next {horizon_steps} steps? (95 % intervals)")
+    return figure
+
+
+def _panels(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Title of each panel to the values of all rows: with several numbers their mean first, then each number."""
+    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
+    numbers = [each["number"] for each in rows[0].get("each", ())] if rows else []
+    mean = f" (mean of {', '.join(numbers)})" if numbers else ""
+    panels = {f"{title}{mean}": [row[metric] for row in rows] for metric, title in metrics.items()}
+    return panels | {
+        f"{name}: all moments": [row["each"][i]["motion_auc"] for row in rows] for i, name in enumerate(numbers)
+    }
+
+
+def _name_explainers(axis: Axes, rows: Sequence[dict[str, Any]]) -> None:
+    """Name the rows of the figure, and its colours."""
+    axis.set_yticks(range(len(rows)), [_plain(row["explainer"]) for row in rows])
+    for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
         tick.set_fontweight("bold" if row["explainer"].startswith("ibe:") else "normal")
     for colour, marker, label in (
         (COLOURS[0], MARKERS[0], "the run's vocabulary"),
         (COLOURS[1], MARKERS[1], "baselines"),
         (GREY, MARKERS[2], "many refits: mean, and where 95 % of them lie"),
     ):
-        axes[0].plot([], [], color=colour, marker=marker, label=label)
-    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(f"Does it tell which way it goes over the next {horizon_steps} steps? (95 % intervals)")
-    return figure
+        axis.plot([], [], color=colour, marker=marker, label=label)
 
 
 def _point(axis: Axes, told: dict[str, Any], place: float, colour: str, marker: str) -> None:
@@ -188,6 +204,25 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     axes[0].set_yticks(range(len(ages)), [_thousands(frame) for frame in ages])
     axes[0].set_ylabel("vocabulary learnt after (thousand frames)")
     figure.suptitle(f"A changing policy in vocabularies of all ages, over {horizon_steps} steps")
+    return figure
+
+
+def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
+    """Over the training: how often each predictor leads to the phrase of the exact one, and how true that is."""
+    metrics = {"equal": "same phrase as the exact one", "motion_auc": "motion AUC", "came_true_voted": "came true"}
+    names = list(dict.fromkeys(row["predictor"] for row in rows))
+    step = max(row["frame"] for row in rows) / 1_000
+    figure, axes = _figure(3.6 * len(metrics) + 1, 3.6, len(metrics))
+    for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
+        for number, name in enumerate(names):
+            known = [(row["frame"] / 1_000, row[metric]) for row in rows if row["predictor"] == name]
+            known = [(frame, told) for frame, told in known if told["value"] is not None]
+            if metric != "equal" or name != names[0]:  # the first one is the exact one itself
+                _line(axis, known, number, step * (number - 1) / 100, name.replace("_", " "))
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("refresh after (thousand frames)")
+    axes[1].legend(fontsize=8, frameon=False)
+    figure.suptitle(f"Explanations of {horizon_steps} steps with learned predictors beside the exact one")
     return figure
 
 

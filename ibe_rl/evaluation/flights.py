@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 
 import torch
 
 from ibe_rl.collect import JUDGING_SEED
 from ibe_rl.config import EvaluateConfig, ExplainConfig
 from ibe_rl.data import ConfigError, Policy, Predictor
-from ibe_rl.env.make import make_gym
+from ibe_rl.evaluation.foresight import predictor_of
 from ibe_rl.evaluation.moments import Moments, Plan, gather
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.guest import crosses_processes
 from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.predict import make_simulator
+from ibe_rl.predict import is_learnt
 
 SEEDS_EACH = 10_000
 """Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds for each purpose."""
@@ -79,9 +78,10 @@ def processes_for(asked: int | None, policy: Policy) -> int:
 def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
     """Start the predictor's processes, and stop them at the end."""
     torch.set_num_threads(1)
-    make_one = partial(make_gym, run.config.env.id, run.config.env.kwargs)
-    config = replace(cfg.predictor, processes=processes_for(cfg.predictor.processes, run.policy))
-    with closing(make_simulator(config, make_one, run.task.rule, cfg.evaluate.seed)) as predictor:
+    config = cfg.predictor
+    if not is_learnt(config):
+        config = replace(config, processes=processes_for(config.processes, run.policy))
+    with predictor_of(run, config, cfg.evaluate.seed) as predictor:
         yield Flying(run, cfg, predictor)
 
 

@@ -37,6 +37,7 @@ class Moments:
         observed: ``(N,)`` bool, as many steps before the first contact as the observer foretells.
         realised: ``(N, H, S)`` change of the state over each horizon; past the end of the episode it ends there.
         predicted: ``(N, F, H, S)`` the same in each of the futures.
+        trusted: ``(N, F, H)`` bool, whether the predictor stands by them.
         horizons_steps: the ``H`` horizons, rising.
     """
 
@@ -50,6 +51,7 @@ class Moments:
     observed: Array
     realised: Array
     predicted: Array
+    trusted: Array
     horizons_steps: tuple[int, ...]
 
     def __len__(self) -> int:
@@ -66,7 +68,7 @@ class Moments:
 
     def first_future(self) -> Moments:
         """The same with one future only."""
-        return replace(self, predicted=self.predicted[:, :1])
+        return replace(self, predicted=self.predicted[:, :1], trusted=self.trusted[:, :1])
 
     def at(self, horizon_steps: int) -> int:
         """Where a horizon stands in ``realised`` and ``predicted``."""
@@ -125,11 +127,28 @@ def gather(
         plan: which moments.
         title: of the progress bar.
     """
+    taken = fly_moments(make_env, task, policy, instructor, seeds, plan)
+    return put_together(taken, *predict_all(taken, policy, predictor, plan, title), plan)
+
+
+def fly_moments(
+    make_env: Callable[[], gymnasium.Env[Any, Any]],
+    task: Task,
+    policy: Policy,
+    instructor: Instructor,
+    seeds: Sequence[int],
+    plan: Plan,
+) -> list[Taken]:
+    """Fly an episode for each seed and keep the moments that the plan asks for; see ``gather``."""
     envs = [make_env() for _ in range(min(len(seeds), AT_ONCE))]
     taken: list[Taken] = []
     for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
         taken += _take(episode, moments, number, seeds[number], plan, task)
-    predicted = _predict([one.moment for one in taken], policy, predictor, plan, title)
+    return taken
+
+
+def put_together(taken: Sequence[Taken], predicted: Array, trusted: Array, plan: Plan) -> Moments:
+    """Moments with what was predicted of them, from ``predict_all``."""
     of_each = ("episode", "seed", "step", "regular", "observed", "realised")
     columns = {name: np.array([getattr(one, name) for one in taken]) for name in of_each}
     return Moments(
@@ -137,6 +156,7 @@ def gather(
         instruction=np.array([one.moment.instruction for one in taken]),
         given=np.array([one.moment.given for one in taken]),
         predicted=predicted,
+        trusted=trusted,
         horizons_steps=plan.horizons_steps,
         **columns,
     )
@@ -171,15 +191,19 @@ def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
     return contact - plan.observer_steps
 
 
-def _predict(moments: Sequence[Moment], policy: Policy, predictor: Predictor, plan: Plan, title: str) -> Array:
-    """Changes ``(N, F, H, S)``."""
-    futures = [moment for moment in moments for _ in range(plan.futures)]
-    cuts = range(0, len(futures), PER_ROLLOUT)
-    parts = []
+def predict_all(
+    taken: Sequence[Taken], policy: Policy, predictor: Predictor, plan: Plan, title: str
+) -> tuple[Array, Array]:
+    """Changes ``(N, F, H, S)`` in the futures of the moments, and whether they are trusted ``(N, F, H)``."""
+    futures = [one.moment for one in taken for _ in range(plan.futures)]
+    cuts, ahead = range(0, len(futures), PER_ROLLOUT), np.array(plan.horizons_steps)
+    parts, trusted = [], []
     with waiting(title, len(cuts)) as step:
         for cut in cuts:
-            paths = predictor.rollout(futures[cut : cut + PER_ROLLOUT], policy, plan.horizons_steps[-1])
-            parts.append(paths[:, list(plan.horizons_steps)] - paths[:, :1])
+            predicted = predictor.rollout(futures[cut : cut + PER_ROLLOUT], policy, plan.horizons_steps[-1])
+            parts.append(predicted.paths[:, ahead] - predicted.paths[:, :1])
+            trusted.append(predicted.trusted_steps[:, None] >= ahead)
             step()
     together = np.concatenate(parts)
-    return together.reshape(len(moments), plan.futures, *together.shape[1:])
+    shape = (len(taken), plan.futures, len(ahead))
+    return together.reshape(*shape, -1), np.concatenate(trusted).reshape(shape)

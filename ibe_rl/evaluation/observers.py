@@ -34,23 +34,25 @@ def observe_all(
         moments: those with ``observed`` are used, one an episode.
         calibrating: ``(N,)`` true changes over the horizon, of other episodes, that the observer's scale comes from.
         horizon_steps: of the explanations.
-        task: with ``motion``.
+        task: with ``motion``, and an instruction of one number: that is what the observer's scale is for.
         vocabularies: explainer to its vocabularies; the error of several is their mean.
         resamples: of the episodes.
         seed: of the resamples.
 
     Returns:
         For each explainer its ``observer_error`` on all resamples; and the report, where an explainer that is told
-        the change itself (``predicted_change``, ``true_future``) needs no scale.
+        the change itself (``predicted_change``, ``true_future``) needs no scale. Both are empty where there is nothing
+        to observe.
     """
     seen = moments[moments.observed]
-    if task.motion is None or not len(seen):
+    if task.motion is None or task.instruction_size != 1 or not len(seen):
         return {}, {"episodes": 0, "rows": []}
-    observer = calibrate_observer(calibrating, task.explained_band)
+    [band], [reach] = task.explained_band, task.explained_range
+    observer = calibrate_observer(calibrating, band)
     expected = _expected(seen, observer, horizon_steps, task, vocabularies)
     position, change = _position_and_change(seen, horizon_steps, task)
     errors = {
-        name: np.mean([observer_errors(one, position + change, task.explained_range) for one in guesses], axis=0)
+        name: np.mean([observer_errors(one, position + change, reach) for one in guesses], axis=0)
         for name, guesses in expected.items()
     }
     weights = episode_weights(seen.episode, resamples, seed)
@@ -66,8 +68,9 @@ def add_errors(rows: Sequence[dict[str, Any]], samples: Dict[str, Samples], hori
 
 
 def _position_and_change(seen: Moments, horizon_steps: int, task: Task) -> tuple[Array, Array]:
-    position = seen.state[:, task.explained].astype(float)
-    return position, seen.realised[:, seen.at(horizon_steps), task.explained].astype(float)
+    [explained] = task.explained
+    position = seen.state[:, explained].astype(float)
+    return position, seen.realised[:, seen.at(horizon_steps), explained].astype(float)
 
 
 def _expected(
@@ -86,9 +89,9 @@ def _expected(
         for name, several in vocabularies.items()
     }
     return {
-        NOTHING: [carries_on(position, task.motion(seen.state).astype(float), horizon_steps)],
+        NOTHING: [carries_on(position, task.motion(seen.state)[:, 0].astype(float), horizon_steps)],
         **expected,
-        "baseline:predicted_change": [position + predicted[:, task.explained]],
+        "baseline:predicted_change": [position + predicted[:, task.explained[0]]],
         "baseline:true_future": [position + change],
     }
 

@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.data import Array, Mapping
-from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines
+from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, forecasts
 from ibe_rl.evaluation.controls import Flipped, of_another_moment
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.rows import (
-    METRICS,
     Samples,
     Truth,
+    add_loss,
     as_json,
     balance,
     difference,
     fixed,
+    laid_out,
     score_confidence,
     score_motion,
     score_words,
@@ -43,12 +44,12 @@ class Learnt:
         vocabularies: explainer to its vocabulary.
         ensembles: explainer to many vocabularies that cannot be right, of which the distribution is reported; without
             any the other controls are left out too.
-        regressor: what the state alone tells.
+        regressors: what the state alone tells of each number.
     """
 
     vocabularies: dict[str, Mapping]
     ensembles: dict[str, Sequence[Mapping]]
-    regressor: StateRegressor
+    regressors: Sequence[StateRegressor]
 
 
 @dataclass
@@ -57,6 +58,7 @@ class Judged:
 
     Attributes:
         truth: what really happened.
+        names: of the numbers of an instruction.
         samples: explainer to its metrics on every resample.
         refits: explainer to the metrics of each of its vocabularies, without resamples.
         spoken: explainer to what its vocabulary said.
@@ -66,6 +68,7 @@ class Judged:
     """
 
     truth: Truth
+    names: Sequence[str]
     samples: dict[str, Samples] = field(default_factory=dict)
     refits: dict[str, list[Samples]] = field(default_factory=dict)
     spoken: dict[str, Spoken] = field(default_factory=dict)
@@ -96,8 +99,8 @@ def judge(
         seed: of the predictions of another moment.
         step: called after each explainer.
     """
-    forecast = learnt.regressor.predict(moments.state)
-    judged = Judged(Truth.of(moments, horizon_steps, task, forecast, weights), mappings=dict(learnt.vocabularies))
+    truth = Truth.of(moments, horizon_steps, task, forecasts(learnt.regressors, moments.state), weights)
+    judged = Judged(truth, task.number_names, mappings=dict(learnt.vocabularies))
     for name, said in _simple(learnt, moments, horizon_steps, task).items():
         on_scale = as_instruction(name, said, task.explained_band)
         judged.samples[f"baseline:{name}"] = score_motion(said, judged.truth, on_scale)
@@ -105,22 +108,19 @@ def judge(
     _judge_vocabularies(judged, moments, held_out, horizon_steps, task, step)
     if learnt.ensembles:
         _judge_controls(judged, learnt, moments, horizon_steps, task, seed, step)
-    ceiling = judged.samples[PREDICTED]["motion_auc"]
-    for samples in judged.samples.values():
+    refits = [each for several in judged.refits.values() for each in several]
+    for samples in (*judged.samples.values(), *refits):
         if "came_true" in samples:
-            samples["vocabulary_loss"] = ceiling - samples["motion_auc"]
-    for several in judged.refits.values():
-        for each in several:
-            each["vocabulary_loss"] = ceiling[:1] - each["motion_auc"]
+            add_loss(samples, judged.samples[PREDICTED])
     return judged
 
 
 def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) -> dict[str, Array]:
-    """Everything that is said without a vocabulary ``(N,)``."""
+    """Everything that is said without a vocabulary ``(N, d)``."""
     at, explained = moments.at(horizon_steps), task.explained
-    return cheap_baselines(moments, horizon_steps, task, learnt.regressor) | {
-        "predicted_change": moments.predicted[:, 0, at, explained].astype(float),
-        "true_future": moments.realised[:, at, explained].astype(float),
+    return cheap_baselines(moments, horizon_steps, task, learnt.regressors) | {
+        "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
+        "true_future": moments.realised[:, at][:, explained].astype(float),
     }
 
 
@@ -169,8 +169,7 @@ def _judge_controls(
 
 
 def _score(spoken: Spoken, truth: Truth) -> Samples:
-    said = spoken.expression[:, 0]
-    return score_motion(said, truth, said) | score_words(spoken, truth)
+    return score_motion(spoken.expression, truth, spoken.expression) | score_words(spoken, truth)
 
 
 def rows_of(judged: Judged) -> list[dict[str, Any]]:
@@ -180,12 +179,12 @@ def rows_of(judged: Judged) -> list[dict[str, Any]]:
     for name, samples in judged.samples.items():
         told = {metric: as_json(estimate(values)) for metric, values in samples.items()}
         told |= balance(judged.mappings[name]) if name in judged.mappings else {}
-        rows.append({"explainer": name, "horizon_steps": horizon} | {metric: told.get(metric) for metric in METRICS})
+        rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names))
     for name, several in judged.refits.items():
         told = {metric: spread_over(float(each[metric][0]) for each in several) for metric in several[0]}
         refits = {metric: [_rounded(each[metric][0]) for each in several] for metric in several[0]}
-        row = {metric: told.get(metric) for metric in METRICS}
-        rows.append({"explainer": name, "horizon_steps": horizon} | row | {"over": "refits", "refits": refits})
+        row = {"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names)
+        rows.append(row | {"over": "refits", "refits": refits})
     return sorted(rows, key=lambda row: not row["explainer"].startswith("ibe:"))
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from ibe_rl.config import EvaluateConfig, MappingConfig
 from ibe_rl.data import ConfigError, Episode, Mapping
-from ibe_rl.evaluation.baselines import fit_state_regressor
+from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
-from ibe_rl.lessons import Lessons, best_windows, check_mapping, fit_mapping, read_lessons
+from ibe_rl.lessons import Lessons, best_windows, check_mapping, clusters_of, fit_mapping, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
@@ -102,7 +102,7 @@ class Refits:
         Raises:
             ConfigError: if they are too few, or the mapping cannot work in this environment.
         """
-        check_mapping(config, self._run.task)
+        check_mapping(replace(config, horizon_steps=horizon_steps, spans_steps=[]), self._run.task)
         given = lessons or self.lessons(config)
         with self._enough():
             return self._fit(config, horizon_steps, given.best, given.heard)
@@ -133,7 +133,7 @@ class Refits:
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
         with self._enough():
             windows = best_windows(lessons.best, config, horizon_steps)
-        return [random_clusters(windows, config.n_clusters, random) for _ in range(count)]
+        return [random_clusters(windows, clusters_of(config, self._run.task), random) for _ in range(count)]
 
     def learn(
         self,
@@ -160,7 +160,7 @@ class Refits:
                 "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
                 "baseline:random_names": [dealt(ours, random) for _ in range(config.shuffles)],
             },
-            regressor=fit_state_regressor(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
+            regressors=fit_state_regressors(self.lessons(own).heard, horizon_steps, self._run.task, self._seed),
         )
 
     @contextmanager

@@ -62,7 +62,7 @@ def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task:
     spoken, at = judged.spoken[ours], moments.at(judged.truth.horizon_steps)
     columns: dict[str, Array] = {"episode_seed": moments.seed, "step": moments.step}
     columns |= _numbered(task.state_names, "", moments.state)
-    columns |= _instructions("m*", moments.instruction) | _instructions("m", spoken.said)
+    columns |= _instructions("m*", moments.instruction, task) | _instructions("m", spoken.said, task)
     columns |= {"phrase": spoken.phrase, "confidence": judged.probabilities[ours]}
     columns |= _numbered(
         task.state_names, "predicted_delta_", moments.predicted[np.arange(len(moments)), spoken.which, at]
@@ -79,10 +79,9 @@ def _numbered(names: Sequence[str], prefix: str, values: Array) -> dict[str, Arr
     return {f"{prefix}{name}": column for name, column in zip(names, values.T, strict=True)}
 
 
-def _instructions(name: str, values: Array) -> dict[str, Array]:
-    if values.shape[1] == 1:
-        return {name: values[:, 0]}
-    return {f"{name}[{number}]": column for number, column in enumerate(values.T)}
+def _instructions(name: str, values: Array, task: Task) -> dict[str, Array]:
+    """One column, or with several numbers one for each, called by what it is about."""
+    return {name: values[:, 0]} if task.instruction_size == 1 else _numbered(task.number_names, f"{name}_", values)
 
 
 def _short(value: Any) -> Any:

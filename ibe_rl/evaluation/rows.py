@@ -1,6 +1,6 @@
 """The metrics of one explainer: values on every resample of the episodes, and from these a row of the report.
 
-Shapes: ``N`` moments, ``R`` resamples, row 0 of which is the value itself.
+Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples, row 0 of which is the value itself.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from ibe_rl.evaluation.spoken import Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
 from ibe_rl.metrics.confidence import brier, ece, risk_at
+from ibe_rl.metrics.quality import mean_over_numbers
 from ibe_rl.task import Task
 
 Samples = dict[str, Array]
-"""Metric to values ``(R,)``."""
+"""Metric to values ``(R,)``; of an instruction with several numbers also ``metric[i]``, of number i by itself."""
 
 MOTION = ("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spearman")
 WORDS = ("came_true", "came_true_voted")
@@ -28,6 +29,8 @@ CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
 METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
 """The metrics of a row, in the order of the report."""
+EACH = (*MOTION, "vocabulary_loss", "instruction_f1")
+"""What is told of each number by itself; in the row of all of them stands the mean."""
 COVERAGE = 0.8
 
 
@@ -37,29 +40,29 @@ class Truth:
 
     Attributes:
         horizon_steps: of the explanations.
-        change: ``(N,)`` real change of the explained dimension.
-        told: ``(N,)`` the instruction.
-        band: see ``Task.explained_band``.
+        change: ``(N, d)`` real changes of the explained dimensions.
+        told: ``(N, d)`` the instruction.
+        band: ``d`` of them, see ``Task.explained_band``.
         values: what the instructor can say.
-        hard: ``(N,)`` bool, the state regressor names the wrong way.
+        hard: ``(N, d)`` bool, the state regressor names the wrong way.
         weights: ``(R, N)``.
     """
 
     horizon_steps: int
     change: Array
     told: Array
-    band: float
+    band: tuple[float, ...]
     values: Sequence[float]
     hard: Array
     weights: Array
 
     @classmethod
     def of(cls, moments: Moments, horizon_steps: int, task: Task, forecast: Array, weights: Array) -> Truth:
-        """Of ``moments``, with what a simple ``forecast`` ``(N,)`` of the change had said."""
-        change = moments.realised[:, moments.at(horizon_steps), task.explained].astype(float)
+        """Of ``moments``, with what a simple ``forecast`` ``(N, d)`` of the changes had said."""
+        change = moments.realised[:, moments.at(horizon_steps)][:, task.explained].astype(float)
         band = task.explained_band
-        hard = went(forecast, band) != went(change, band)
-        told = moments.instruction[:, 0].astype(float)
+        hard = went(forecast, np.array(band)) != went(change, np.array(band))
+        told = moments.instruction.astype(float)
         return cls(horizon_steps, change, told, band, task.instruction_values, hard, weights)
 
     def unweighed(self) -> Truth:
@@ -68,9 +71,33 @@ class Truth:
 
 
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
-    """How well what was said ``(N,)`` tells the motion; ``on_scale`` is the same on the instructor's scale."""
-    scores = motion_scores(said, truth.change, truth.told, truth.band, truth.weights, truth.hard)
-    return scores | {"instruction_f1": weighted_f1(on_scale, truth.told, truth.values, truth.weights)}
+    """How well what was said ``(N, d)`` tells the motion; ``on_scale`` is the same on the instructor's scale."""
+    each = []
+    for i, band in enumerate(truth.band):
+        told = truth.told[:, i]
+        scores = motion_scores(said[:, i], truth.change[:, i], told, band, truth.weights, truth.hard[:, i])
+        each.append(scores | {"instruction_f1": weighted_f1(on_scale[:, i], told, truth.values, truth.weights)})
+    return over_numbers(each)
+
+
+def over_numbers(each: Sequence[Samples]) -> Samples:
+    """The mean of every metric over the numbers, and with several of them each number by itself."""
+    means = {metric: mean_over_numbers(metric, [one[metric] for one in each]) for metric in each[0]}
+    if len(each) == 1:
+        return means
+    return means | {numbered(metric, i): values for i, one in enumerate(each) for metric, values in one.items()}
+
+
+def numbered(metric: str, number: int) -> str:
+    """What a metric of one number by itself is called."""
+    return f"{metric}[{number}]"
+
+
+def add_loss(samples: Samples, ceiling: Samples) -> None:
+    """Add ``vocabulary_loss``, what ``motion_auc`` lacks to that of the predicted change; also of each number."""
+    for metric in [name for name in samples if name.partition("[")[0] == "motion_auc"]:
+        most = ceiling[metric][: len(samples[metric])]
+        samples[metric.replace("motion_auc", "vocabulary_loss")] = most - samples[metric]
 
 
 def score_words(spoken: Spoken, truth: Truth) -> Samples:
@@ -93,8 +120,23 @@ def balance(mapping: Any) -> dict[str, Any]:
     """How a vocabulary's clusters share the windows and the scale; empty for one that does not tell its sizes."""
     if not len(getattr(mapping, "sizes", ())):
         return {}
-    sides = {"value": list(left_right(mapping.expressions[:, 0])), "low": None, "high": None}
-    return {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes)), "left_right": sides}
+    told = {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes))}
+    columns = [left_right(column) for column in mapping.expressions.T]
+    sides = [{"value": list(column), "low": None, "high": None} for column in columns]
+    if len(sides) == 1:
+        return told | {"left_right": sides[0]}
+    return told | {numbered("left_right", number): each for number, each in enumerate(sides)}
+
+
+def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """What a row says: all metrics in their order, and under ``each`` those of every number by its name, if several."""
+    row: dict[str, Any] = {metric: told.get(metric) for metric in METRICS}
+    if len(names) > 1:
+        row["each"] = [
+            {"number": name} | {metric: told.get(numbered(metric, i)) for metric in (*EACH, "left_right")}
+            for i, name in enumerate(names)
+        ]
+    return row
 
 
 def weighted_f1(said: Array, told: Array, values: Sequence[float], weights: Array) -> Array:

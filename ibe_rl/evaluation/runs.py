@@ -13,10 +13,10 @@ import gymnasium
 
 from ibe_rl.agent import GreedyPolicy, make_agent
 from ibe_rl.checkpoint import load, policies
-from ibe_rl.command_line import load_config
+from ibe_rl.command_line import load_config, refuse_strange_code
 from ibe_rl.config import GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Policy
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.limits import check
@@ -62,7 +62,7 @@ class TrainedRun:
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """One more environment as the run had them."""
-        return make_gym(self.config.env.id, self.config.env.kwargs)
+        return make_game(self.config.env)
 
 
 def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None) -> TrainedRun:
@@ -78,7 +78,8 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
-    env = make_gym(config.env.id, config.env.kwargs)
+    refuse_strange_code(config.env, folder)
+    env = make_game(config.env)
     task = task_of(env)
     if _is_for_guests(folder, config, bool(guest)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")

@@ -26,7 +26,7 @@ class Spoken:
         which: ``(N,)`` the first of the futures that is called so.
         said: ``(N, d)`` the expression of that one.
         voted_true: ``(N,)`` bool, whether what is said came true.
-        agreement: ``(N,)`` share of the futures that are called so.
+        agreement: ``(N,)`` share of the futures that are called so and that the predictor stands by.
         purity: ``(N,)`` the mapping's own confidence in it.
     """
 
@@ -49,7 +49,7 @@ def speak(mapping: Mapping, moments: Moments, horizon_steps: int, words: Sequenc
     """Put the futures of each moment and what really happened into words."""
     at = moments.at(horizon_steps)
     predicted, rows = moments.predicted[:, :, at], np.arange(len(moments))
-    phrases, which, agreement = voted(predicted, mapping, words)
+    phrases, which, agreement = voted(predicted, mapping, words, moments.trusted[:, :, at])
     first, chosen = mapping.express(predicted[:, 0]), predicted[rows, which]
     real = phrases_of(mapping.express(moments.realised[:, at]), words)
     return Spoken(

@@ -25,6 +25,10 @@ SHORT = {
     "observer_error": "obs. %",
 }
 """Metric to what heads its column."""
+OF_A_NUMBER = (
+    *("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spearman"),
+    *("vocabulary_loss", "instruction_f1", "left_right"),
+)
 WITH_INTERVAL = ("motion_auc",)
 OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
@@ -48,6 +52,23 @@ def quality_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
         cells = [_cell(row[metric], metric in WITH_INTERVAL) for metric in SHORT]
         ours = row["explainer"].startswith("ibe:")
         table.add_row(_name(row), *cells, style="bold" if ours else None)
+    return table
+
+
+def numbers_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """All explainers at one horizon, each number of the instruction by itself."""
+    title = "Each number of the instruction by itself"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, padding=(0, 1))
+    table.add_column("number", no_wrap=True)
+    table.add_column("explainer", no_wrap=True)
+    for metric in OF_A_NUMBER:
+        table.add_column(SHORT.get(metric, metric), no_wrap=True, justify="right")
+    for number in range(len(rows[0]["each"])):
+        for row in rows:
+            told = row["each"][number]
+            cells = [_cell(told[metric], metric in WITH_INTERVAL) for metric in OF_A_NUMBER]
+            ours = row["explainer"].startswith("ibe:")
+            table.add_row(told["number"], _name(row), *cells, style="bold" if ours else None)
     return table
 
 
@@ -109,6 +130,63 @@ def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
         gain = _cell(first["refreshed_minus_this"]["motion_auc"], True, "+") if len(ages) > 1 else ""
         cells = _cell(own["motion_auc"], True), f"{first['vocabulary_frame']:,}", _cell(first["motion_auc"], True)
         table.add_row(f"{frame:,}", *cells, gain)
+    return table
+
+
+def tell_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
+    """Print all explainers at one horizon; several numbers also each by itself."""
+    shown = console()
+    shown.print(quality_table(rows, title))
+    if "each" in rows[0]:
+        shown.print(numbers_table(rows))
+
+
+def tell_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
+    """Print what the simulated observer found, or that it does not listen to several numbers."""
+    if observers["rows"]:
+        console().print(observers_table(observers))
+    elif "each" in rows[0]:
+        console().print(f"no simulated observer: it listens to one number, here there are {len(rows[0]['each'])}")
+
+
+BESIDE_EXACT = {
+    "equal": "same phrase",
+    "equal_trusted": "where trusted",
+    "trusted": "trusted",
+    "motion_auc": "motion AUC",
+    "motion_auc_minus_exact": "minus exact",
+    "motion_auc_disobeyed": "disob.",
+    "came_true_voted": "true",
+    "ece": "ECE",
+    "observer_error": "obs. %",
+}
+"""What is told of a predictor to what heads its column."""
+
+
+def predictors_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
+    """All predictors at one age, a row each."""
+    table = Table(box=SIMPLE, title=f"Predictors: {title}", title_justify="left", show_edge=False, pad_edge=False)
+    table.add_column("predictor", no_wrap=True)
+    for short in BESIDE_EXACT.values():
+        table.add_column(short, no_wrap=True, justify="right")
+    for row in rows:
+        signs = {name: "+" if name.endswith("_minus_exact") else "" for name in BESIDE_EXACT}
+        cells = [_cell(row[name], name in ("equal", "motion_auc_minus_exact"), signs[name]) for name in BESIDE_EXACT]
+        table.add_row(row["predictor"], *cells)
+    return table
+
+
+def predictors_over_training(rows: Sequence[dict[str, Any]]) -> Table:
+    """Share of the same phrases and motion AUC of each predictor over the training."""
+    names = list(dict.fromkeys(row["predictor"] for row in rows))
+    table = Table(box=SIMPLE, title="Same phrase / motion AUC over the training", title_justify="left", show_edge=False)
+    for column in ("frame", *names):
+        table.add_column(column, no_wrap=True, justify="right")
+    found = {(row["frame"], row["predictor"]): row for row in rows}
+    for frame in dict.fromkeys(row["frame"] for row in rows):
+        here = [found.get((frame, name)) for name in names]
+        cells = [f"{_cell(row['equal'])} / {_cell(row['motion_auc'])}" if row else "" for row in here]
+        table.add_row(f"{frame:,}", *cells)
     return table
 
 

@@ -17,6 +17,7 @@ from ibe_rl.ibe.space import (
     Space,
     TooLittleDataError,
     along,
+    consequences,
     information,
     lasso_axes,
     network,
@@ -46,15 +47,15 @@ class IBEMapping(BaseEstimator):
     The paper's: standardise, k-means, mean instruction per cluster, min-max between the clusters.
 
     Args:
-        n_clusters: k, at least 2.
+        n_clusters: k, at least 2; of all numbers of an instruction together.
         space: where changes are compared. "all" dimensions, standardised; "information": the same, times their mutual
             information with the instruction; "lasso": along the sparse linear regression of the instruction on the
             change; "network": along a small network's; "rule": along the axes on which the instructor's choice of
-            words turns, see ``ibe_rl.ibe.space.rule_axes``.
+            words turns, see ``rule_axes`` and ``consequences`` in ``ibe_rl.ibe.space``.
         split: see ``ibe_rl.ibe.split.split``.
         power: of the magnitude of a movement along the axes; below 1 small movements get clusters of their own. Only
             with a space of instructions.
-        symmetric: divide the movements and their opposites, so that there are as many clusters on both sides.
+        symmetric: divide movements and their opposites (in all numbers), to get as many clusters on both sides.
         normalisation: "minmax" (literal) or "sign" of the mean instructions; "movement": a cluster is called by how
             far it moves, 1 being what the instruction 1 typically brought about. Only with a space of instructions.
         membership: see ``ClusterMapping``.
@@ -174,6 +175,7 @@ class IBEMapping(BaseEstimator):
             assert heard is not None
             some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
             axes = rule_axes(heard[0][some], heard[1][some], seed, np.ptp(delta, axis=0) > 0) * kept[:, None]
+            axes = consequences(axes, delta, told)
         return along(axes / self._unit(lessons, axes), self.power)
 
     def _standard(self, delta: Array) -> tuple[Array, Array]:

@@ -157,6 +157,32 @@ def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None
     return np.stack(axes, axis=1) / scaler.scale_[:, None]
 
 
+def consequences(axes: Array, delta: Array, instruction: Array) -> Array:
+    """Leave out of each axis the dimensions that move the same way whether told to go up it or down.
+
+    What is said can depend on more than it is about: how fast to sink, on the height. The height falls whatever is
+    said, so it is a condition of the instruction and no consequence. The axis of a single number stays as it is: its
+    words do not depend on which axes the state is given in.
+
+    Args:
+        axes: ``(S, d)``.
+        delta: ``(W, S)``.
+        instruction: ``(W, d)``.
+
+    Returns:
+        ``(S, d)``; an axis is left as it is if nothing on it moves both ways, or only one way was ever told.
+    """
+    kept = np.array(axes)
+    if len(kept.T) == 1:
+        return kept
+    for axis, told in zip(kept.T, instruction.T, strict=True):
+        if (told > 0).any() and (told < 0).any():
+            both_ways = delta[told > 0].mean(axis=0) * delta[told < 0].mean(axis=0) < 0
+            if np.any(axis * both_ways):
+                axis[:] = np.where(both_ways | (np.ptp(delta, axis=0) == 0), axis, 0)
+    return kept
+
+
 def _turns(standard: Array, told: Array, moving: Array, seed: int) -> Array:
     """The direction ``(S,)`` in which one number of the instruction rises, over as few dimensions as explain it."""
     values, kinds = np.unique(told, return_inverse=True)

@@ -118,8 +118,8 @@ def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
     return by_chunks(spearman, weights)
 
 
-def went(change: Array, band: float) -> Array:
-    """Which way changes ``(N,)`` went: -1, 1, or 0 up to the band."""
+def went(change: Array, band: float | Array) -> Array:
+    """Which way changes ``(N,)``, or ``(N, d)`` with ``d`` bands, went: -1, 1, or 0 up to the band."""
     return np.where(np.abs(change) > band, np.sign(change), 0).astype(int)
 
 

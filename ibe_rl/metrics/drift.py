@@ -19,7 +19,7 @@ class VocabularyDrift:
 
     Attributes:
         phrase_changed: share of the windows that are called something else.
-        expression_moved: mean distance of their expressions, in [0, 2].
+        expression_moved: mean distance of their expressions, in [0, 2]; with d numbers up to 2 sqrt(d).
         cluster_agreement: adjusted Rand index of the clusters; 1 if they group the windows alike.
     """
 
@@ -39,6 +39,18 @@ def vocabulary_drift(before: Mapping, after: Mapping, probe: Array, words: Seque
     )
 
 
+MOVED_BY = 0.1
+"""Of all that a number of a continuous action varies over: nearer than this it is the same action."""
+
+
 def policy_drift(before: Array, after: Array) -> float:
-    """Share of the same states ``(P, ...)`` in which another action is taken than before."""
-    return float(np.mean(np.any((before != after).reshape(len(before), -1), axis=1)))
+    """Share of the same states ``(P, ...)`` in which another action is taken than before.
+
+    Continuous actions differ at least a little everywhere. One counts as another if one of its numbers has moved by
+    more than a tenth of the range that this number takes over all these states, before and after.
+    """
+    moved = before != after
+    if np.issubdtype(after.dtype, np.floating):
+        both = np.concatenate([before, after])
+        moved = np.abs(after - before) > MOVED_BY * np.ptp(both, axis=0)
+    return float(np.mean(np.any(moved.reshape(len(before), -1), axis=1)))

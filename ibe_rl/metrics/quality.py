@@ -43,6 +43,21 @@ def phrases_true(
     return np.array([one.phrase == other for one, other in zip(said, real, strict=True)])
 
 
+def mean_over_numbers(metric: str, each: Sequence[Array]) -> Array:
+    """The mean of a metric over the numbers of an instruction.
+
+    Whether a motion AUC can be told depends on the moments alone: a number of which it cannot (nobody ever went that
+    way unasked) is left out, the same for whoever explains.
+
+    Args:
+        metric: its name.
+        each: values ``(R,)`` of each number, the value itself first.
+    """
+    known = [values for values in each if not np.isnan(values[0])] if metric.startswith("motion_auc") else []
+    mean: Array = np.mean(known or each, axis=0)
+    return mean
+
+
 def motion_auc(expression: Array, change: Array, band: float) -> float:
     """How well an expression tells which way it went, without any threshold on what was said.
 
@@ -81,8 +96,9 @@ def instruction_f1(expression: Array, instruction: Array, values: Sequence[float
 def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[str, float]:
     """What can be had without a predictor: put into words what really happened, and see whether the words fit.
 
-    The first number of the expressions is held against the dimension that ``task`` says it speaks of. The
-    predicted change being the real one, ``vocabulary_loss`` is 1 - ``motion_auc``.
+    Each number of the expressions is held against the dimension that ``task`` says it speaks of; the scores are the
+    means over the numbers (``mean_over_numbers``). The predicted change being the real one, ``vocabulary_loss`` is
+    1 - ``motion_auc``.
 
     Args:
         mapping: the vocabulary.
@@ -95,12 +111,20 @@ def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[st
     """
     if not len(windows):  # the newest episodes may all have been flown in silence
         return dict.fromkeys(SCORES, float("nan"))
-    said, told = mapping.express(windows.delta)[:, 0], windows.instruction[:, 0]
-    change, band = windows.delta[:, task.explained], task.explained_band
+    said, change = mapping.express(windows.delta), windows.delta[:, task.explained]
+    each = [
+        _number_scores(said[:, i], change[:, i], windows.instruction[:, i], band, task.instruction_values)
+        for i, band in enumerate(task.explained_band)
+    ]
+    return {name: float(mean_over_numbers(name, [np.array([scores[name]]) for scores in each])[0]) for name in SCORES}
+
+
+def _number_scores(said: Array, change: Array, told: Array, band: float, values: Sequence[float]) -> dict[str, float]:
+    """The scores of one number of the instruction, all arguments ``(W,)``."""
     disobeyed = np.where(np.abs(change) > band, np.sign(change), 0) != np.sign(told)
     return {
         "motion_auc": motion_auc(said, change, band),
         "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], band),
         "motion_spearman": motion_spearman(said, change),
-        "instruction_f1": instruction_f1(said, told, task.instruction_values),
+        "instruction_f1": instruction_f1(said, told, values),
     }

@@ -235,7 +235,7 @@ def errors(found: dict[str, Any]) -> Figure:
         row[0].set_yticks(range(len(names)), [LABELS[name] for name in names])
     for axis in rows[-1]:
         axis.set_xlabel("error of the foretold x (% of the width)")
-    figure.suptitle("Where will it land? Simulated observers, no people (95 % intervals over episodes)")
+    figure.suptitle("Where will it end? Simulated observers, no people (95 % intervals over episodes)")
     return figure
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +14,10 @@ from rich.console import Console
 
 from ibe_rl.config import ExplainConfig, FiguresConfig
 from ibe_rl.data import Array, ConfigError, Episode, Mapping
-from ibe_rl.env.make import make_gym
+from ibe_rl.env.make import make_game
 from ibe_rl.evaluation import load_run, tables
 from ibe_rl.evaluation.flights import PROCESSES
+from ibe_rl.evaluation.foresight import predictor_of, with_processes
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.refit import fit_shuffled
 from ibe_rl.evaluation.report import make_folders
@@ -34,7 +33,6 @@ from ibe_rl.paper.lab import Lab, find_agents, protocol
 from ibe_rl.paper.page import write_report
 from ibe_rl.paper.strips import Told
 from ibe_rl.paper.words import OURS, PAPER
-from ibe_rl.predict import make_simulator
 from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
 
 TRIES = 10
@@ -67,7 +65,7 @@ def experiment(lab: Lab, say: Callable[[str], None]) -> tuple[dict[str, Any], di
     """Do them all; returns what paper.json holds, and the episodes of the prediction task by agent and cut."""
     agents, screened = find_agents(lab)
     say(", ".join(f"{one.name}: {100 * one.success.value:.1f} % after {one.frame:,} frames" for one in agents))
-    name, unit = lab.task.state_names[lab.task.explained], lab.task.state_units[lab.task.explained]
+    name, unit = lab.task.state_names[lab.task.explained[0]], lab.task.state_units[lab.task.explained[0]]
     found: dict[str, Any] = {
         "protocol": protocol(lab),
         "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
@@ -165,13 +163,13 @@ def foretell(
 ) -> dict[str, Told]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
     env, predictor_config = lab.run.config.env, lab.cfg.predictor
-    make_one = partial(make_gym, env.id, {**env.kwargs, **lab.task.hidden_goal})
+    hidden = replace(env, kwargs={**env.kwargs, **lab.task.hidden_goal})
     vocabularies = {name: taught[name] for name in (PAPER, OURS)}
     told_by = vocabularies, learn_shuffled(lab, agent), typical(lab, agent, checked)
-    shown = hidden_flights(lab, agent, make_one())
-    workers = replace(predictor_config, processes=predictor_config.processes or PROCESSES)
+    shown = hidden_flights(lab, agent, make_game(hidden))
+    workers = with_processes(predictor_config, PROCESSES)
     horizon_steps, told = lab.horizon_steps, {}
-    with closing(make_simulator(workers, make_one, lab.task.rule, lab.config.seed)) as predictor:
+    with predictor_of(lab.run, workers, lab.config.seed, hidden) as predictor:
         for cut in (END, CONTACT):
             about = shown, cut, agent.policy, predictor
             listened = listen(*about, *told_by, lab.task, horizon_steps, predictor_config.futures)
@@ -221,8 +219,8 @@ def typical(lab: Lab, agent: Skilled, checked: Sequence[Episode]) -> Observer:
     Raises:
         ConfigError: if it never goes anywhere.
     """
-    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained]
-    observer = calibrate_observer(change.astype(float), lab.task.explained_band)
+    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained[0]]
+    observer = calibrate_observer(change.astype(float), lab.task.explained_band[0])
     if np.isnan(observer.typical):
         raise ConfigError(
             f"run={lab.run.folder}: agent {agent.name} never goes to a side within {lab.horizon_steps} steps; "
@@ -235,7 +233,7 @@ def prediction(agent: Skilled, told: dict[str, Told], config: FiguresConfig) -> 
     """How far off the observers are, over all episodes and in each."""
     cuts = {}
     for cut, one in told.items():
-        errors = one.listened.errors(one.task.explained_range)
+        errors = one.listened.errors(one.task.explained_range[0])
         means, tests = judged(errors, config.resamples, config.seed)
         cuts[cut] = {
             "error": {name: each.to_dict() for name, each in means.items()},
@@ -255,7 +253,7 @@ def episode_json(told: Told, row: int, errors: dict[str, Array]) -> dict[str, An
         "success": shown.watched.episode.success,
         "foretold_at_step": told.last_seen(row),
         "position": float(listened.position[row]),
-        "landing": float(listened.landing[row]),
+        "end": float(listened.end[row]),
         "said": {name: said[row].tolist() for name, said in listened.said.items()},
         "expected": {name: float(np.mean(each[:, row])) for name, each in listened.expected.items()},
         "errors": {name: float(each[row]) for name, each in errors.items()},

@@ -82,19 +82,19 @@ class Listened:
     Attributes:
         said: vocabulary to the expressions ``(E, SEEN_STEPS)`` at the frames they see, the last one as they foretell.
         position: ``(E,)`` where it is then.
-        landing: ``(E,)`` where it really ends.
+        end: ``(E,)`` where it really ends.
         expected: observer to the ends that it expects ``(V, E)``, one row for each of its vocabularies.
     """
 
     said: dict[str, Array]
     position: Array
-    landing: Array
+    end: Array
     expected: dict[str, Array]
 
     def errors(self, width: float) -> dict[str, Array]:
         """Observer to its error in each episode ``(E,)``, in % of the width; the mean over its vocabularies."""
         return {
-            name: np.mean([observer_errors(row, self.landing, width) for row in rows], axis=0)
+            name: np.mean([observer_errors(row, self.end, width) for row in rows], axis=0)
             for name, rows in self.expected.items()
         }
 
@@ -132,23 +132,23 @@ def listen(
         for one, last in zip(shown, lasts, strict=True)
         for step in range(last - SEEN_STEPS + 1, last + 1)
     ]
-    paths = predictor.rollout([moment for moment in moments for _ in range(futures)], policy, horizon_steps)
+    paths = predictor.rollout([moment for moment in moments for _ in range(futures)], policy, horizon_steps).paths
     deltas = (paths[:, -1] - paths[:, 0]).reshape(len(shown), SEEN_STEPS, futures, -1)
     states = np.array([one.watched.episode.states[last] for one, last in zip(shown, lasts, strict=True)])
     ends = np.array([one.watched.episode.states[one.ends[cut]] for one in shown])
-    position, landing = (each[:, task.explained].astype(float) for each in (states, ends))
+    position, end = (each[:, task.explained[0]].astype(float) for each in (states, ends))
     said = {name: _say(mapping, deltas, task) for name, mapping in vocabularies.items()}
     said |= {FLIPPED: _say(Flipped(vocabularies[OURS]), deltas[:, -1:], task)}
     others = [observer.reads(position, _say(mapping, deltas[:, -1:], task)[:, -1]) for mapping in shuffled]
     expected = {
         STAYS: position[None],
-        NOTHING: carries_on(position, task.motion(states).astype(float), horizon_steps)[None],
+        NOTHING: carries_on(position, task.motion(states)[:, 0].astype(float), horizon_steps)[None],
         **{name: observer.reads(position, words[:, -1])[None] for name, words in said.items()},
         SHUFFLED: np.array(others),
-        PREDICTED: (position + deltas[:, -1, 0, task.explained])[None],
-        TRUE_FUTURE: landing[None],
+        PREDICTED: (position + deltas[:, -1, 0, task.explained[0]])[None],
+        TRUE_FUTURE: end[None],
     }
-    return Listened({name: said[name] for name in vocabularies}, position, landing, expected)
+    return Listened({name: said[name] for name in vocabularies}, position, end, expected)
 
 
 def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:

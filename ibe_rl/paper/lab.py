@@ -19,7 +19,7 @@ from ibe_rl.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.command_line import choices
 from ibe_rl.config import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Instructor, Policy
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.evaluation import TrainedRun
 from ibe_rl.evaluation.flights import PROCESSES, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
@@ -40,8 +40,13 @@ def check_task(task: Task) -> None:
     """Refuse an environment that the experiments cannot be done in.
 
     Raises:
-        ConfigError: naming what it does not declare.
+        ConfigError: naming what it does not declare, or that its instructions have several numbers.
     """
+    if task.instruction_size != 1:
+        raise ConfigError(
+            f"task=figures: an instruction of {task.name} has {task.instruction_size} numbers; allowed is one number, "
+            "as in the paper (task=evaluate judges several)"
+        )
     missing = [name for name in ("motion", "first_contact", "scene_path") if getattr(task, name) is None]
     if missing:
         raise ConfigError(f"task=figures: {task.name} does not declare {', '.join(missing)}; allowed is one that does")
@@ -76,7 +81,7 @@ class Airfield:
     def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
         """Fly a greedy episode for each seed."""
         while len(self._envs) < min(AT_ONCE, len(seeds)):
-            self._envs.append(make_gym(self._env.id, self._env.kwargs))
+            self._envs.append(make_game(self._env))
         return play(self._envs, policy, make_instructor(self._instructor, task_of(self._envs[0])), seeds)
 
 
@@ -200,7 +205,7 @@ def protocol(lab: Lab) -> dict[str, Any]:
         "default_mapping": next(reversed(lab.mappings.values())).kind,
         "seen_steps": SEEN_STEPS,
         "futures": lab.cfg.predictor.futures,
-        "band": lab.task.explained_band,
+        "band": lab.task.explained_band[0],
         "context": lab.task.context_option,
         "seed": config.seed,
         "seeds": {name: [seeds[0], seeds[-1]] for name, count in counts.items() if (seeds := lab.seeds(name, count))},

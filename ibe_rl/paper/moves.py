@@ -47,7 +47,7 @@ def moves_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fr
     rewards = np.array([episode.total_reward for episode in episodes])
     context = np.array([episode.context for episode in episodes])
     return Moves(
-        change=windows.delta[:, task.explained].astype(float),
+        change=windows.delta[:, task.explained[0]].astype(float),
         told=windows.instruction[:, 0],
         episode=windows.episode,
         best=top_episodes(rewards, top_fraction),

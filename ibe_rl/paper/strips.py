@@ -63,12 +63,12 @@ class Told:
         """Where ``(2,)`` in the scene it would be at the end, had the explained dimension this value."""
         assert self.task.scene_path is not None
         state = self.shown[row].watched.episode.states[self.shown[row].ends[self.cut]].copy()
-        state[self.task.explained] = expected
+        state[self.task.explained[0]] = expected
         return self.task.scene_path(state)
 
     def errors(self, row: int) -> dict[str, float]:
         """Observer to its error in % of the width."""
-        return {name: float(each[row]) for name, each in self.listened.errors(self.task.explained_range).items()}
+        return {name: float(each[row]) for name, each in self.listened.errors(self.task.explained_range[0]).items()}
 
 
 @rc_context(DARK)

@@ -109,7 +109,7 @@ def call(
     """Put what really happened in episodes into the words of many vocabularies of each kind."""
     windows = cut_windows(episodes, horizon_steps, "clamp")
     windows = windows[windows.step % STRIDE_STEPS == 0]
-    change = windows.delta[:, task.explained].astype(float)
+    change = windows.delta[:, task.explained[0]].astype(float)
     limit = straight_below(task.phrases[0])
     called = {}
     for name in vocabularies[0]:
@@ -118,7 +118,7 @@ def call(
         wrong = ~straight & (np.sign(said) == -np.sign(change))
         called[name] = Called(straight.mean(axis=0), wrong.mean(axis=0))
     weights = episode_weights(windows.episode, resamples, seed)
-    return Tested(change, weights, called, task.explained_band)
+    return Tested(change, weights, called, task.explained_band[0])
 
 
 def straight_below(words: Phrases) -> float:

@@ -10,16 +10,16 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import cycle
 from typing import Any
 
-import gymnasium
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.config import PredictorConfig
-from ibe_rl.data import Array, Moment, Policy, observe
+from ibe_rl.data import Array, Moment, Policy, Prediction, observe
+from ibe_rl.log import TrajectoryLog
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.workers import end_with_parent
 
-MakeEnv = Callable[[], gymnasium.Env[Any, Any]]
+MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
 Part = tuple[Sequence[Moment], Sequence[Any]]
 """Moments, and the seed of the noise for each of them."""
@@ -58,12 +58,12 @@ class Simulator:
         self._seeds = np.random.SeedSequence(seed)
         self._workers: list[Executor] = []
 
-    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Array:
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.data.Predictor``."""
         noises = self._seeds.spawn(len(moments)) if self._own_noise else [None] * len(moments)
         cuts = range(0, len(moments), self._at_once)
         parts = [(moments[cut : cut + self._at_once], noises[cut : cut + self._at_once]) for cut in cuts]
-        return np.concatenate(list(self._roll_all(parts, policy, horizon_steps)))
+        return Prediction.exact(np.concatenate(list(self._roll_all(parts, policy, horizon_steps))))
 
     def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
@@ -79,6 +79,9 @@ class Simulator:
         except BrokenProcessPool:  # somebody has killed one of them
             self.close()
             return [self._games.roll(part, policy, horizon_steps) for part in parts]
+
+    def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
+        """There is nothing to learn: it knows the environment itself."""
 
     def forget(self) -> None:
         """Play with new copies from now on: old ones show traces of whom they played before."""

@@ -24,24 +24,32 @@ HEIGHT = 0.45
 def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, shown: Collection[int] = ()) -> None:
     """Draw a vocabulary that was just learnt; clusters that are ``shown`` and no more in it go."""
     log_clusters(recording, task, refresh)
-    for name in sorted(set(shown) - set(refresh.mapping.ids.tolist())):
-        recording.log(f"expression/{name}", rr.Clear(recursive=False))
-        recording.log(f"development/{name}", rr.Scalars(np.nan))  # the line ends
-    log_expressions(recording, refresh)
-    log_changes(recording, task, refresh)
+    for number in range(task.instruction_size):
+        bars, lines = (picture.entity(task, root, number) for root in ("expression", "development"))
+        for name in sorted(set(shown) - set(refresh.mapping.ids.tolist())):
+            recording.log(f"{bars}/{name}", rr.Clear(recursive=False))
+            recording.log(f"{lines}/{name}", rr.Scalars(np.nan))  # the line ends
+        log_expressions(recording, task, refresh, number)
+        log_changes(recording, task, refresh, number)
 
 
 def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
-    """Draw windows of the best episodes, coloured by the first number of what they express, and the clusters."""
+    """Draw windows of the best episodes, coloured by what they express, and the clusters.
+
+    With several numbers the axes are the dimensions that the first two speak of.
+    """
     mapping, delta = refresh.mapping, picture.sample(refresh.top)
-    across = picture.axis(task, task.explained, delta, symmetric=True)
-    second = picture.second_dimension(mapping, task.explained, delta)
+    first, *others = task.explained
+    across = picture.axis(task, first, delta, symmetric=True)
+    second = others[0] if others else picture.second_dimension(mapping, first, delta)
     up = picture.axis(task, second, delta, symmetric=False)
     log_axes(recording, across, up)
-    shades = colours.of_expressions(mapping.express(delta)[:, 0])
+    shades = colours.of_expressions(mapping.express(delta))
     points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
     recording.log("vocabulary/windows", rr.Points2D(points, colors=shades, radii=size))
     labels = [f"#{name} {value:+.2f}" for name, value in zip(mapping.ids, mapping.expressions[:, 0], strict=True)]
+    if others:  # no room for all of their numbers
+        labels = [f"#{name}" for name in mapping.ids]
     log_centres(recording, scatter(across, up, mapping.centre_changes()), colours.of_clusters(mapping.ids), labels)
 
 
@@ -77,28 +85,30 @@ def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, lab
     recording.log("vocabulary/names", names)
 
 
-def log_expressions(recording: rr.RecordingStream, refresh: Refresh) -> None:
-    """Draw the first number of each cluster's expression: as a bar, and as the next point of the cluster's line.
+def log_expressions(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:
+    """Draw one number of each cluster's expression: as a bar, and as the next point of the cluster's line.
 
     Every cluster has a place of its own, by its lasting id, and keeps its colour.
     """
     mapping = refresh.mapping
-    for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), mapping.expressions[:, 0].tolist(), strict=True)):
+    values = mapping.expressions[:, number].tolist()
+    for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), values, strict=True)):
         colour = colours.of_clusters(np.array([name]))[0]
         bar = rr.BarChart([value], abscissa=[rank], widths=[0.9], color=[*colour.tolist(), 255])
-        recording.log(f"expression/{name}", bar)
+        recording.log(f"{picture.entity(task, 'expression', number)}/{name}", bar)
         line = rr.SeriesLines(colors=[colour], names=[f"#{name}"], widths=[2])
         points = rr.SeriesPoints(colors=[colour], names=[f"#{name}"], marker_sizes=[3])
-        recording.log(f"development/{name}", line, points, static=True)
-        recording.log(f"development/{name}", rr.Scalars(value))
+        development = f"{picture.entity(task, 'development', number)}/{name}"
+        recording.log(development, line, points, static=True)
+        recording.log(development, rr.Scalars(value))
 
 
-def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
-    """Draw how the explained dimension changed in the best and in other episodes (the paper's histograms)."""
-    best, others = (windows.delta[:, task.explained] for windows in (refresh.top, refresh.others))
+def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:
+    """Draw how an explained dimension changed in the best and in other episodes (the paper's histograms)."""
+    best, others = (windows.delta[:, task.explained[number]] for windows in (refresh.top, refresh.others))
     edges = bin_edges(np.concatenate([best, others]))
     middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges).astype(np.float32)
     drawn = picture.cut(densities([best, others], edges))
     for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.OTHERS), strict=True):
         chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
-        recording.log(f"change/{name}", chart)
+        recording.log(f"{picture.entity(task, 'change', number)}/{name}", chart)

@@ -87,7 +87,7 @@ class Film:
         if not given:
             return SILENCE
         words = phrase(instruction, self._task.phrases)
-        self._shades.setdefault(words, colours.of_expressions(instruction[:1])[0])
+        self._shades.setdefault(words, colours.of_expressions(instruction[None])[0])
         return words
 
     def _send_scene(self, place: Place, watched: Watched, said: Sequence[Explanation]) -> None:
@@ -100,7 +100,7 @@ class Film:
         path = picture.flipped(self._task.scene_path(watched.episode.states), height)
         trails = picture.trails(path)
         self._send("scene/trail", every, rr.LineStrips2D.columns(strips=trails))
-        predicted = picture.flipped(self._task.scene_path(np.stack([one.path for one in said])), height)
+        predicted = picture.flipped(self._task.scene_path(np.stack([one.trusted_path for one in said])), height)
         self._send_predicted(place, picture.thinned(predicted), said)
 
     def _send_predicted(self, place: Place, predicted: Array, said: Sequence[Explanation]) -> None:
@@ -108,7 +108,7 @@ class Film:
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
         shades = _shades(said)
-        words = [f"says: {one.in_time(self._short)}" for one in said]
+        words = [f"says: {one.in_time(self._short)}{'' if one.trusted else ' ?'}" for one in said]
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
 
     def _send_judged(self, place: Place, said: Sequence[Explanation], real: Sequence[str]) -> None:
@@ -123,7 +123,7 @@ class Film:
             return
         times = place.columns(np.add(begun, steps_ago))
         height, true = self._task.scene_size[1], [said[i].phrase == real[i] for i in begun]
-        paths = picture.flipped(self._task.scene_path(np.stack([said[i].path for i in begun])), height)
+        paths = picture.flipped(self._task.scene_path(np.stack([said[i].trusted_path for i in begun])), height)
         shades = np.where(np.array(true)[:, None], colours.GREEN, colours.PINK).astype(np.uint8)
         self._send(entities[0], times, rr.LineStrips2D.columns(strips=picture.thinned(paths), colors=shades))
         words = [sentences.judged(steps_ago, said[i].phrase, real[i]) for i in begun]
@@ -154,13 +154,14 @@ class Film:
         times = place.columns(np.arange(len(said) + 1))
         for name, values in (("instruction", instructions), ("explanation", expressions)):
             values = np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan)  # no line on to the next episode
-            columns = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
-            self._send(f"signal/{name}", times, columns)
+            for number, column in enumerate(values.T):
+                path = f"{picture.entity(self._task, 'signal', number)}/{name}"
+                self._send(path, times, rr.Scalars.columns(scalars=column))
 
     def _send_lanes(self, place: Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         for one in said:
             self._shades.setdefault(
-                one.said, colours.of_expressions(one.expression[:1])[0] if one.known else np.array(colours.SILENT)
+                one.said, colours.of_expressions(one.expression[None])[0] if one.known else np.array(colours.SILENT)
             )
         words = list(self._shades)
         states = rr.StateConfiguration(
@@ -209,6 +210,6 @@ class Film:
 def _shades(said: Sequence[Explanation]) -> Array:
     """Colours ``(N, 3)`` of expressions, grey where the agent does not know."""
     known = np.array([one.known for one in said])[:, None]
-    return np.where(
-        known, colours.of_expressions(np.array([one.expression[0] for one in said])), colours.SILENT
-    ).astype(np.uint8)
+    return np.where(known, colours.of_expressions(np.array([one.expression for one in said])), colours.SILENT).astype(
+        np.uint8
+    )

@@ -5,6 +5,7 @@ Numpy only; the view draws what this module returns. Scene points have y down, a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,11 @@ TRAIL_POINTS = 64
 SCATTER_POINTS = 600
 TINY = 1e-9
 FEW = 5
+
+
+def entity(task: Task, root: str, number: int) -> str:
+    """Where what belongs to one number of an instruction is logged: with several, in a folder named after it."""
+    return root if task.instruction_size == 1 else f"{root}/{re.sub(r'[^A-Za-z0-9_]', '_', task.number_names[number])}"
 
 
 def flipped(points: Array, height: float) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
@@ -28,7 +27,7 @@ CURVES = {
     "eval/success_rate": ("success, greedy", GREEN),
     "ibe/came_true": ("said came true", EXPLANATION),
     "ibe/came_true_stale": ("in the words before", PALE),
-    "ibe/motion_auc": ("tells left from right", BLUE),
+    "ibe/motion_auc": ("tells the way", BLUE),
     "ibe/staleness": ("staleness", INSTRUCTION),
     "ibe/vocabulary_drift": ("words changed", PINK),
     "ibe/policy_drift": ("acts otherwise", BLUE),
@@ -39,13 +38,15 @@ CURVES = {
 def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
     """Lay out all panels, or without ``training`` those of an episode; the watched episodes play as a film."""
     scene = [_scene(task)] if task.scene_path is not None else []
-    words = rrb.Vertical(*_episode(), row_shares=[22, 27, 51])
+    words = rrb.Vertical(*_episode(task), row_shares=[*_shared(task, 22), 27, 51])
     if training:
         shown = rrb.Horizontal(*scene, words, column_shares=[54, 46][-1 - len(scene) :])
-        left = rrb.Vertical(shown, rrb.Horizontal(*_development()), row_shares=[67, 33])
+        left = rrb.Vertical(shown, rrb.Horizontal(*_development(task)), row_shares=[67, 33])
         panels = rrb.Horizontal(left, _right(task), column_shares=[69, 31])
     else:
-        panels = rrb.Horizontal(*scene, rrb.Vertical(*_episode(), _spoken(), row_shares=[30, 24, 16, 30]))
+        panels = rrb.Horizontal(
+            *scene, rrb.Vertical(*_episode(task), _spoken(), row_shares=[*_shared(task, 30), 24, 16, 30])
+        )
     return rrb.Blueprint(
         panels,
         rrb.BlueprintPanel(state="collapsed"),
@@ -56,38 +57,54 @@ def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
     )
 
 
-def _development() -> list[rrb.View]:
+def _development(task: Task) -> list[rrb.View]:
     """Curves over the training."""
     shares = ["train/success_rate", "eval/success_rate", "ibe/came_true", "ibe/came_true_stale", "ibe/motion_auc"]
     moved = ["ibe/vocabulary_drift", "ibe/policy_drift", "ibe/staleness"]
+    expressions = [(f"/{picture.entity(task, 'development', number)}", title) for number, title in _numbers(task)]
+    hidden = rrb.PlotLegend(visible=False)
     return [
         _over_training("Return", _curves("train/return_mean", "eval/return_mean")),
         _over_training("Success, truth", _curves(*shares), y_range=(-0.02, 1.06)),
         _over_training("Moved since last", _curves(*moved), rrb.PlotLegend("RightTop")),
-        _over_training("Expressions", ["/development/**"], rrb.PlotLegend(visible=False)),
+        *(_over_training(f"Expressions{title}", [f"{path}/**"], hidden) for path, title in expressions),
     ]
 
 
-def _episode() -> list[rrb.View]:
+def _numbers(task: Task) -> list[tuple[int, str]]:
+    """The numbers of an instruction, and what titles end on to tell them apart; nothing if there is but one."""
+    several = task.instruction_size > 1
+    return [(number, f": {name}" if several else "") for number, name in enumerate(task.number_names)]
+
+
+def _shared(task: Task, share: float) -> list[float]:
+    """The room of the panels of all numbers: of one as given, of each further one a third more together."""
+    numbers = task.instruction_size
+    return [share * (2 + numbers) / 3 / numbers] * numbers
+
+
+def _episode(task: Task) -> list[rrb.View]:
     """What is told and said over the steps of an episode, and now."""
     recent = rrb.TimeRange(
         start=rrb.TimeRangeBoundary.cursor_relative(seq=-WINDOW_STEPS),
         end=rrb.TimeRangeBoundary.cursor_relative(seq=5),
     )
-    signals = rrb.TimeSeriesView(
-        origin="/signal",
-        name="Instruction (yellow), explanation (teal)",
-        axis_x=rrb.TimeAxis(view_range=recent),
-        axis_y=rrb.ScalarAxis(range=(-1.1, 1.1)),
-        plot_legend=rrb.PlotLegend(visible=False),
-    )
+    signals = [
+        rrb.TimeSeriesView(
+            origin=f"/{picture.entity(task, 'signal', number)}",
+            name=f"Instruction (yellow), explanation (teal){title}",
+            axis_x=rrb.TimeAxis(view_range=recent),
+            axis_y=rrb.ScalarAxis(range=(-1.1, 1.1)),
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for number, title in _numbers(task)
+    ]
     lanes = rrb.StateTimelineView(origin="/says", name="In words", time_view=rrb.TimeAxis(view_range=recent))
     now = rrb.TextDocumentView(origin="/now", name="Now")
-    return [signals, lanes, now]
+    return [*signals, lanes, now]
 
 
 def _right(task: Task) -> rrb.Container:
-    explained, unit = task.state_names[task.explained], task.state_units[task.explained]
     return rrb.Vertical(
         rrb.Spatial2DView(
             origin="/vocabulary",
@@ -95,18 +112,28 @@ def _right(task: Task) -> rrb.Container:
             background=list(BACKGROUND),
             visual_bounds=rrb.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-0.84, 0.82)),
         ),
-        rrb.BarChartView(
-            origin="/expression",
-            name="Expressions now",
-            plot_legend=rrb.PlotLegend(visible=False),
-        ),
-        rrb.BarChartView(
-            origin="/change",
-            name=f"Δ{explained} ({unit}): best green, peak cut",
-            plot_legend=rrb.PlotLegend(visible=False),
-        ),
+        _beside([_expressions(task, number, title) for number, title in _numbers(task)]),
+        _beside([_changes(task, number) for number in range(task.instruction_size)]),
         _spoken(),
         row_shares=[37, 18, 18, 27],
+    )
+
+
+def _beside(views: Sequence[rrb.View]) -> rrb.View | rrb.Container:
+    return views[0] if len(views) == 1 else rrb.Horizontal(*views)
+
+
+def _expressions(task: Task, number: int, title: str) -> rrb.View:
+    origin = f"/{picture.entity(task, 'expression', number)}"
+    return rrb.BarChartView(origin=origin, name=f"Expressions now{title}", plot_legend=rrb.PlotLegend(visible=False))
+
+
+def _changes(task: Task, number: int) -> rrb.View:
+    unit = f" ({task.state_units[task.explained[number]]})" if task.instruction_size == 1 else ""
+    return rrb.BarChartView(
+        origin=f"/{picture.entity(task, 'change', number)}",
+        name=f"Δ{task.number_names[number]}{unit}: best green, peak cut",
+        plot_legend=rrb.PlotLegend(visible=False),
     )
 
 
@@ -163,19 +190,13 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
         static(f"curves/{key}", rr.SeriesLines(colors=[colour], names=[name], widths=[2]))
         if not key.startswith("train/"):  # too few rows for a line that is seen
             static(f"curves/{key}", rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[3]))
-    numbers = range(task.instruction_size)
-    shades = np.linspace(1, 0.5, task.instruction_size)[:, None]
-    for name, colour, mode in (
-        ("instruction", INSTRUCTION, rr.components.InterpolationMode.StepAfter),
-        ("explanation", EXPLANATION, rr.components.InterpolationMode.Linear),
+    for name, colour, width, mode in (
+        ("instruction", INSTRUCTION, 2.5, rr.components.InterpolationMode.StepAfter),
+        ("explanation", EXPLANATION, 1.5, rr.components.InterpolationMode.Linear),
     ):
-        lines = rr.SeriesLines(
-            colors=(shades * colour).astype(np.uint8),
-            names=[name if task.instruction_size == 1 else f"{name} {i + 1}" for i in numbers],
-            widths=[2.5 if name == "instruction" else 1.5] * task.instruction_size,
-            interpolation_mode=mode,
-        )
-        static(f"signal/{name}", lines)
+        for number in range(task.instruction_size):
+            line = rr.SeriesLines(colors=[colour], names=[name], widths=[width], interpolation_mode=mode)
+            static(f"{picture.entity(task, 'signal', number)}/{name}", line)
     static("scene/trail", rr.LineStrips2D.from_fields(colors=[TRAIL], radii=rr.Radius.ui_points(1.5)))
     static("scene/then", rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
     static("scene/verdict", rr.Points2D.from_fields(radii=rr.Radius.ui_points(1), show_labels=True))

@@ -265,11 +265,6 @@ def test_a_network_begins_orthogonal_with_its_last_gain():
         assert not layer.bias.any()
 
 
-def test_actions_must_be_discrete():
-    with pytest.raises(ConfigError, match=r"env: its actions are Box\(.*; the agents here need a Discrete space"):
-        make_agent(CONFIGS["ppo"], 2, gymnasium.spaces.Box(-1, 1, (2,)), TOTAL)
-
-
 def test_an_unknown_agent_is_refused():
     with pytest.raises(ConfigError, match="agent=AgentConfig: allowed is one of PPOConfig, DQNConfig"):
         make_agent(AgentConfig(kind="sac"), 2, gymnasium.spaces.Discrete(3), TOTAL)

@@ -20,6 +20,7 @@ from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker
 from ibe_rl.config import DQNConfig
 from ibe_rl.env import LANDER_ID, LANDER_TASK
+from ibe_rl.env.lander_task import X
 from ibe_rl.env.make import make_gym
 from ibe_rl.explainer import Voice
 from ibe_rl.ibe import ClusterMapping
@@ -98,7 +99,7 @@ def voice(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Voice:
     """Words for small movements to the left and to the right."""
     k = len(expressions)
     where = np.zeros((k, len(LANDER_TASK.state_names)))
-    where[:, LANDER_TASK.explained] = np.linspace(-0.05, 0.05, k)
+    where[:, X] = np.linspace(-0.05, 0.05, k)
     said, ones = np.reshape(expressions, (k, 1)), np.ones(k)
     mapping = ClusterMapping(plain(where.shape[1]), where, said, said, ones, ones, ones, np.arange(k))
     return Voice(mapping, HORIZON_STEPS, LANDER_TASK.phrases)

@@ -20,6 +20,7 @@ from ibe_rl.classroom.lesson import FRAME_S
 from ibe_rl.classroom.messages import HandOver, Press, Release
 from ibe_rl.data import Array
 from ibe_rl.env import LANDER_TASK
+from ibe_rl.env.lander_task import X
 from ibe_rl.env.make import join
 from ibe_rl.instruct import Beside, Oracle, read_lesson
 
@@ -34,7 +35,7 @@ def theatre(tmp_path: Path) -> Theatre:
 def states(*x: float) -> Array:
     """A state ``(1, S)`` for each of the positions."""
     made = np.zeros((len(x), 1, len(LANDER_TASK.state_names)), np.float32)
-    made[:, 0, LANDER_TASK.explained] = x
+    made[:, 0, X] = x
     return made
 
 

@@ -14,9 +14,11 @@ from gymnasium.utils.env_checker import check_env
 from ibe_rl.data import Array
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.lander_task import PAD_X
+from ibe_rl.env.lean_step import throttles
 
 YELLOW = (204, 204, 0)  # gymnasium's flags
-Pilot = Callable[[Any, Array], int]
+Pilot = Callable[[Any, Array], Any]
+ENGINES = pytest.mark.parametrize("continuous", [False, True], ids=["on or off", "throttled"])
 
 
 def make(**kwargs: Any) -> Any:
@@ -26,11 +28,12 @@ def make(**kwargs: Any) -> Any:
 def aimed(x: float = 0.0, y: float = 0.0) -> Pilot:
     """Gymnasium's rule of thumb, heading for a point that lies ``x`` and ``y`` from the pad."""
 
-    def pilot(env: Any, state: Array) -> int:
+    def pilot(env: Any, state: Array) -> Any:
         seen = state[:8].copy()
         seen[0] -= state[8] + x
         seen[1] -= y
-        return int(heuristic(env, seen))
+        action = heuristic(env, seen)
+        return np.asarray(action, np.float32) if env.unwrapped.continuous else int(action)
 
     return pilot
 
@@ -342,9 +345,9 @@ def replays(episodes: range, **kwargs: Any) -> list[Replay]:
     return found
 
 
-@pytest.fixture(scope="module")
-def landings() -> list[Replay]:
-    return replays(range(16))
+@pytest.fixture(scope="module", params=[False, True], ids=["on or off", "throttled"])
+def landings(request: pytest.FixtureRequest) -> list[Replay]:
+    return replays(range(16), continuous=request.param)
 
 
 def test_a_restored_game_repeats_the_flight(landings: list[Replay]):
@@ -432,17 +435,18 @@ def test_a_snapshot_changes_nothing_and_does_not_change():
     np.testing.assert_array_equal(before.bodies, bodies)
 
 
-def test_the_lean_step_equals_gymnasiums_to_the_last_bit() -> None:
+@ENGINES
+def test_the_lean_step_equals_gymnasiums_to_the_last_bit(continuous: bool) -> None:
     """A copy that could render goes through gymnasium's own step; whole episodes on all pads, all kinds of end."""
-    theirs = gymnasium.make(LANDER_ID, render_mode="rgb_array").unwrapped
-    lean = gymnasium.make(LANDER_ID).unwrapped
-    random, ends = np.random.default_rng(0), set()
-    for seed in range(24):
+    theirs = make(render_mode="rgb_array", continuous=continuous).unwrapped
+    lean = make(continuous=continuous).unwrapped
+    random, steady, ends = np.random.default_rng(0), aimed(), set()
+    for seed in range(12 if continuous else 24):
         state, _ = theirs.reset(seed=seed)
         np.testing.assert_array_equal(lean.reset(seed=seed)[0], state)
         for _ in range(1000):
-            aimed = state[:8] - np.eye(8)[0] * state[8]
-            action = int(random.integers(4)) if seed % 3 == 0 else int(heuristic(theirs, aimed))
+            anything = random.uniform(-1.3, 1.3, 2).astype(np.float32) if continuous else int(random.integers(4))
+            action = anything if seed % 3 == 0 else steady(theirs, state)
             expected, got = theirs.step(action), lean.step(action)
             np.testing.assert_array_equal(got[0], expected[0])
             assert got[1:] == expected[1:]
@@ -451,3 +455,15 @@ def test_the_lean_step_equals_gymnasiums_to_the_last_bit() -> None:
                 ends.add(expected[1])
                 break
     assert ends == {-100.0, 100.0}
+
+
+def test_throttles_by_hand() -> None:
+    """The main engine has at least half of its power when it is on; so have the engines at the sides."""
+    for action, powers in {
+        (0.0, 0.0): (0, 0),
+        (-1.0, 0.5): (0, 0),
+        (0.5, -0.6): (0.75, -0.6),
+        (7.0, -7.0): (1, -1),
+        (1e-3, 0.75): (0.5005, 0.75),
+    }.items():
+        assert throttles(action) == pytest.approx(powers)

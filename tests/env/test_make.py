@@ -212,6 +212,30 @@ def test_episodes_under_way_go_on_to_the_last_bit(flown: TensorDictBase):
         assert torch.equal(again[name], whole[name]), name
 
 
+def test_episodes_under_way_with_continuous_actions_go_on_to_the_last_bit():
+    def acting(actions: torch.Tensor) -> Any:
+        """Do these ``(N, T, 2)``, one step after the other."""
+        left = iter(actions.unbind(1))
+
+        def act(tensordict: TensorDictBase) -> TensorDictBase:
+            return tensordict.set("action", next(left))
+
+        return act
+
+    drawn = 2 * torch.rand(2, 160, 2, generator=torch.Generator().manual_seed(1)) - 1
+    whole = make(continuous=True, rows=2).rollout(160, acting(drawn), break_when_any_done=False)
+    rows = []
+    for row in whole[:, :STOP]:
+        ends = [-1, *row["next", "done"][:, 0].nonzero().flatten().tolist()]
+        rows.append(UnderWay(len(ends) - 1, row["action"][ends[-1] + 1 :].numpy(), row["next", "state"][-1].numpy()))
+    assert all(len(one.actions) for one in rows)
+    games = [make_gym(LANDER_ID, {"continuous": True}) for _ in rows]
+    again = join(games, make_instructor(InstructorConfig(), LANDER_TASK), SEED, rows)
+    data = again.rollout(160 - STOP, acting(drawn[:, STOP:]), break_when_any_done=False)
+    for name in ("state", "instruction", ("next", "reward"), ("next", "done"), ("next", "state")):
+        assert torch.equal(data[name], whole[name][:, STOP:]), name
+
+
 def test_a_row_between_two_episodes_begins_its_next_one(flown: TensorDictBase):
     rows = [UnderWay(7, np.zeros(0, np.int64), None), *standing(flown)[1:]]
     state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 7))[0]
@@ -262,7 +286,7 @@ def test_an_unknown_environment_is_refused():
 
 
 def test_an_environment_without_a_task_is_refused():
-    with pytest.raises(ConfigError, match=r"env\.id=LunarLander-v3: the environment declares no task"):
+    with pytest.raises(ConfigError, match=r"env\.id=LunarLander-v3: it declares no task"):
         make_gym("LunarLander-v3", {})
 
 

@@ -16,9 +16,9 @@ from ibe_rl.task import Task
 
 TASK: Task = replace(
     LIFT,
-    explained_range=20.0,
-    motion=lambda states: states[..., 1] / 10,
-    goal_offset=lambda states: 5 - states[..., 0],
+    explained_range=(20.0,),
+    motion=lambda states: states[..., 1:2] / 10,
+    goal_offset=lambda states: 5 - states[..., :1],
     first_contact=lambda states: len(states) - 1,
 )
 """Moves a tenth of its speed a step; wants to be at 5 m; the shaft is 20 m high."""
@@ -55,6 +55,7 @@ def moments(
         observed=np.zeros(count, bool) if observed is None else np.array(observed),
         realised=heights(np.array(realised, float))[:, None],
         predicted=heights(np.array(predicted, float))[:, :, None],
+        trusted=np.ones((count, len(predicted[0]), 1), bool),
         horizons_steps=(5,),
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 from lift import TASK, moments
 
 from ibe_rl.data import Array, Episode
-from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, fit_state_regressor
+from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, fit_state_regressors
 
 
 class Zero:
@@ -14,28 +14,28 @@ class Zero:
         return np.zeros(len(states))
 
 
-REGRESSOR = StateRegressor("ridge", Zero(), {})
+REGRESSORS = [StateRegressor("ridge", Zero(), {})]
 HERE = moments([1, -1], [[1], [1]], told=[1, -1], episode=[0, 1], speed=[3, -4])
 
 
 def test_what_can_be_said_without_a_simulator():
-    said = cheap_baselines(HERE, 5, TASK, REGRESSOR)
+    said = cheap_baselines(HERE, 5, TASK, REGRESSORS)
     assert tuple(said) == CHEAP
-    assert said["present_velocity"].tolist() == [1.5, -2.0]
-    assert said["direction_to_goal"].tolist() == [5, 5]
-    assert said["last_instruction"].tolist() == [1, -1]
-    assert said["constant"].tolist() == said["state_regressor"].tolist() == [0, 0]
+    assert said["present_velocity"].tolist() == [[1.5], [-2.0]]
+    assert said["direction_to_goal"].tolist() == [[5], [5]]
+    assert said["last_instruction"].tolist() == [[1], [-1]]
+    assert said["constant"].tolist() == said["state_regressor"].tolist() == [[0], [0]]
 
 
 def test_what_the_task_does_not_declare_is_left_out():
     bare = replace(TASK, motion=None, goal_offset=None)
-    assert set(cheap_baselines(HERE, 5, bare, REGRESSOR)) == {"last_instruction", "constant", "state_regressor"}
+    assert set(cheap_baselines(HERE, 5, bare, REGRESSORS)) == {"last_instruction", "constant", "state_regressor"}
 
 
 def test_changes_become_instructions_by_the_way_they_go():
-    change = np.array([-2, -0.4, 0, 0.4, 2])
-    assert as_instruction("present_velocity", change, 0.5).tolist() == [-1, 0, 0, 0, 1]
-    assert as_instruction("last_instruction", change, 0.5).tolist() == change.tolist()
+    change = np.array([[-2, -0.4, 0, 0.4, 2], [-2, -0.4, 0, 0.4, 2]]).T
+    assert as_instruction("present_velocity", change, (0.5, 0.3)).T.tolist() == [[-1, 0, 0, 0, 1], [-1, -1, 0, 1, 1]]
+    assert as_instruction("last_instruction", change, (0.5, 0.3)).tolist() == change.tolist()
 
 
 def episode(seed: int, bent: bool) -> Episode:
@@ -48,10 +48,10 @@ def episode(seed: int, bent: bool) -> Episode:
 
 
 def test_the_regression_that_foretells_left_out_episodes_better_is_kept():
-    straight = fit_state_regressor([episode(seed, bent=False) for seed in range(60)], 1, TASK, seed=0)
+    [straight] = fit_state_regressors([episode(seed, bent=False) for seed in range(60)], 1, TASK, seed=0)
     assert straight.kind == "ridge"
     assert straight.r2["ridge"] > 0.999 > straight.r2["boosting"]
     np.testing.assert_allclose(straight.predict(np.array([[0, 2, 0], [7, -1, 0]])), [2, -1], atol=0.02)
-    bent = fit_state_regressor([episode(seed, bent=True) for seed in range(60)], 1, TASK, seed=0)
+    [bent] = fit_state_regressors([episode(seed, bent=True) for seed in range(60)], 1, TASK, seed=0)
     assert bent.kind == "boosting"
     assert bent.r2["ridge"] < 0.5 < bent.r2["boosting"]

@@ -40,7 +40,7 @@ def judged() -> Judged:
     learnt = Learnt(
         {OURS: words(), "baseline:paper": words((-4, 0, 2), (-1, 0, 1))},
         {"baseline:shuffled": [words(), wrong], "baseline:random_clusters": [wrong]},
-        StateRegressor("ridge", Nothing(), {}),
+        [StateRegressor("ridge", Nothing(), {})],
     )
     here = flights(0)
     return judge(learnt, here, flights(1), 5, TASK, episode_weights(here.episode, 100, 0), seed=0)
@@ -137,7 +137,7 @@ def test_confidence_against_always_saying_the_share(judged: Judged):
 
 def test_without_refits_there_are_no_controls():
     here = flights(0)
-    learnt = Learnt({OURS: words()}, {}, StateRegressor("ridge", Nothing(), {}))
+    learnt = Learnt({OURS: words()}, {}, [StateRegressor("ridge", Nothing(), {})])
     names = judge(learnt, here, here, 5, TASK, episode_weights(here.episode, 20, 0), seed=0).samples
     assert OURS in names
     assert "baseline:flipped" not in names

@@ -24,8 +24,10 @@ HERE = moments([2, -2], [[2, 2, 2], [1.5, -3, -2]], told=[1, -1], episode=[0, 1]
 def judged() -> Judged:
     weights = episode_weights(HERE.episode, 20, 0)
     spoken = speak(words(), HERE, 5, [WORDS])
-    truth = Truth.of(HERE, 5, TASK, np.zeros(2), weights)
-    return Judged(truth, {}, {}, {OURS: spoken}, {OURS: calibrate(spoken)}, {OURS: np.array([0.85, 0.25])})
+    truth = Truth.of(HERE, 5, TASK, np.zeros((2, 1)), weights)
+    return Judged(
+        truth, TASK.number_names, {}, {}, {OURS: spoken}, {OURS: calibrate(spoken)}, {OURS: np.array([0.85, 0.25])}
+    )
 
 
 def test_a_row_a_moment(tmp_path: Path):

@@ -32,14 +32,14 @@ WEIGHTS = episode_weights(HERE.episode, 50, 0)
 
 
 def truth() -> Truth:
-    return Truth.of(HERE, 5, TASK, np.array([2.0, 2.0, 0.0, 2.0]), WEIGHTS)
+    return Truth.of(HERE, 5, TASK, np.array([[2.0], [2.0], [0.0], [2.0]]), WEIGHTS)
 
 
 def test_the_truth_is_the_change_and_what_a_forecast_gets_wrong_is_hard():
     real = truth()
-    assert real.change.tolist() == [2, -2, 0, 2]
-    assert real.hard.tolist() == [False, True, False, False]
-    assert real.told.tolist() == [1, -1, 0, -1]
+    assert real.change.tolist() == [[2], [-2], [0], [2]]
+    assert real.hard[:, 0].tolist() == [False, True, False, False]
+    assert real.told.tolist() == [[1], [-1], [0], [-1]]
     assert real.unweighed().weights.tolist() == [[1, 1, 1, 1]]
 
 

@@ -81,3 +81,10 @@ def test_an_action_of_several_numbers_is_another_if_one_number_is():
     after = np.array([[0, 0, 0], [0, 0.5, 0], [1, 1, 1], [0, 0, 0]])
     assert policy_drift(before, after) == 0.5
     assert policy_drift(before, before) == 0
+
+
+def test_a_continuous_action_is_another_if_it_moved_by_a_tenth_of_what_it_varies_over():
+    before = np.array([[0, 5], [10, 5], [5, 5], [5, 5]], np.float32)
+    after = before + np.array([[0.9, 0], [0, 0], [-1.1, 0], [0, 1e-3]], np.float32)
+    assert policy_drift(before, after) == 0.5  # the second number never varies by more than the thousandth
+    assert policy_drift(before, before) == 0

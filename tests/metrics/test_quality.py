@@ -179,8 +179,8 @@ def test_the_score_on_disobeyed_windows_leaves_out_the_followed_ones():
 def test_the_dimension_and_the_band_are_the_tasks():
     rows = windows((1, 3, 0.8), (-1, -3, -0.7), (0, 0.2, 0.9))
     assert vocabulary_scores(Second(), rows, TASK)["motion_auc"] == 0.75
-    assert vocabulary_scores(Second(), rows, replace(TASK, explained_band=0.1))["motion_auc"] == 1
-    assert vocabulary_scores(Second(), rows, replace(TASK, explained=1))["motion_spearman"] == pytest.approx(1)
+    assert vocabulary_scores(Second(), rows, replace(TASK, explained_band=(0.1,)))["motion_auc"] == 1
+    assert vocabulary_scores(Second(), rows, replace(TASK, explained=(1,)))["motion_spearman"] == pytest.approx(1)
 
 
 def test_no_windows_tell_nothing():

@@ -26,7 +26,7 @@ from ibe_rl.task import Task
 TASK: Task = replace(
     LIFT,
     name="a sledge",
-    explained_range=20.0,
+    explained_range=(20.0,),
     scene_path=lambda states: states[..., :2],
     scene_size=(20.0, 13.0),
 )

@@ -16,8 +16,8 @@ TASK: Task = replace(
     state_names=("height",),
     state_units=("m",),
     rule=lambda states: np.sign(states),
-    explained_range=20.0,
-    motion=lambda states: states[..., 0] / 10,
+    explained_range=(20.0,),
+    motion=lambda states: states / 10,
     first_contact=lambda states: int(np.argmin(states[:, 0])),
 )
 """It counts as moved beyond half a metre and is called still below 0.3; moves a tenth of its height a step; the shaft

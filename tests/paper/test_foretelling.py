@@ -13,7 +13,7 @@ from ibe_rl.agent import make_agent
 from ibe_rl.checkpoint import load, policies
 from ibe_rl.collect import JUDGING_SEED
 from ibe_rl.config import InstructorConfig, PPOConfig
-from ibe_rl.data import Array, Moment
+from ibe_rl.data import Array, Moment, Prediction
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -72,12 +72,12 @@ class Foreseen:
     def __init__(self) -> None:
         self.asked: list[tuple[list[float], Any, int]] = []
 
-    def rollout(self, moments: Sequence[Moment], policy: Any, horizon_steps: int) -> Array:
+    def rollout(self, moments: Sequence[Moment], policy: Any, horizon_steps: int) -> Prediction:
         now = np.array([moment.state for moment in moments], float)
         self.asked.append((now[:, 0].tolist(), policy, horizon_steps))
         change = np.where(now % 4 == 0, 2.0, -2.0)
         change[::FUTURES] = -3
-        return now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None]
+        return Prediction.exact(now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None])
 
 
 def listened(cut: str, predictor: Any = None, episodes: Sequence[Shown] = (RISING, FALLING)) -> Listened:
@@ -93,7 +93,7 @@ def test_observers_see_so_many_frames_and_foretell_at_the_last():
     assert heights == np.repeat([*rising, *falling], FUTURES).tolist()
     assert (asked_policy, horizon) == (policy, HORIZON)
     assert told.position.tolist() == [26, 40]
-    assert told.landing.tolist() == [36, 20]
+    assert told.end.tolist() == [36, 20]
     assert {name: said.shape for name, said in told.said.items()} == dict.fromkeys((PAPER, OURS), (2, SEEN_STEPS))
     np.testing.assert_array_equal(told.said[OURS], np.where(np.array([rising, falling]) % 4 == 0, 1, -1))
     np.testing.assert_array_equal(told.said[PAPER], np.where(np.array([rising, falling]) % 4 == 0, 0.4, -0.8))
@@ -116,7 +116,7 @@ def test_what_every_observer_expects_worked_out_by_hand():
 
 def test_cut_at_the_end_everything_is_foretold_from_there():
     told = listened(END)
-    assert (told.position.tolist(), told.landing.tolist()) == ([30, 30], [40, 10])
+    assert (told.position.tolist(), told.end.tolist()) == ([30, 30], [40, 10])
     assert told.expected[OURS].tolist() == [[25, 25]]
     assert told.said[OURS][:, -1].tolist() == [-1, -1]
 

@@ -13,6 +13,7 @@ from processes import call
 from ibe_rl.command_line import load_config
 from ibe_rl.config import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
 from ibe_rl.data import ConfigError, Episode
+from ibe_rl.env.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.evaluation import load_run
 from ibe_rl.paper import experiments
 from ibe_rl.paper.agents import Skilled
@@ -73,6 +74,12 @@ def agent(opened: Lab) -> Skilled:
     return Skilled("C", None, 9216, opened.run.policy, opened.fly(opened.run.policy, range(4)))
 
 
+def test_an_instruction_of_two_numbers_is_refused(opened: Lab) -> None:
+    both = replace(opened.run, task=LANDER_SPEED_TASK)
+    with pytest.raises(ConfigError, match=r"^task=figures: an instruction of .* has 2 numbers; allowed is one number"):
+        Lab(both, opened.cfg)
+
+
 @pytest.mark.parametrize("lacks", ["motion", "first_contact", "scene_path"])
 def test_an_environment_that_does_not_declare_enough_is_refused(opened: Lab, lacks: str) -> None:
     poorer = replace(opened.run, task=replace(opened.task, **{lacks: None}))
@@ -99,7 +106,7 @@ def test_an_agent_that_never_comes_down_cannot_be_foretold(
 
 
 def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: Lab, agent: Skilled) -> None:
-    still = Lab(replace(opened.run, task=replace(opened.task, explained_band=9.0)), opened.cfg)
+    still = Lab(replace(opened.run, task=replace(opened.task, explained_band=(9.0,))), opened.cfg)
     with pytest.raises(ConfigError, match=r"^run=.*: agent C never goes to a side within 20 steps; allowed is a run"):
         experiments.typical(still, agent, agent.episodes)
 

@@ -122,7 +122,7 @@ def test_a_vocabulary_as_json():
 def test_movements_are_called_what_the_nearest_cluster_is():
     of_one = heard(SMALL_ONES, EVEN)
     assert of_one.change.tolist() == [*SMALL_ONES]
-    assert of_one.band == TASK.explained_band == 0.5
+    assert of_one.band == TASK.explained_band[0] == 0.5
     assert of_one.called[OURS].straight.tolist() == [0, 1, 1, 0]
     assert of_one.called[OURS].wrong.tolist() == [0, 0, 0, 0]
     assert heard(SMALL_ONES, ONE_SIDED).called[OURS].wrong.tolist() == [1, 1, 0, 0]

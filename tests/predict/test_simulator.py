@@ -56,7 +56,7 @@ def test_every_predictor_keeps_the_protocol(make: Callable[..., Predictor]):
     _, moments = flown()
     several = moments[::40]
     for horizon in (1, 25):
-        paths = make().rollout(several, pilot, horizon)
+        paths = make().rollout(several, pilot, horizon).paths
         assert paths.shape == (len(several), horizon + 1, 9)
         assert paths.dtype == np.float32
         np.testing.assert_array_equal(paths[:, 0], [moment.state for moment in several])
@@ -67,7 +67,7 @@ def test_every_predictor_keeps_the_protocol(make: Callable[..., Predictor]):
 @pytest.mark.parametrize("make", SETTINGS.values(), ids=SETTINGS)
 def test_the_same_seed_predicts_the_same(make: Callable[..., Predictor]):
     _, moments = flown()
-    paths, again, other = (make(seed=seed).rollout(moments[::30], pilot, 40) for seed in (1, 1, 2))
+    paths, again, other = (make(seed=seed).rollout(moments[::30], pilot, 40).paths for seed in (1, 1, 2))
     np.testing.assert_array_equal(paths, again)
     assert np.abs(paths - other).max() > 1e-3
 
@@ -81,7 +81,7 @@ def test_several_processes_predict_the_same():
     found = []
     for _ in range(2):
         with closing(make_simulator(settings, make_one, RULE, seed=3)) as spread:
-            found.append([spread.rollout(several, policy, 30) for _ in range(2)])
+            found.append([spread.rollout(several, policy, 30).paths for _ in range(2)])
             assert len(spread._workers) == 2
         assert not spread._workers
     np.testing.assert_array_equal(*found)
@@ -89,17 +89,17 @@ def test_several_processes_predict_the_same():
     for paths in found[0]:
         in_flight = ~paths[..., LEGS].any(axis=(1, 2))  # on the ground a copy shows more of whom it played before
         assert np.sum(in_flight) > 4
-        np.testing.assert_allclose(paths[in_flight], alone.rollout(several, policy, 30)[in_flight], atol=2e-3)
+        np.testing.assert_allclose(paths[in_flight], alone.rollout(several, policy, 30).paths[in_flight], atol=2e-3)
 
 
 def test_a_process_that_is_killed_is_done_without():
     _, moments = flown()
     several, policy = moments[::20], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
     with closing(make_simulator(PredictorConfig(moments_at_once=4, processes=2), make_one, RULE, seed=3)) as spread:
-        whole = spread.rollout(several, policy, 30)
+        whole = spread.rollout(several, policy, 30).paths
         [process] = spread._workers[1]._processes.values()
         process.kill()
-        assert spread.rollout(several, policy, 30).shape == whole.shape
+        assert spread.rollout(several, policy, 30).paths.shape == whole.shape
         assert spread._workers == []
 
 
@@ -114,8 +114,8 @@ def test_nobody_knows_the_noise_of_the_future():
     """Each prediction draws its own, also of the same moment."""
     _, moments = flown()
     predictor = Simulator(make_one, RULE)
-    once, twice = predictor.rollout([moments[0], moments[0]], pilot, 40)
-    later = predictor.rollout([moments[0]], pilot, 40)[0]
+    once, twice = predictor.rollout([moments[0], moments[0]], pilot, 40).paths
+    later = predictor.rollout([moments[0]], pilot, 40).paths[0]
     for other in (twice, later):
         assert 1e-3 < np.abs(once - other).max() < 0.5
 
@@ -126,7 +126,7 @@ def test_with_the_same_noise_and_rule_it_predicts_what_is_really_flown():
     for seed in range(6):
         states, moments = flown(seed=seed)
         starts = range(0, len(moments) - 60, 10)
-        paths = predictor.rollout([moments[start] for start in starts], pilot, 60)
+        paths = predictor.rollout([moments[start] for start in starts], pilot, 60).paths
         for start, path in zip(starts, paths, strict=True):
             errors.append(np.abs(path - states[start : start + 61])[:, :6].max())
             on_ground.append(states[start : start + 61, 6:8].any())
@@ -156,7 +156,7 @@ def test_the_live_game_goes_on_as_if_nothing_had_been_explained():
 def test_a_prediction_that_ends_repeats_its_last_state():
     states, moments = flown(fall)
     last = len(states) - 1
-    paths = Simulator(make_one, RULE).rollout([moments[0], moments[last - 10]], fall, last + 30)
+    paths = Simulator(make_one, RULE).rollout([moments[0], moments[last - 10]], fall, last + 30).paths
     assert (paths[0, last:] == paths[0, last]).all()
     assert (paths[1, 10:] == paths[1, 10]).all()
     assert (paths[1, 9] != paths[1, 10]).any()
@@ -199,7 +199,7 @@ def test_hold_holds_where_the_rule_would_change_its_mind():
 def test_rule_asks_the_rule_in_the_predicted_states(kind: str):
     _, moments = flown(kind=kind)
     policy = Noting()
-    paths = Simulator(make_one, RULE, "rule").rollout([moments[20]], policy, 15)
+    paths = Simulator(make_one, RULE, "rule").rollout([moments[20]], policy, 15).paths
     assert policy.seen[0][0, 9:].tolist() == [moments[20].instruction[0], moments[20].given]  # that is known
     for seen, state in zip(policy.seen[1:], paths[0, 1:], strict=False):
         np.testing.assert_array_equal(seen[0, :9], state)
@@ -222,8 +222,8 @@ def test_many_moments_need_few_games():
         made.append(1)
         return make_one()
 
-    together = Simulator(make_one, RULE, seed=3).rollout(several, pilot, 30)
-    parts = Simulator(count, RULE, moments_at_once=3, seed=3).rollout(several, pilot, 30)
+    together = Simulator(make_one, RULE, seed=3).rollout(several, pilot, 30).paths
+    parts = Simulator(count, RULE, moments_at_once=3, seed=3).rollout(several, pilot, 30).paths
     assert len(several) == 7
     assert len(made) == 3
     np.testing.assert_allclose(parts, together, atol=1e-3)

@@ -8,6 +8,7 @@ import pytest
 from view_data import Rows, column, developed, frames, read, refreshed
 
 from ibe_rl import colours
+from ibe_rl.env.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
 from ibe_rl.metrics.histogram import bin_edges, densities
@@ -112,3 +113,22 @@ def test_without_other_episodes_and_spread_the_vocabulary_is_drawn_all_the_same(
     recorder.close()
     [others] = read(tmp_path / "recording.rrd")["/change/others"][0]["BarChart:values"]
     assert not np.any(others["buffer"])
+
+
+def test_two_numbers_have_panels_of_their_own_and_the_scatter_shows_both(tmp_path: Path) -> None:
+    refresh = hand_made()
+    both = np.hstack([refresh.mapping.expressions, [[0.5], [-1], [0]]])
+    mapping = replace(refresh.mapping, expressions=both, mean_instructions=both)
+    recorder = Recorder(tmp_path / "recording.rrd", LANDER_SPEED_TASK, "run")
+    recorder.refresh(replace(refresh, mapping=mapping))
+    recorder.refresh(replace(refresh, mapping=replace(mapping, ids=np.array([4, 2, 5])), frame=refresh.frame + 1))
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    for number, name in enumerate(("x", "vy")):
+        drawn = [rows[f"/expression/{name}/{each}"][0]["BarChart:values"][0]["buffer"] for each in (4, 2, 9)]
+        assert np.ravel(drawn) == pytest.approx(both[:, number])
+        assert np.isnan(column(rows[f"/development/{name}/9"], "Scalars:scalars")[-1])  # cluster 9 is no more
+        assert rows[f"/change/{name}/best"]
+    [first, _] = rows["/vocabulary/marks"]
+    assert [label for label in first["Points2D:labels"] if "Δ" in label] == ["→ Δx (half widths)", "↑ Δvy (7.5 m/s)"]
+    assert rows["/vocabulary/names"][0]["Points2D:labels"] == ["#4", "#2", "#9"]

@@ -149,7 +149,9 @@ def test_now_says_whether_what_was_said_before_came_true(rows: Rows) -> None:
 
 def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_path: Path) -> None:
     words = Phrases("still", "{degree}back", "{degree}forth", ((0.2, ""),))
-    task: Task = replace(TASK, scene_path=None, phrases=(words, words))
+    task: Task = replace(
+        TASK, scene_path=None, phrases=(words, words), explained=(0, 3), explained_band=(1, 1), explained_range=()
+    )
     watched, refresh = flights()[WATCHED[1]], refreshed()
     given = watched.episode.instructions
     episode = replace(watched.episode, instructions=np.hstack([given, -given]))
@@ -160,7 +162,9 @@ def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_pa
     recorder.close()
     rows = read(tmp_path / "recording.rrd")
     assert not any(frames(found) for entity, found in rows.items() if entity.startswith("/scene"))
-    assert {len(values) for values in column(rows["/signal/explanation"], "Scalars:scalars")} == {2}
+    for number, sign in (("x", 1), ("vy", -1)):
+        drawn = np.ravel(column(rows[f"/signal/{number}/explanation"], "Scalars:scalars"))[: len(said)]
+        assert np.allclose(drawn, [sign * one.expression[0] for one in said])
     assert "still and still" in [state for [state] in column(rows["/says/instructor"], "StateChange:state")]
 
 

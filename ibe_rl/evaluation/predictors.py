@@ -1,0 +1,154 @@
+"""``task=predictors``: what is an explanation worth that is made with a learned predictor, beside the exact one?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ibe_rl.checkpoint import BETWEEN, EVALUATED
+from ibe_rl.command_line import choices
+from ibe_rl.config import ExplainConfig, PredictorConfig
+from ibe_rl.data import Policy
+from ibe_rl.evaluation import figures, report, tables
+from ibe_rl.evaluation.baselines import StateRegressor, fit_state_regressors
+from ibe_rl.evaluation.flights import PROCESSES, seeds_for
+from ibe_rl.evaluation.foresight import can_foresee, predictor_of, with_processes
+from ibe_rl.evaluation.moments import Moments, Plan, Taken, fly_moments, predict_all, put_together
+from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.quality import Judged, Learnt, judge, rows_of
+from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.rows import as_json, difference
+from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
+from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
+from ibe_rl.refresh import Saved
+from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
+
+EXACT, AGAIN = "simulator", "simulator_again"
+"""The exact predictor, and the same once more with other chance: no other can be expected to agree with it more."""
+OURS = "ibe:own"
+PAIRED = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true", "came_true_voted", "ece")
+"""What is told as a difference to the exact one, on the same moments."""
+
+
+@dataclass(frozen=True)
+class Age:
+    """The agent at one refresh.
+
+    Attributes:
+        saved: what was learnt at this refresh.
+        policy_frame: training frames when the policy was kept that is nearest to it.
+        policy: that policy.
+        episodes: that are judged.
+        held_out: other episodes, that the confidence is calibrated on.
+    """
+
+    saved: Saved
+    policy_frame: int
+    policy: Policy
+    episodes: int
+    held_out: int
+
+
+def judge_predictors(cfg: ExplainConfig) -> None:
+    """Explain the same moments with every kind of predictor, at each refresh, and hold that against what came.
+
+    Raises:
+        ConfigError: if the run lacks what is needed, before anything is flown.
+    """
+    run, seed = load_run(find_run(cfg.run, Path("runs"))), cfg.evaluate.seed
+    own = run.config.predictor
+    kinds = choices("predictor") | {own.kind: own}
+    heard = Refits(run, seed).lessons(run.config.mapping).heard
+    regressors = fit_state_regressors(heard, run.horizon_steps, run.task, seed)
+    report.make_folders(run.folder)
+    rows = [row for age in ages_of(run, cfg) for row in judge_age(run, age, kinds, regressors, cfg)]
+    path = run.folder / EVALUATION / "predictors.json"
+    write_json(path, {"protocol": report.protocol(run, cfg, rows[-1]["moments"]), "rows": rows})
+    drawn = figures.save(figures.predictors(rows, run.horizon_steps), run.folder / FIGURES / "predictors.png")
+    console = tables.console()
+    newest = [row for row in rows if row["frame"] == rows[-1]["frame"]]
+    console.print(tables.predictors_table(newest, f"{run.folder.name}, frame {newest[0]['frame']:,}"))
+    console.print(tables.predictors_over_training(rows))
+    console.print(f"numbers: {path}\nfigure: {drawn}", soft_wrap=True)
+
+
+def ages_of(run: TrainedRun, cfg: ExplainConfig) -> list[Age]:
+    """The agent at each refresh that was kept, oldest first; only the newest if ``evaluate.changing_episodes`` is 0."""
+    config, kept = cfg.evaluate, kept_policies(run, EVALUATED, BETWEEN)
+    refreshes = [saved for saved in kept_refreshes(run).values() if saved.horizon_steps == run.horizon_steps]
+    usable = [saved for saved in refreshes if saved.frame <= run.mapping_frame]
+    ages = []
+    for saved in usable:
+        frame = min(kept, key=lambda at: abs(at - saved.frame))
+        ages.append(Age(saved, frame, kept[frame], config.changing_episodes, max(2, config.changing_episodes // 2)))
+    newest = Age(usable[-1], run.policy_frame, run.policy, config.episodes, config.calibration_episodes)
+    return [*(ages[:-1] if config.changing_episodes else []), newest]
+
+
+def judge_age(
+    run: TrainedRun,
+    age: Age,
+    kinds: dict[str, PredictorConfig],
+    regressors: Sequence[StateRegressor],
+    cfg: ExplainConfig,
+) -> list[dict[str, Any]]:
+    """A row for each predictor that can be had at this age, the exact one first."""
+    config, n, rows = cfg.evaluate, run.horizon_steps, []
+    exact: Judged | None = None
+    for name, moments, held_out in foreseen(run, age, kinds, cfg):
+        here = moments.judged()
+        weights = episode_weights(here.episode, config.resamples, config.seed)
+        learnt = Learnt({OURS: age.saved.mapping}, {}, regressors)
+        judged = judge(learnt, here, held_out.judged(), n, run.task, weights, config.seed)
+        exact = exact or judged
+        row = next(row for row in rows_of(judged) if row["explainer"] == OURS)
+        change = held_out.realised[:, held_out.at(n), run.task.explained[0]]
+        vocabularies = {OURS: [age.saved.mapping]}
+        samples, _ = observe_all(moments, change, n, run.task, vocabularies, config.resamples, config.seed)
+        add_errors([row], samples, n)
+        about = {"frame": age.saved.frame, "policy_frame": age.policy_frame, "predictor": name, "moments": len(here)}
+        rows.append(about | beside_exact(judged, exact, here, weights) | {k: row[k] for k in row if k != "explainer"})
+    return rows
+
+
+def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) -> dict[str, Any]:
+    """How often the same is said as with the exact predictor, in all and where the predictor stands by it."""
+    same = judged.spoken[OURS].phrase == exact.spoken[OURS].phrase
+    trusted = moments.trusted[:, :, -1].all(axis=1)
+    told = {"equal": same, "trusted": trusted}
+    shares: dict[str, Any] = {name: as_json(estimate(weighted_mean(values, weights))) for name, values in told.items()}
+    parts = {"equal_trusted": trusted, "equal_not_trusted": ~trusted}
+    shares |= {
+        name: as_json(estimate(weighted_mean(same[rows], weights[:, rows]))) if rows.any() else None
+        for name, rows in parts.items()
+    }
+    ours, theirs = judged.samples[OURS], exact.samples[OURS]
+    return shares | {f"{metric}_minus_exact": difference(ours, theirs, metric) for metric in PAIRED}
+
+
+def foreseen(
+    run: TrainedRun, age: Age, kinds: dict[str, PredictorConfig], cfg: ExplainConfig
+) -> Iterator[tuple[str, Moments, Moments]]:
+    """The same moments, judged and held out, as each predictor foresees them; the exact one first, and once more."""
+    config = cfg.evaluate
+    plan = Plan(config.stride_steps, 1, (run.horizon_steps,), run.horizon_steps)
+    judged = _fly(run, age, "judged", age.episodes, plan, config.seed)
+    held_out = _fly(run, age, "held_out", age.held_out, replace(plan, observer_steps=None), config.seed)
+    for name in [EXACT, AGAIN, *(kind for kind in kinds if kind != EXACT)]:
+        settings = with_processes(kinds[EXACT if name == AGAIN else name], PROCESSES)
+        seed, title = config.seed + (name == AGAIN), f"{name} at frame {age.saved.frame:,}"
+        if not can_foresee(run, settings, age.saved.frame):
+            continue
+        with predictor_of(run, settings, seed, until_frame=age.saved.frame) as predictor:
+            ahead = replace(plan, futures=settings.futures)
+            found = [predict_all(taken, age.policy, predictor, ahead, title) for taken in (judged, held_out)]
+        yield name, put_together(judged, *found[0], ahead), put_together(held_out, *found[1], ahead)
+
+
+def _fly(run: TrainedRun, age: Age, purpose: str, episodes: int, plan: Plan, seed: int) -> Sequence[Taken]:
+    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    seeds = seeds_for(purpose, seed, episodes)
+    return fly_moments(run.make_env, run.task, age.policy, instructor, seeds, plan)

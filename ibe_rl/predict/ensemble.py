@@ -1,0 +1,129 @@
+"""The learned predictor: an ensemble of small networks, learnt from the log; it needs no copy of the environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.config import EnsembleConfig
+from ibe_rl.data import Array, Moment, Policy, Prediction, observe
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
+from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
+from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
+from ibe_rl.predict.trust import Trust, measure
+
+Rule = Callable[[Array], Array]
+FROM_NOTHING = 3
+"""The first time it learns takes so many times the updates."""
+
+
+class Ensemble:
+    """Learns what one step does, and follows the policy through what it has learnt.
+
+    Each future follows one member; now and then all are asked, and where they are too far apart the predictor stands
+    by the future no longer. It does not know the chance in the environment: futures of a moment differ by member only.
+
+    Args:
+        config: see ``EnsembleConfig``.
+        actions: of the environment.
+        state_size: S.
+        rule: the environment's instruction rule, states ``(N, S)`` to instructions ``(N, d)``.
+        seed: of the weights and of all draws; the same log teaches the same.
+    """
+
+    def __init__(self, config: EnsembleConfig, actions: ActionColumns, state_size: int, rule: Rule, seed: int):
+        self._config, self._actions, self._rule, self._seed = config, actions, rule, seed
+        self._sizes = (state_size + actions.size, *config.hidden, state_size + 1)
+        self._times = 0
+        self._layers: Layers = make_layers(config.members, self._sizes, seed)
+        self._scale: Scale | None = None
+        self._trust: Trust | None = None
+
+    def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
+        """Go on learning from the newest episodes of the log, a bounded amount of work.
+
+        Args:
+            log: with whole episodes in it.
+            until_frame: episodes that had ended by this frame of the training; None: all.
+
+        Raises:
+            ValueError: if there is no such episode.
+        """
+        config, seed = self._config, self._seed + 1_000 * (self._times + 1)
+        learnt, judged = held_out(newest_episodes(log, config.newest_frames, until_frame))
+        steps = Steps.of(learnt, self._actions)
+        self._scale = Scale.of(steps)
+        updates = config.updates * (1 if self._times else FROM_NOTHING)
+        pace = updates, config.minibatch_size, config.learning_rate, seed
+        self._layers = train(self._layers, self._scale, steps, *pace)
+        self._times += 1
+        self._trust = measure(judged, self._scale, self._actions, self._roll, seed)
+
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
+        """See ``ibe_rl.data.Predictor``.
+
+        Raises:
+            ValueError: if it has learnt nothing yet.
+        """
+        if self._trust is None:
+            raise ValueError("the ensemble has learnt nothing yet")
+        states = np.array([moment.state for moment in moments], np.float32)
+        instruction = np.array([moment.instruction for moment in moments], np.float32)
+        given = np.array([[moment.given] for moment in moments], np.float32)
+        rolled = self._roll(states, partial(self._follow, policy, instruction, given), horizon_steps)
+        error = self._trust.expected_error(rolled.apart)
+        trusted = self._trust.trusted_steps(error, self._config.max_uncertainty, horizon_steps)
+        return Prediction(rolled.paths, trusted, error[:, -1])
+
+    def _roll(self, states: Array, begin: Begin, horizon_steps: int) -> Rolled:
+        assert self._scale is not None
+        return roll(self._layers, self._scale, states, begin, horizon_steps, self._config.moments_at_once)
+
+    def _follow(self, policy: Policy, instruction: Array, given: Array, futures: Array) -> Act:
+        """How the policy acts in these futures ``(R,)``; what it reads is laid out once."""
+        size, by_rule = self._sizes[-1] - 1, self._config.future_instruction == "rule"
+        seen = observe(np.zeros((len(futures), size), np.float32), instruction[futures], given[futures])
+
+        def act(step: int, states: Array) -> Array:
+            seen[:, :size] = states
+            if by_rule and step:
+                seen[:, size:-1], seen[:, -1] = self._rule(states), 1.0
+            return self._actions(policy(seen))
+
+        return act
+
+    def forget(self) -> None:
+        """Nothing to forget: what it predicts depends on what it has learnt only."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """What it has learnt, as arrays and plain values; empty before that."""
+        if self._scale is None or self._trust is None:
+            return {}
+        return {
+            "times": self._times,
+            "layers": layers_to_dict(self._layers),
+            "scale": self._scale.to_dict(),
+            "trust": {"spread": self._trust.spread, "error_per_gap": self._trust.error_per_gap},
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``, for an ensemble made with the same settings.
+
+        Raises:
+            ValueError: if the state does not fit them.
+            KeyError: if something is missing in it.
+        """
+        if not state:
+            return
+        layers, scale = layers_from_dict(state["layers"], self._layers), Scale(**state["scale"])
+        if any(len(column) != self._sizes[-1] - 1 for column in scale.to_dict().values()):
+            raise ValueError(f"its states have {len(scale.mean)} dimensions, expected {self._sizes[-1] - 1}")
+        trust = Trust(np.asarray(state["trust"]["spread"]), float(state["trust"]["error_per_gap"]))
+        self._times, self._layers, self._scale, self._trust = int(state["times"]), layers, scale, trust
+
+    def close(self) -> None:
+        """Nothing to close."""

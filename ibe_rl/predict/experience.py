@@ -1,0 +1,104 @@
+"""What a predictor learns from: the newest episodes of the log, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ibe_rl.data import Array, ConfigError, Episode
+from ibe_rl.log import TrajectoryLog
+
+
+def newest_episodes(log: TrajectoryLog, frames: int, until_frame: int | None = None) -> list[Episode]:
+    """The newest whole episodes of the log, of about so many frames.
+
+    Args:
+        log: of a run.
+        frames: how many steps they have together, about; one episode at least.
+        until_frame: those that had ended by this frame of the training; None: all.
+
+    Raises:
+        ValueError: if there is none.
+    """
+    index = log.index
+    rows = np.flatnonzero(index["frame"] <= (log.frames if until_frame is None else until_frame))
+    if not len(rows):
+        raise ValueError(f"{log.folder} has no whole episode to learn a predictor from")
+    later = np.cumsum(index["steps"][rows][::-1])[::-1] - index["steps"][rows]
+    return log.read(rows[later < frames].tolist())
+
+
+@dataclass(frozen=True)
+class ActionColumns:
+    """Actions as columns of numbers: one column for each choice, or the numbers of a continuous action.
+
+    Attributes:
+        size: ``A`` columns.
+        first: the first choice; None: the actions are numbers themselves.
+    """
+
+    size: int
+    first: int | None
+
+    @classmethod
+    def of(cls, space: gymnasium.Space[Any]) -> ActionColumns:
+        """Of an environment's action space.
+
+        Raises:
+            ConfigError: if it is neither Discrete nor Box.
+        """
+        if isinstance(space, gymnasium.spaces.Discrete):
+            return cls(int(space.n), int(space.start))
+        if isinstance(space, gymnasium.spaces.Box):
+            return cls(int(np.prod(space.shape)), None)
+        raise ConfigError(f"predictor: env has actions {space}; a learned predictor allows Discrete and Box")
+
+    def __call__(self, actions: Array) -> Array:
+        """Actions ``(N,)`` or ``(N, ...)`` to ``(N, A)`` float32."""
+        if self.first is None:
+            return actions.reshape(len(actions), self.size).astype(np.float32, copy=False)
+        return np.eye(self.size, dtype=np.float32)[actions - self.first]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """``T`` steps of several episodes.
+
+    Attributes:
+        states: ``(T, S)`` float32 before each step.
+        actions: ``(T, A)`` float32 columns.
+        after: ``(T, S)`` float32 after each step.
+        ended: ``(T,)`` float32, 1 where the environment ended the episode with this step.
+        episode: ``(T,)`` number of the episode, from 0.
+    """
+
+    states: Array
+    actions: Array
+    after: Array
+    ended: Array
+    episode: Array
+
+    @classmethod
+    def of(cls, episodes: Sequence[Episode], columns: ActionColumns) -> Steps:
+        """All steps of episodes, one behind the other."""
+        lengths = [len(episode) for episode in episodes]
+        ended = np.zeros(sum(lengths), np.float32)
+        ended[np.cumsum(lengths) - 1] = [episode.terminated for episode in episodes]
+        return cls(
+            states=np.concatenate([episode.states[:-1] for episode in episodes]).astype(np.float32),
+            actions=columns(np.concatenate([episode.actions for episode in episodes])),
+            after=np.concatenate([episode.states[1:] for episode in episodes]).astype(np.float32),
+            ended=ended,
+            episode=np.repeat(np.arange(len(episodes)), lengths),
+        )
+
+
+def held_out(episodes: Sequence[Episode], every: int = 10) -> tuple[list[Episode], list[Episode]]:
+    """Part episodes into those to learn from and one in ``every`` to be judged on; of a single one both."""
+    kept = list(episodes[::every])
+    learnt = [episode for row, episode in enumerate(episodes) if row % every]
+    return learnt or kept, kept

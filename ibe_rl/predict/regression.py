@@ -1,0 +1,138 @@
+"""The cheapest predictor: a regression from the state to its change over a few spans of time, with no steps between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from ibe_rl.config import RegressionConfig
+from ibe_rl.data import Array, Episode, Moment, Policy, Prediction, observe
+from ibe_rl.ibe.delta import delta_states
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.predict.experience import held_out, newest_episodes
+
+MAX_WINDOWS = 40_000
+
+
+class Regression:
+    """Foretells what the agents of the log did on average from such a state; it does not ask the policy.
+
+    Between the spans that it has learnt it goes in a straight line, and beyond the longest one it stands still.
+
+    Args:
+        config: see ``RegressionConfig``.
+        seed: of the draw of the windows.
+    """
+
+    def __init__(self, config: RegressionConfig, seed: int):
+        self._config, self._seed = config, seed
+        self._spans = np.unique(config.spans_steps)
+        self._features = PolynomialFeatures(config.degree, include_bias=False)
+        self._weights: Array | None = None
+        self._bias = self._error = np.zeros(0)
+
+    def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
+        """Learn anew from the newest episodes of the log; see ``Ensemble.learn``.
+
+        Raises:
+            ValueError: if there is no such episode.
+        """
+        learnt, judged = held_out(newest_episodes(log, self._config.newest_frames, until_frame))
+        seen, change = self._windows(learnt)
+        model = make_pipeline(self._features, StandardScaler(), Ridge()).fit(seen, change)
+        self._weights, self._bias = _as_one(model)
+        seen, change = self._windows(judged)
+        left = self._change(seen) - change.reshape(len(seen), len(self._spans), -1)
+        self._error = _share_of_spread(left, change.reshape(left.shape))
+
+    def _windows(self, episodes: Sequence[Episode]) -> tuple[Array, Array]:
+        """What is seen ``(W, O)``, and the changes over all spans ``(W, C S)``; windows end with their episode."""
+        seen = [observe(each.states[:-1], each.instructions, each.given[:, None]) for each in episodes]
+        spans = [[delta_states(each.states, int(n), "clamp") for n in self._spans] for each in episodes]
+        changes = np.concatenate([np.concatenate(columns, axis=1) for columns in spans])
+        rows = np.random.default_rng(self._seed).permutation(len(changes))[:MAX_WINDOWS]
+        return np.concatenate(seen)[rows], changes[rows]
+
+    def _change(self, seen: Array) -> Array:
+        """What is seen ``(N, O)`` to changes ``(N, C, S)``."""
+        assert self._weights is not None
+        columns = self._features.fit(seen[:1]).transform(seen)  # it learns nothing but how many columns there are
+        return np.asarray(columns @ self._weights + self._bias).reshape(len(seen), len(self._spans), -1)
+
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:  # noqa: ARG002
+        """See ``ibe_rl.data.Predictor``; the policy is not asked.
+
+        Raises:
+            ValueError: if it has learnt nothing yet.
+        """
+        if self._weights is None:
+            raise ValueError("the regression has learnt nothing yet")
+        states = np.array([moment.state for moment in moments], np.float32)
+        instruction = np.array([moment.instruction for moment in moments], np.float32)
+        given = np.array([[moment.given] for moment in moments], np.float32)
+        change = self._change(observe(states, instruction, given)).astype(np.float32)
+        known = np.concatenate([np.zeros_like(change[:, :1]), change], axis=1)
+        paths = states[:, None] + _between(known, np.array([0, *self._spans]), horizon_steps)
+        trusted = np.full(len(moments), min(horizon_steps, int(self._spans[-1])))
+        error = np.interp(horizon_steps, self._spans, self._error)
+        return Prediction(paths, trusted, np.full(len(moments), error, np.float32))
+
+    def forget(self) -> None:
+        """Nothing to forget."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """What it has learnt, as arrays; empty before that."""
+        if self._weights is None:
+            return {}
+        return {"spans": self._spans, "weights": self._weights, "bias": self._bias, "error": self._error}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``, for one made with the same settings.
+
+        Raises:
+            ValueError: if it was made with others.
+            KeyError: if something is missing in it.
+        """
+        if not state:
+            return
+        arrays = {name: np.array(state[name]) for name in ("spans", "weights", "bias", "error")}
+        if not np.array_equal(arrays["spans"], self._spans):
+            raise ValueError(f"it looks {arrays['spans'].tolist()} steps ahead, expected {self._spans.tolist()}")
+        if arrays["weights"].ndim != 2 or arrays["weights"].shape[1:] != arrays["bias"].shape:
+            raise ValueError(f"its weights have the shape {arrays['weights'].shape}")
+        self._weights, self._bias, self._error = arrays["weights"], arrays["bias"], arrays["error"]
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def _as_one(model: Pipeline) -> tuple[Array, Array]:
+    """Scaling and regression as one matrix and one bias, which can be kept without pickling."""
+    scaler, ridge = model[1], model[2]
+    weights = ridge.coef_.T / scaler.scale_[:, None]
+    return weights, ridge.intercept_ - scaler.mean_ @ weights
+
+
+def _share_of_spread(left: Array, change: Array) -> Array:
+    """Errors and changes ``(W, C, S)`` to the root mean square error ``(C,)`` in units of how much the changes vary."""
+    spread = change.std(axis=0)
+    shares = np.sqrt(np.mean(left**2, axis=0)) / np.where(spread > 0, spread, 1)
+    return np.asarray(
+        [
+            np.sqrt(np.mean(row[varies] ** 2)) if varies.any() else 0.0
+            for row, varies in zip(shares, spread > 0, strict=True)
+        ]
+    )
+
+
+def _between(known: Array, at: Array, horizon_steps: int) -> Array:
+    """Values ``(N, C, S)`` at steps ``at`` ``(C,)`` to those at all steps ``(N, H + 1, S)``."""
+    steps = np.minimum(np.arange(horizon_steps + 1), at[-1])
+    right = np.searchsorted(at, steps).clip(1)
+    share = ((steps - at[right - 1]) / (at[right] - at[right - 1])).astype(np.float32)[:, None]
+    return np.asarray(known[:, right - 1] * (1 - share) + known[:, right] * share)

@@ -1,0 +1,81 @@
+"""What the disagreement of members says of their error, measured on logged episodes that they did not learn from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibe_rl.data import Array, Episode
+from ibe_rl.predict.members import Scale
+from ibe_rl.predict.rolling import CHECK_EVERY_STEPS, Begin, Rolled, checks
+
+WINDOWS = 1_024
+STEPS = 100
+"""How far ahead is measured; beyond that the last values hold."""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What disagreement means.
+
+    Attributes:
+        spread: ``(C, G)`` standard deviation of the change of each graded dimension over so many steps (a row for
+            each ``CHECK_EVERY_STEPS``): the unit in which errors are told.
+        error_per_gap: expected error over disagreement, both in that unit.
+    """
+
+    spread: Array
+    error_per_gap: float
+
+    def expected_error(self, apart: Array) -> Array:
+        """Disagreement ``(N, C, G)`` to the expected error ``(N, C)`` after each check."""
+        return self.error_per_gap * in_units(apart, self.spread)
+
+    def trusted_steps(self, error: Array, limit: float, horizon_steps: int) -> Array:
+        """Expected errors ``(N, C)`` to how many steps ``(N,)`` stay within ``limit``."""
+        beyond = error > limit
+        return np.where(beyond.any(axis=1), CHECK_EVERY_STEPS * beyond.argmax(axis=1), horizon_steps)
+
+
+def in_units(values: Array, spread: Array) -> Array:
+    """``(N, C, G)`` to the root mean square ``(N, C)`` over the dimensions, in units of ``spread`` ``(C', G)``."""
+    if not values.shape[2]:
+        return np.zeros(values.shape[:2], np.float32)
+    units = spread[np.minimum(np.arange(values.shape[1]), len(spread) - 1)]
+    return np.sqrt(np.mean((values / units) ** 2, axis=2))
+
+
+def measure(
+    episodes: Sequence[Episode],
+    scale: Scale,
+    columns: Callable[[Array], Array],
+    roll: Callable[[Array, Begin, int], Rolled],
+    seed: int,
+) -> Trust:
+    """Let the members foretell windows of episodes from their logged actions, and hold it against what came.
+
+    Args:
+        episodes: that they did not learn from.
+        scale: says which dimensions count, those that are graded.
+        columns: actions to columns.
+        roll: start states ``(N, S)``, how to act, and the steps to the futures.
+        seed: of the draw of the windows.
+    """
+    states = np.concatenate([episode.states for episode in episodes]).astype(np.float32)
+    last = np.repeat(np.cumsum([len(episode) + 1 for episode in episodes]) - 1, [len(each) + 1 for each in episodes])
+    actions = np.concatenate([columns(episode.actions[[*range(len(episode)), -1]]) for episode in episodes])
+    rows = np.random.default_rng(seed).permutation(np.flatnonzero(np.arange(len(last)) < last))[:WINDOWS]
+
+    def begin(futures: Array) -> Callable[[int, Array], Array]:
+        start = rows[futures]
+        return lambda step, _: actions[np.minimum(start + step, last[start])]
+
+    steps, graded = CHECK_EVERY_STEPS * np.arange(1, checks(STEPS) + 1), scale.graded
+    real = states[np.minimum(rows[:, None] + steps, last[rows][:, None])][..., graded]
+    spread = np.maximum((real - states[rows][:, None, graded]).std(axis=0), scale.step[graded])
+    rolled = roll(states[rows], begin, STEPS)
+    error = in_units(rolled.paths[:, steps][..., graded] - real, spread)
+    gap = in_units(rolled.apart, spread)
+    return Trust(spread, float(error.mean() / max(float(gap.mean()), 1e-9)))

@@ -1,0 +1,137 @@
+"""What all predictors promise, and which settings of them are refused."""
+
+from collections.abc import Sequence
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+
+from ibe_rl.config import (
+    EnsembleConfig,
+    EnvConfig,
+    HumanConfig,
+    InstructorConfig,
+    PredictorConfig,
+    RegressionConfig,
+)
+from ibe_rl.data import Array, ConfigError, Episode, Moment, Prediction
+from ibe_rl.env import LANDER_ID, LANDER_TASK
+from ibe_rl.env.make import make_game
+from ibe_rl.env.snapshots import make_copy
+from ibe_rl.instruct import make_instructor
+from ibe_rl.log import TrajectoryLog
+from ibe_rl.play import watch
+from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
+
+LANDER = EnvConfig(LANDER_ID)
+KINDS: dict[str, PredictorConfig] = {
+    "simulator": PredictorConfig(),
+    "ensemble": EnsembleConfig(updates=5, minibatch_size=64, hidden=[8], moments_at_once=4),
+    "ensemble by rule": EnsembleConfig(updates=5, minibatch_size=64, members=2, future_instruction="rule"),
+    "regression": RegressionConfig(spans_steps=[10, 30]),
+}
+
+
+def fall(observations: Array) -> Array:
+    return np.zeros(len(observations), int)
+
+
+def add(log: TrajectoryLog, episode: Episode) -> None:
+    done = np.arange(len(episode)) == len(episode) - 1
+    steps = {
+        "state": episode.states[:-1],
+        "next_state": episode.states[1:],
+        "action": episode.actions,
+        "reward": episode.rewards,
+        "instruction": episode.instructions,
+        "given": episode.given,
+        "done": done,
+        "terminated": done & episode.terminated,
+        "success": done & episode.success,
+    }
+    log.add({name: column[None] for name, column in steps.items()}, LANDER_TASK.context)
+
+
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrajectoryLog, Sequence[Moment]]:
+    """A log of falling landers, and the moments of the last one."""
+    torch.set_num_threads(1)
+    log = TrajectoryLog(tmp_path_factory.mktemp("log"), 10_000, LANDER_TASK.contexts)
+    instructor = make_instructor(InstructorConfig(), LANDER_TASK)
+    for seed in range(6):
+        watched = watch(make_game(LANDER), fall, instructor, seed)
+        add(log, watched.episode)
+    return log, watched.moments
+
+
+@pytest.fixture(params=KINDS)
+def predictor(request: pytest.FixtureRequest, fallen: Any) -> KeptPredictor:
+    config = KINDS[request.param]
+    made = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER))
+    made.learn(fallen[0])
+    return made
+
+
+def test_every_predictor_keeps_the_protocol(predictor: KeptPredictor, fallen: Any):
+    moments = fallen[1][::20]
+    for horizon in (1, 25):
+        predicted = predictor.rollout(moments, fall, horizon)
+        assert predicted.paths.shape == (len(moments), horizon + 1, 9)
+        assert predicted.paths.dtype == np.float32
+        np.testing.assert_array_equal(predicted.paths[:, 0], [moment.state for moment in moments])
+        assert np.isfinite(predicted.paths).all()
+        assert (predicted.paths[:, 1] != predicted.paths[:, 0]).any(axis=1).all()
+        assert ((predicted.trusted_steps >= 0) & (predicted.trusted_steps <= horizon)).all()
+        assert (np.isfinite(predicted.uncertainty) & (predicted.uncertainty >= 0)).all()
+        assert not predicted.paths.flags.writeable
+
+
+def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen: Any, request: pytest.FixtureRequest):
+    config = KINDS[request.node.callspec.params["predictor"]]
+    other = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER))
+    predictor.rollout(fallen[1][:5], fall, 3)
+    predictor.forget()
+    other.load_state_dict(predictor.state_dict())
+    one, again = (each.rollout(fallen[1][::20], fall, 20) for each in (predictor, other))
+    for name in vars(one):
+        np.testing.assert_array_equal(getattr(one, name), getattr(again, name))
+    predictor.close()
+    other.close()
+
+
+def test_the_exact_one_stands_by_all_that_it_says(fallen: Any):
+    made = make_predictor(PredictorConfig(), partial(make_copy, LANDER), LANDER_TASK.rule, 0, make_game(LANDER))
+    made.learn(fallen[0])
+    predicted = made.rollout(fallen[1][:3], fall, 7)
+    assert predicted.trusted_steps.tolist() == [7] * 3
+    assert predicted.uncertainty.tolist() == [0] * 3
+
+
+def test_a_prediction_is_of_one_size():
+    with pytest.raises(ValueError, match=r"Prediction.trusted_steps has shape \(1,\), expected \(2,\)"):
+        Prediction(np.zeros((2, 4, 1)), np.zeros(1), np.zeros(2))
+
+
+def refused(config: PredictorConfig, instructor: InstructorConfig, actions: spaces.Space[Any]) -> str:
+    with pytest.raises(ConfigError) as error:
+        check_predictor(config, instructor, SimpleNamespace(action_space=actions))
+    return str(error.value)
+
+
+def test_settings_that_cannot_work_are_refused():
+    oracle, four = InstructorConfig(), spaces.Discrete(4)
+    assert refused(EnsembleConfig(), HumanConfig(), four).endswith("allowed is predictor=simulator")
+    assert "actions MultiBinary(3)" in refused(EnsembleConfig(), oracle, spaces.MultiBinary(3))
+    for hidden in ([], [8, 0]):
+        assert refused(EnsembleConfig(hidden=hidden), oracle, four).startswith(f"predictor.hidden={hidden}: allowed")
+    for spans in ([], [20, 0]):
+        config = RegressionConfig(spans_steps=spans)
+        assert refused(config, oracle, four).startswith(f"predictor.spans_steps={spans}: allowed")
+    for config in KINDS.values():
+        check_predictor(config, oracle, SimpleNamespace(action_space=four))
+    check_predictor(PredictorConfig(), HumanConfig(), SimpleNamespace(action_space=spaces.MultiBinary(3)))
+    assert [is_learnt(config) for config in KINDS.values()] == [False, True, True, True]
