@@ -109,7 +109,8 @@ def test_settings_that_nothing_would_read_are_refused(studied: Study) -> None:
     assert "episodes= with run=" in refusal(folder, "agent=pilots:pilot", "episodes=9", "mapping=paper")
     assert "random_actions= without agent=" in refusal(folder, "random_actions=0.1")
     assert "agent_sees_instruction= without agent=" in refusal(folder, "agent_sees_instruction=true")
-    assert "task=figures with agent=" in refusal(folder, "agent=pilots:pilot", "task=figures")
+    for task in ("figures", "predictors"):
+        assert f"task={task} with agent=: allowed is episode" in refusal(folder, "agent=pilots:pilot", f"task={task}")
     assert "that run has an agent of its own" in refusal(f"run={ROOT / 'demo'}", "agent=pilots:pilot")
     assert "agent_sees_instruction=true: the" not in refusal(folder, "agent=pilots:nothing")
     assert "sweep=" in refusal("sweep=x", "agent=pilots:pilot")
