@@ -43,6 +43,7 @@ from ibe_rl.scene import Watched
 from ibe_rl.telling import check_context, fly, tell
 
 AT_ONCE, EXAMPLES = 16, 3
+FOR_GUESTS = ("episode", "evaluate", "compare")
 FOR_NEW_ONES = {"env", "mapping", "episodes", "random_actions", "run_dir"}
 """Settings that make a folder for an agent, and say nothing about one that is there."""
 
@@ -166,10 +167,9 @@ def open_guest(cfg: ExplainConfig) -> TrainedRun:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if cfg.task == "figures":
+    if cfg.task not in FOR_GUESTS:
         raise ConfigError(
-            "task=figures with agent=: allowed is episode, evaluate or compare; it needs policies of all "
-            "skills from one training"
+            f"task={cfg.task} with agent=: allowed is {', '.join(FOR_GUESTS)}; it needs a run of train.py"
         )
     if cfg.run is None:
         return _study(cfg.agent_file, cfg, seed=0)

@@ -20,13 +20,12 @@ class PredictorConfig:
 
 @dataclass
 class EnsembleConfig(PredictorConfig):
-    """Small networks learn from the log what a step does; needs no snapshot of the environment.
+    """Small networks learn from the log what a step does; needs no snapshot of the environment, and one process.
 
     It learns at each refresh, going on from what it has learnt before; the first time takes three times the updates.
     """
 
     kind: str = setting("ensemble", choices=("ensemble",))
-    processes: int | None = setting(None, low=1, high=1)  # it needs no others
     moments_at_once: int = setting(2_560, low=1)  # futures that stay in the processor's cache
     members: int = setting(5, low=2, high=100)
     hidden: list[int] = field(default_factory=lambda: [32, 32])
@@ -39,12 +38,11 @@ class EnsembleConfig(PredictorConfig):
 
 @dataclass
 class RegressionConfig(PredictorConfig):
-    """A regression from the state to its change, without asking the policy: the least that a predictor can be."""
+    """A regression from the state to its change, without asking the policy, in one process: the least it can be."""
 
     kind: str = setting("regression", choices=("regression",))
     future_instruction: str = setting("hold", choices=("hold",))  # it takes no steps
-    processes: int | None = setting(None, low=1, high=1)  # it needs no others
-    futures: int = setting(1, low=1, high=1)  # all would be the same
+    futures: int = setting(1, low=1, high=100)  # all are the same
     spans_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # that are learnt
     degree: int = setting(2, low=1, high=3)  # of the polynomial in the state
     newest_frames: int = setting(400_000, low=1)  # about so many frames of the log are learnt from

@@ -115,6 +115,7 @@ def test_the_sweep_of_mappings_has_every_mapping():
 
 def test_every_kind_has_a_file():
     kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig, *schemas.INSTRUCTORS.values())}
+    kinds |= {"predictor": (PredictorConfig, *schemas.PREDICTORS.values())}
     for group, owners in kinds.items():
         allowed = {kind for owner in owners for kind in fields(owner)[0].metadata["choices"]}
         assert {name for place, name in CHOICES if place == group} == allowed
@@ -147,6 +148,8 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
         assert composed("train", f"instructor={kind}").instructor == schemas.INSTRUCTORS[kind]()
     assert composed("train", "mapping=paper").mapping == MappingConfig()
     assert cfg.predictor == PredictorConfig()
+    for kind, schema in schemas.PREDICTORS.items():
+        assert composed("train", f"predictor={kind}").predictor == schema()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):
         if item.metadata:

@@ -134,3 +134,14 @@ def test_what_an_agent_is_not_sure_of_is_not_said():
 )
 def test_spans_of_time_are_told_in_order_and_what_is_repeated_once(phrases: list[str], said: str):
     assert in_time(*phrases) == said
+
+
+def test_an_episode_as_steps_ends_once_with_its_outcome():
+    states, columns = np.arange(8.0).reshape(4, 2), np.zeros((3, 1))
+    episode = Episode(states, np.arange(3), np.ones(3), columns, np.ones(3, bool), True, False, "here")
+    steps = episode.as_steps()
+    assert {len(column) for column in steps.values()} == {1}
+    np.testing.assert_array_equal(steps["next_state"][0], states[1:])
+    np.testing.assert_array_equal(steps["done"], [[False, False, True]])
+    np.testing.assert_array_equal(steps["terminated"], [[False, False, True]])
+    assert not steps["success"].any()

@@ -243,3 +243,20 @@ def test_other_spans_are_spoken_of_whatever_the_calibration_says():
     assert (one.known, one.confidence) == (False, pytest.approx(0.9))
     assert [(each.known, each.confidence, each.said) for each in one.spans] == [(True, 0.75, STAY), (True, 1, UP)]
     assert one.in_time() == f"within 2 steps {STAY}, within 4 steps {DOES_NOT_KNOW}, within 8 steps {UP}"
+
+
+def test_what_the_predictor_does_not_stand_by_is_marked_and_lowers_the_confidence():
+    class Parting(Straight):
+        def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
+            whole = super().rollout(moments, policy, horizon_steps)
+            return replace(whole, trusted_steps=np.resize([3, 4], len(moments)))
+
+    voice = replace(TENTHS, futures=2, spans={2: Tenths()})
+    [one] = explain(moments(2), stay, Parting(), voice)
+    assert (one.trusted_steps, one.trusted, one.agreement) == (3, False, 0.5)
+    assert one.confidence == one.agreement * one.purity
+    assert (one.spans[0].trusted_steps, one.spans[0].trusted, one.spans[0].agreement) == (2, True, 1)
+    assert one.trusted_path[:, 0].tolist() == [100, 102, 104, 106, 106]
+    [sure] = explain(moments(2), stay, Straight(), voice)
+    assert (sure.trusted_steps, sure.trusted, sure.agreement) == (4, True, 1)
+    np.testing.assert_array_equal(sure.trusted_path, sure.path)

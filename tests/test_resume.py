@@ -18,7 +18,7 @@ from processes import ROOT, SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
 
 from benchmarks.faults import SCRIPT
-from ibe_rl.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, load, policies
+from ibe_rl.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, load, policies
 from ibe_rl.data import ConfigError
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.resume import PARTS, read_state, without_episodes
@@ -34,6 +34,8 @@ AGENTS = {
     "dqn": [
         "viewer=off",
         "agent=dqn",
+        "predictor=ensemble",
+        "predictor.updates=5",
         "collect.overlap=false",
         "agent.hidden=[16]",
         "agent.learn_after_frames=500",
@@ -139,6 +141,16 @@ def test_every_policy_is_that_of_the_uninterrupted_run(folders: Folders) -> None
     for frames, path in kept[0].items():
         one, other = load(path), load(kept[1][frames])
         assert all(torch.equal(one[name], other[name]) for name in one)
+
+
+def test_every_predictor_is_that_of_the_uninterrupted_run(sittings: Callable[[str], Folders]) -> None:
+    whole, _, resumed = (policies(folder / "checkpoints", PREDICTOR) for folder in sittings("dqn"))
+    assert len(whole) == 3
+    assert whole.keys() == resumed.keys()
+    for frames, path in whole.items():
+        one, other = load(path), load(resumed[frames])
+        assert one["times"] == other["times"]
+        assert all(torch.equal(one["layers"][name], other["layers"][name]) for name in one["layers"])
 
 
 def test_what_had_been_logged_after_the_checkpoint_is_kept_aside(folders: Folders) -> None:

@@ -468,7 +468,7 @@ def test_explain_refuses_in_one_line(run: Path, overrides: list[str], expected: 
         call("explain", *given)
 
 
-@pytest.mark.parametrize("task", ["evaluate", "compare"])
+@pytest.mark.parametrize("task", ["evaluate", "compare", "predictors"])
 def test_a_run_without_a_log_is_not_judged(task: str, run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "run", ignore=shutil.ignore_patterns("trajectories"))
     with pytest.raises(SystemExit, match=r"^error: run=.*: it has no log \(trajectories/\) to learn other vocab"):
@@ -598,3 +598,27 @@ def name_of(recording: Path) -> str:
 def test_importing_ibe_brings_no_torch() -> None:
     code = "import ibe_rl, sys; from ibe_rl import IBEMapping; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_predictors_are_held_against_the_exact_one(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path(shutil.copytree(run, tmp_path / "run"))
+    call(
+        "explain", f"run={folder}", "task=predictors", *FEW, "evaluate.changing_episodes=0", "evaluate.stride_steps=20"
+    )
+    told = json.loads((folder / "evaluation" / "predictors.json").read_text())
+    rows = {row["predictor"]: row for row in told["rows"]}
+    assert list(rows) == ["simulator", "simulator_again", "ensemble", "regression"]
+    assert rows["simulator"]["equal"]["value"] == rows["simulator"]["trusted"]["value"] == 1
+    assert rows["simulator"]["motion_auc_minus_exact"]["value"] == 0
+    assert len({row["moments"] for row in rows.values()}) == 1
+    assert 0 < rows["ensemble"]["equal"]["value"] <= 1
+    assert (folder / "figures" / "predictors.png").stat().st_size > 10_000
+    assert "if trusted" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["ensemble", "regression"])
+def test_an_episode_is_explained_by_what_is_learnt_from_the_log(kind: str, run: Path) -> None:
+    learnt = ["predictor.updates=5"] if kind == "ensemble" else []
+    call("explain", f"run={run}", f"predictor={kind}", "viewer=off", *learnt)

@@ -60,7 +60,7 @@ def judge_predictors(cfg: ExplainConfig) -> None:
     """
     run, seed = load_run(find_run(cfg.run, Path("runs"))), cfg.evaluate.seed
     own = run.config.predictor
-    kinds = choices("predictor") | {own.kind: own}
+    kinds = choices("predictor") | {own.kind: own} | {cfg.predictor.kind: cfg.predictor}
     heard = Refits(run, seed).lessons(run.config.mapping).heard
     regressors = fit_state_regressors(heard, run.horizon_steps, run.task, seed)
     report.make_folders(run.folder)

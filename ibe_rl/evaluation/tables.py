@@ -150,22 +150,22 @@ def tell_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) ->
 
 
 BESIDE_EXACT = {
-    "equal": "same phrase",
-    "equal_trusted": "where trusted",
+    "equal": "same",
+    "equal_trusted": "if trusted",
     "trusted": "trusted",
-    "motion_auc": "motion AUC",
+    "motion_auc": "AUC",
     "motion_auc_minus_exact": "minus exact",
     "motion_auc_disobeyed": "disob.",
     "came_true_voted": "true",
     "ece": "ECE",
-    "observer_error": "obs. %",
+    "observer_error": "obs.%",
 }
 """What is told of a predictor to what heads its column."""
 
 
 def predictors_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
     """All predictors at one age, a row each."""
-    table = Table(box=SIMPLE, title=f"Predictors: {title}", title_justify="left", show_edge=False, pad_edge=False)
+    table = Table(box=SIMPLE, title=f"Predictors: {title}", title_justify="left", show_edge=False, padding=0)
     table.add_column("predictor", no_wrap=True)
     for short in BESIDE_EXACT.values():
         table.add_column(short, no_wrap=True, justify="right")

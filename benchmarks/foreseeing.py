@@ -1,0 +1,84 @@
+"""Explanations a second of every kind of predictor, over the same moments and in one process.
+
+python -m benchmarks.foreseeing RUN              a finished run with its log
+
+Seconds are of the processor, so that what else the machine does counts as little as it can.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.explaining import watched_moments
+from ibe_rl.config import EnsembleConfig, PredictorConfig, RegressionConfig
+from ibe_rl.data import Moment
+from ibe_rl.env.snapshots import make_copy
+from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.evaluation.refit import open_log
+from ibe_rl.ibe import phrases_of
+from ibe_rl.predict import KeptPredictor, make_predictor
+
+KINDS: dict[str, PredictorConfig] = {
+    "simulator": PredictorConfig(),
+    "ensemble": EnsembleConfig(),
+    "regression": RegressionConfig(),
+}
+ROUNDS = 3
+
+
+def rates(run: str, moments: int, exact_moments: int) -> dict[str, float]:
+    """Explanations a second of each kind, the best of a few rounds in turn, and seconds of learning.
+
+    Args:
+        run: folder of a run with its log.
+        moments: how many are explained by what was learnt; more of them fill whole blocks.
+        exact_moments: how many of them in copies of the environment.
+    """
+    torch.set_num_threads(1)
+    opened = load_run(Path(run))
+    chosen = watched_moments(opened, moments)
+    found = {}
+    made = {kind: _made(opened, config) for kind, config in KINDS.items()}
+    for kind, (_, seconds) in made.items():
+        found[f"{kind}_learns_s"] = seconds
+    for _ in range(ROUNDS):
+        for kind, (predictor, _) in made.items():
+            these = chosen[:: max(1, moments // exact_moments)] if kind == "simulator" else chosen
+            rate = len(these) / _seconds(opened, predictor, these)
+            found[kind] = max(rate, found.get(kind, 0.0))
+    return found
+
+
+def _made(run: TrainedRun, config: PredictorConfig) -> tuple[KeptPredictor, float]:
+    predictor = make_predictor(config, partial(make_copy, run.config.env), run.task.rule, 0, run.make_env())
+    start = time.process_time()
+    predictor.learn(open_log(run))
+    return predictor, time.process_time() - start
+
+
+def _seconds(run: TrainedRun, predictor: KeptPredictor, moments: list[Moment]) -> float:
+    """Of predicting all moments together and putting the changes into words."""
+    start = time.process_time()
+    say(run, predictor, moments)
+    return time.process_time() - start
+
+
+def say(run: TrainedRun, predictor: KeptPredictor, moments: list[Moment]) -> Any:
+    """Phrases ``(N,)`` of one future of each moment."""
+    predicted = predictor.rollout(moments, run.policy, run.horizon_steps)
+    change = np.ascontiguousarray(predicted.paths[:, -1]) - predicted.paths[:, 0]
+    return phrases_of(run.mapping.express(change), run.task.phrases)
+
+
+if __name__ == "__main__":
+    found = rates(sys.argv[1], 10_240, 600)
+    for kind in KINDS:
+        learns, ratio = found[f"{kind}_learns_s"], found[kind] / found["simulator"]
+        sys.stdout.write(f"{kind}: {found[kind]:,.0f} explanations/s, {ratio:.0f} x; learns in {learns:.1f} s\n")
