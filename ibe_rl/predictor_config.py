@@ -43,7 +43,7 @@ class RegressionConfig(PredictorConfig):
     kind: str = setting("regression", choices=("regression",))
     future_instruction: str = setting("hold", choices=("hold",))  # it takes no steps
     futures: int = setting(1, low=1, high=100)  # all are the same
-    spans_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # that are learnt
+    spans_steps: list[int] = field(default_factory=list)  # learnt; empty: the horizons explained, twice the longest
     degree: int = setting(2, low=1, high=3)  # of the polynomial in the state
     newest_frames: int = setting(400_000, low=1)  # about so many frames of the log are learnt from
 

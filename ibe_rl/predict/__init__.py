@@ -55,12 +55,17 @@ def check_predictor(config: PredictorConfig, instructor: InstructorConfig, env: 
         ActionColumns.of(env.action_space)
         if not config.hidden or min(config.hidden) < 1:
             raise ConfigError(f"predictor.hidden={list(config.hidden)}: allowed are one or more widths of at least 1")
-    if isinstance(config, RegressionConfig) and (not config.spans_steps or min(config.spans_steps) < 1):
-        raise ConfigError(f"predictor.spans_steps={list(config.spans_steps)}: allowed is at least 1 for each, and one")
+    if isinstance(config, RegressionConfig) and min([1, *config.spans_steps]) < 1:
+        raise ConfigError(f"predictor.spans_steps={list(config.spans_steps)}: allowed is at least 1 for each")
 
 
 def make_predictor(
-    config: PredictorConfig, make_copy: Callable[[], Any], rule: Callable[[Any], Any], seed: int, env: Any
+    config: PredictorConfig,
+    make_copy: Callable[[], Any],
+    rule: Callable[[Any], Any],
+    seed: int,
+    env: Any,
+    horizons_steps: Sequence[int],
 ) -> KeptPredictor:
     """Make the predictor that ``config`` asks for.
 
@@ -70,6 +75,7 @@ def make_predictor(
         rule: the environment's instruction rule.
         seed: of its chance.
         env: one environment, whose spaces tell what it has to learn.
+        horizons_steps: how far ahead is explained.
 
     Raises:
         ConfigError: if it cannot learn such actions.
@@ -78,7 +84,7 @@ def make_predictor(
         actions, size = ActionColumns.of(env.action_space), int(env.observation_space.shape[0])
         return Ensemble(config, actions, size, rule, seed)
     if isinstance(config, RegressionConfig):
-        return Regression(config, seed)
+        return Regression(config, seed, config.spans_steps or [*horizons_steps, 2 * max(horizons_steps)])
     return make_simulator(config, make_copy, rule, seed)
 
 

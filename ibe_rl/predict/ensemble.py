@@ -52,6 +52,7 @@ class Ensemble:
 
         Raises:
             ValueError: if there is no such episode.
+            FloatingPointError: if the weights are no finite numbers any more.
         """
         config, seed = self._config, self._seed + 1_000 * (self._times + 1)
         learnt, judged = held_out(newest_episodes(log, config.newest_frames, until_frame))
@@ -59,7 +60,10 @@ class Ensemble:
         self._scale = Scale.of(steps)
         updates = config.updates * (1 if self._times else FROM_NOTHING)
         pace = updates, config.minibatch_size, config.learning_rate, seed
-        self._layers = train(self._layers, self._scale, steps, *pace)
+        layers = train(self._layers, self._scale, steps, *pace)
+        if not all(bool(values.isfinite().all()) for layer in layers for values in layer):
+            raise FloatingPointError("the weights of the predictor are not finite numbers")
+        self._layers = layers
         self._times += 1
         self._trust = measure(judged, self._scale, self._actions, self._roll, seed)
 

@@ -27,11 +27,12 @@ class Regression:
     Args:
         config: see ``RegressionConfig``.
         seed: of the draw of the windows.
+        spans_steps: that it learns.
     """
 
-    def __init__(self, config: RegressionConfig, seed: int):
+    def __init__(self, config: RegressionConfig, seed: int, spans_steps: Sequence[int]):
         self._config, self._seed = config, seed
-        self._spans = np.unique(config.spans_steps)
+        self._spans = np.unique(spans_steps)
         self._features = PolynomialFeatures(config.degree, include_bias=False)
         self._weights: Array | None = None
         self._bias = self._error = np.zeros(0)

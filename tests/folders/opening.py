@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 from ibe_rl.command_line import load_config
 from ibe_rl.config import TrainConfig
-from ibe_rl.env.make import make_gym, task_of
+from ibe_rl.env.make import make_game, task_of
 from ibe_rl.evaluation import load_run
 from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
@@ -73,7 +73,7 @@ def viewed(run: Path) -> None:
 def lesson(run: Path) -> None:
     """As instructor=recorded does."""
     config: Any = load_config(run / CONFIG, TrainConfig)
-    read_lesson(run / "lesson.jsonl", task_of(make_gym(config.env.id, config.env.kwargs)).instruction_size)
+    read_lesson(run / "lesson.jsonl", task_of(make_game(config.env)).instruction_size)
 
 
 WAYS: dict[str, Callable[[Path], None]] = {

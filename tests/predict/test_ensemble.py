@@ -34,6 +34,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> TrajectoryLog:
     return logged(tmp_path_factory.mktemp("log"))
 
 
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
+def test_weights_that_are_no_numbers_are_not_taken(tmp_path: Path):
+    log = logged(tmp_path)
+    log._columns["state"][:] = np.inf
+    with pytest.raises(FloatingPointError, match="the weights of the predictor are not finite numbers"):
+        make().learn(log)
+
+
 @pytest.fixture(scope="module")
 def learnt(log: TrajectoryLog) -> Ensemble:
     ensemble = make()

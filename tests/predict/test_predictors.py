@@ -25,14 +25,14 @@ from ibe_rl.env.snapshots import make_copy
 from ibe_rl.instruct import make_instructor
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.play import watch
-from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
+from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor, make_simulator
 
 LANDER = EnvConfig(LANDER_ID)
 KINDS: dict[str, PredictorConfig] = {
     "simulator": PredictorConfig(),
     "ensemble": EnsembleConfig(updates=5, minibatch_size=64, hidden=[8], moments_at_once=4),
     "ensemble by rule": EnsembleConfig(updates=5, minibatch_size=64, members=2, future_instruction="rule"),
-    "regression": RegressionConfig(spans_steps=[10, 30]),
+    "regression": RegressionConfig(),
 }
 
 
@@ -71,7 +71,7 @@ def fallen(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrajectoryLog, Seq
 @pytest.fixture(params=KINDS)
 def predictor(request: pytest.FixtureRequest, fallen: Any) -> KeptPredictor:
     config = KINDS[request.param]
-    made = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER))
+    made = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), [10, 30])
     made.learn(fallen[0])
     return made
 
@@ -92,7 +92,7 @@ def test_every_predictor_keeps_the_protocol(predictor: KeptPredictor, fallen: An
 
 def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen: Any, request: pytest.FixtureRequest):
     config = KINDS[request.node.callspec.params["predictor"]]
-    other = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER))
+    other = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), [10, 30])
     predictor.rollout(fallen[1][:5], fall, 3)
     predictor.forget()
     other.load_state_dict(predictor.state_dict())
@@ -104,7 +104,7 @@ def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen
 
 
 def test_the_exact_one_stands_by_all_that_it_says(fallen: Any):
-    made = make_predictor(PredictorConfig(), partial(make_copy, LANDER), LANDER_TASK.rule, 0, make_game(LANDER))
+    made = make_simulator(PredictorConfig(), partial(make_copy, LANDER), LANDER_TASK.rule, 0)
     made.learn(fallen[0])
     predicted = made.rollout(fallen[1][:3], fall, 7)
     assert predicted.trusted_steps.tolist() == [7] * 3
@@ -128,9 +128,8 @@ def test_settings_that_cannot_work_are_refused():
     assert "actions MultiBinary(3)" in refused(EnsembleConfig(), oracle, spaces.MultiBinary(3))
     for hidden in ([], [8, 0]):
         assert refused(EnsembleConfig(hidden=hidden), oracle, four).startswith(f"predictor.hidden={hidden}: allowed")
-    for spans in ([], [20, 0]):
-        config = RegressionConfig(spans_steps=spans)
-        assert refused(config, oracle, four).startswith(f"predictor.spans_steps={spans}: allowed")
+    config = RegressionConfig(spans_steps=[20, 0])
+    assert refused(config, oracle, four).startswith("predictor.spans_steps=[20, 0]: allowed is at least 1")
     for config in KINDS.values():
         check_predictor(config, oracle, SimpleNamespace(action_space=four))
     check_predictor(PredictorConfig(), HumanConfig(), SimpleNamespace(action_space=spaces.MultiBinary(3)))
