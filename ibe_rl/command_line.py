@@ -108,23 +108,6 @@ def choices(group: str) -> dict[str, Any]:
     return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in files}
 
 
-def refuse_strange_code(env: schemas.EnvConfig, folder: Path) -> None:
-    """Refuse an environment from a run folder that names code which no file in ``configs/env`` names.
-
-    Raises:
-        ConfigError: naming the code.
-    """
-    named = code_of(env.id, env.task)
-    if named:
-        with settings_at_hand():
-            named -= set().union(*(code_of(known.id, known.task) for known in choices("env").values()))
-    if named:
-        raise ConfigError(
-            f"{folder}: its environment runs code, {', '.join(sorted(named))}; allowed is what comes with ibe_rl or is "
-            "named by a file in configs/env or below a --config-dir: put one there if you trust it"
-        )
-
-
 @contextmanager
 def settings_at_hand() -> Iterator[None]:
     """Let hydra find the files of ``configs/``, also where no script runs."""
@@ -226,7 +209,7 @@ def load_config(path: Path, schema: type) -> Any:
     """Read a saved config back; values only, nothing in it is run.
 
     Raises:
-        ConfigError: if the file does not fit the schema.
+        ConfigError: if the file does not fit the schema, or names code that no file of one's own names.
     """
     try:
         saved = OmegaConf.create(read_yaml(path))
@@ -236,10 +219,25 @@ def load_config(path: Path, schema: type) -> Any:
         predictor = schemas.PREDICTORS.get(saved.predictor.get("kind"), schemas.PredictorConfig)
         chosen = schema(agent=agent(), instructor=instructor(), predictor=predictor())
         typed = OmegaConf.merge(OmegaConf.structured(chosen), saved)
-        return OmegaConf.to_object(typed)
+        values: Any = OmegaConf.to_object(typed)
     except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
         reason = one_line(error)[:200]
         raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
+    _refuse_strange_code(values.env, path)
+    return values
+
+
+def _refuse_strange_code(env: schemas.EnvConfig, path: Path) -> None:
+    """Refuse an environment of a saved config that names code which no file in ``configs/env`` names."""
+    named = code_of(env.id, env.task)
+    if named:
+        with settings_at_hand():
+            named -= set().union(*(code_of(known.id, known.task) for known in choices("env").values()))
+    if named:
+        raise ConfigError(
+            f"{path}: its environment runs code, {', '.join(sorted(named))}; allowed is what comes with ibe_rl or is "
+            "named by a file in configs/env or below a --config-dir: put one there if you trust it"
+        )
 
 
 def changed(saved: Any, fixed: Sequence[str]) -> Any:

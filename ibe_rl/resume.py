@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, link, load, policies
-from ibe_rl.command_line import changed, load_config, refuse_strange_code
+from ibe_rl.command_line import changed, load_config
 from ibe_rl.config import HumanConfig, RecordedConfig, TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
@@ -63,7 +63,6 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     going_on = replace(saved, stop_after_frames=None)  # it has stopped there
     config = replace(changed(going_on, FIXED), run_dir=str(folder), resume=None)
     check(config)
-    refuse_strange_code(config.env, folder)
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:
         raise ConfigError(

@@ -13,7 +13,7 @@ import gymnasium
 
 from ibe_rl.agent import GreedyPolicy, make_agent
 from ibe_rl.checkpoint import load, policies
-from ibe_rl.command_line import load_config, refuse_strange_code
+from ibe_rl.command_line import load_config
 from ibe_rl.config import GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Policy
 from ibe_rl.env.make import make_game, task_of
@@ -78,7 +78,6 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
-    refuse_strange_code(config.env, folder)
     env = make_game(config.env)
     task = task_of(env)
     if _is_for_guests(folder, config, bool(guest)):

@@ -63,6 +63,7 @@ def flights(seed: int) -> Moments:
         observed=np.ones(count, bool),
         realised=change[:, None],
         predicted=change[:, None, None],
+        trusted=np.ones((count, 1, 1), bool),
         horizons_steps=(5,),
     )
 

@@ -12,7 +12,7 @@ from ibe_rl.instruct import LessonWriter, RecordedEpisode, check_instructor, sta
 from ibe_rl.run_folder import LESSON
 
 ONE_GAME = CollectConfig(processes=1, envs_per_process=2)
-TWO_NUMBERS = replace(TASK, phrases=(WORDS, WORDS))
+TWO_NUMBERS = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 0), explained_band=(1.0, 1.0), explained_range=())
 PEOPLE = pytest.mark.parametrize("config", [HumanConfig(), RecordedConfig(recording="a_run")], ids=lambda one: one.kind)
 
 
