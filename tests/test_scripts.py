@@ -22,8 +22,9 @@ from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
 from view_data import column, frames, read
 
+from benchmarks import foreseeing
 from ibe_rl.command_line import load_config
-from ibe_rl.config import MappingConfig, TrainConfig
+from ibe_rl.config import EnsembleConfig, MappingConfig, TrainConfig
 from ibe_rl.data import DOES_NOT_KNOW
 from ibe_rl.development import FIGURES, PROBE_WINDOWS
 from ibe_rl.evaluation import load_run
@@ -616,6 +617,13 @@ def test_predictors_are_held_against_the_exact_one(
     assert 0 < rows["ensemble"]["equal"]["value"] <= 1
     assert (folder / "figures" / "predictors.png").stat().st_size > 10_000
     assert "if trusted" in capsys.readouterr().out
+
+
+def test_the_speed_of_predictors_is_measured(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(foreseeing.KINDS, "ensemble", EnsembleConfig(updates=2))
+    found = foreseeing.rates(str(run), 30, 10)
+    assert set(found) == {f"{kind}{what}" for kind in foreseeing.KINDS for what in ("", "_learns_s")}
+    assert all(rate > 0 for kind, rate in found.items() if not kind.endswith("_learns_s"))
 
 
 @pytest.mark.parametrize("kind", ["ensemble", "regression"])
