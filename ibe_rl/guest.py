@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib
 import json
 import pickle
-import sys
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from ibe_rl.data import Array, ConfigError, Policy
+from ibe_rl.named_code import import_named, raised
 from ibe_rl.task import Task
 
 SB3_KINDS = {
@@ -144,8 +144,9 @@ def as_policy(
     except ConfigError:
         raise
     except Exception as error:  # whatever a stranger's code raises
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        raise ConfigError(f"agent: it fails on an observation of {seen} numbers ({reason}); {_sizes(task)}") from None
+        raise ConfigError(
+            f"agent: it fails on an observation of {seen} numbers ({raised(error)}); {_sizes(task)}"
+        ) from None
     return policy
 
 
@@ -226,15 +227,10 @@ def find_agent(name: str) -> Any:
     """
     if name.endswith(".zip"):
         return _load_sb3(Path(name))
-    module, colon, attribute = name.partition(":")
+    _, colon, attribute = name.partition(":")
     if not colon or not attribute:
         raise ConfigError(f"agent={name}: allowed is {ALLOWED}")
-    if str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))
-    try:
-        return getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # whatever a stranger's module raises
-        raise ConfigError(f"agent={name}: {type(error).__name__}: {error}; allowed is {ALLOWED}") from None
+    return import_named("agent", name, ALLOWED)
 
 
 def _load_sb3(path: Path) -> Any:

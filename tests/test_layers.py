@@ -13,20 +13,8 @@ SCRIPTS = ("train", "explain")
 
 LAYERS = (
     {
-        *(
-            "data",
-            "task",
-            "task_config",
-            "scene",
-            "colours",
-            "config",
-            "config_store",
-            "predictor_config",
-            "limits",
-            "ports",
-            "run_folder",
-            "signals",
-        ),
+        *("data", "task", "scene", "colours", "limits", "ports", "run_folder", "signals", "named_code"),
+        *("config", "task_config", "predictor_config", "config_store"),
         *("command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},

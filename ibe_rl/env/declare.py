@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -14,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from ibe_rl.data import Array, ConfigError
+from ibe_rl.named_code import import_named, raised
 from ibe_rl.task import Phrases, Task
 from ibe_rl.task_config import FUNCTIONS, PhrasesConfig, TaskConfig
 
@@ -25,29 +22,17 @@ ANY = "any"
 DRAWN = ("background", "figure")
 
 
-def load_object(key: str, name: str) -> Callable[..., Any]:
-    """Import what ``module:name`` names; a class is made without arguments.
+def load_function(key: str, name: str) -> Callable[..., Any]:
+    """The function, or the object of a small class, that ``module:name`` names.
 
     Raises:
         ConfigError: if it is not there or cannot be called; ``key`` is the setting.
     """
-    module, _, attribute = name.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-        made = found() if inspect.isclass(found) else found
-    except Exception as error:
-        raise ConfigError(f"{key}={name}: allowed is module:function or module:class ({_short(error)})") from None
-    if not callable(made):
-        raise ConfigError(f"{key}={name}: allowed is what can be called, this is {type(made).__name__}")
-    called: Callable[..., Any] = made
+    found = import_named(key, name, "module:function or module:class", made=True)
+    if not callable(found):
+        raise ConfigError(f"{key}={name}: allowed is what can be called, this is {type(found).__name__}")
+    called: Callable[..., Any] = found
     return called
-
-
-def _short(error: Exception) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
 
 
 class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
@@ -113,7 +98,7 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
         ConfigError: naming the setting that cannot be, its value and what is allowed.
     """
     made: dict[str, Callable[..., Any]] = {
-        name: load_object(f"env.task.{name}", getattr(config, name)) for name in FUNCTIONS if getattr(config, name)
+        name: load_function(f"env.task.{name}", getattr(config, name)) for name in FUNCTIONS if getattr(config, name)
     }
     task = _task(env, config, made)
     _try(env, task, config)
@@ -235,4 +220,4 @@ def _called(config: TaskConfig, name: str, function: Callable[..., Any], given: 
     try:
         return function(given)
     except Exception as error:
-        raise ConfigError(f"env.task.{name}={getattr(config, name)}: it raised {_short(error)}") from None
+        raise ConfigError(f"env.task.{name}={getattr(config, name)}: it raised {raised(error)}") from None

@@ -10,7 +10,7 @@ from rules import WORDS, declared
 
 from ibe_rl.config import EnvConfig
 from ibe_rl.data import ConfigError
-from ibe_rl.env.declare import Declared, declare, load_object
+from ibe_rl.env.declare import Declared, declare, load_function
 from ibe_rl.env.make import drawn, join, make_game, make_gym, task_of
 from ibe_rl.ibe import phrase
 from ibe_rl.instruct import Oracle
@@ -115,7 +115,7 @@ def test_a_module_may_register_the_environment(tmp_path: Path, monkeypatch: pyte
 def test_a_module_lies_where_the_program_was_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "lies_here.py").write_text("def rule(states): return states\n")
     monkeypatch.chdir(tmp_path)
-    assert load_object("env.task.rule", "lies_here:rule")(4) == 4
+    assert load_function("env.task.rule", "lies_here:rule")(4) == 4
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
