@@ -149,6 +149,12 @@ def installed(program: str) -> str:
     return os.path.relpath(Path(sys.executable).parent / program)
 
 
+def own_configs() -> str:
+    """The option that names a folder of one's own configs, as it has to be given again, with a space; or nothing."""
+    sources = HydraConfig.get().runtime.config_sources
+    return "".join(f"--config-dir {one.path} " for one in sources if one.provider == "command-line")
+
+
 def is_sweep() -> bool:
     """True while one of several runs of a hydra multirun is under way."""
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)

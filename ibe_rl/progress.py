@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ibe_rl.command_line import installed
+from ibe_rl.command_line import installed, own_configs
 from ibe_rl.data import Array
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import sentences
@@ -110,5 +110,5 @@ def how_to_open(folder: Path, in_sweep: bool) -> list[str]:
         f"the run is in {folder}",
         f"  look at it again:     {python} -m ibe_rl.viewer {folder}",
         *beside,
-        f"  one episode in words: {python} explain.py run={folder}",
+        f"  one episode in words: {python} explain.py {own_configs()}run={folder}",
     ]
