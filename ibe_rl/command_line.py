@@ -151,7 +151,7 @@ def installed(program: str) -> str:
 
 def own_configs() -> str:
     """The option that names a folder of one's own configs, as it has to be given again, with a space; or nothing."""
-    sources = HydraConfig.get().runtime.config_sources
+    sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
     return "".join(f"--config-dir {one.path} " for one in sources if one.provider == "command-line")
 
 

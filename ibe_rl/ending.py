@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ibe_rl.checkpoint import LATEST, load
+from ibe_rl.command_line import own_configs
 from ibe_rl.data import ConfigError
 from ibe_rl.run_folder import CHECKPOINTS
 
@@ -52,7 +53,7 @@ def how_to_go_on(folder: Path) -> str:
         frames = load(folder / CHECKPOINTS / LATEST)["frames"]
     except (ConfigError, KeyError, TypeError):
         return "it has kept no state to go on from: train it anew"
-    return f"its state at {frames:,} frames is kept, go on from it: train.py resume={folder}"
+    return f"its state at {frames:,} frames is kept, go on from it: train.py {own_configs()}resume={folder}"
 
 
 def _is_in(filename: object, folder: Path) -> bool:

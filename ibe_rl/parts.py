@@ -19,7 +19,7 @@ from ibe_rl.agent import Agent, check_actions, check_agent, make_agent
 from ibe_rl.checkpoint import BEST, LATEST, PREDICTOR, as_arrays, as_tensors, link, save_latest, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom
 from ibe_rl.collect import check_collect
-from ibe_rl.command_line import installed, is_sweep, run_name
+from ibe_rl.command_line import installed, is_sweep, own_configs, run_name
 from ibe_rl.config import TrainConfig
 from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.development import FIGURES, Development, check_development
@@ -230,7 +230,7 @@ def resumable(parts: Parts, wall_s: Callable[[], float]) -> Iterator[None]:
         if not parts.log.frames:
             raise LostWorkerError(f"{error}; nothing had been collected yet, start the run anew") from None
         save_state(parts, whole_state(parts, wall_s()))
-        command = f"{installed('python')} train.py resume={parts.folder}"
+        command = f"{installed('python')} train.py {own_configs()}resume={parts.folder}"
         raise LostWorkerError(
             f"{error}; the run is kept as it was at {parts.log.frames:,} frames, to go on: {command}"
         ) from None
