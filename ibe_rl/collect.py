@@ -36,7 +36,7 @@ JUDGING_SEED = 2_050_000_000
 """Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
-FAREWELL_S = 5.0
+OUTLIVES_TRAINER_S = 5.0
 """So long a lesson goes on whose trainer is gone, to say so."""
 OpenLesson = Callable[[MutableSequence[gymnasium.Env[Any, Any]]], Instructor]
 """Puts the first environment before a person; returns the instructor of that one."""
@@ -55,7 +55,7 @@ def env_of_worker(
     """Make a worker's environments, ``under_way`` those of all workers; runs in the worker's own process."""
     torch.set_num_threads(1)
     if apart(collect):
-        end_with_parent(FAREWELL_S if lesson else 0.0)
+        end_with_parent(OUTLIVES_TRAINER_S if lesson else 0.0)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     games = [make_game(env) for _ in range(collect.envs_per_process)]
     person = lesson(games) if lesson else None

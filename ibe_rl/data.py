@@ -131,6 +131,13 @@ class Moment:
     snapshot: Any = None
 
 
+def columns_of(moments: Sequence[Moment]) -> tuple[Array, Array, Array]:
+    """Moments as states ``(N, S)``, instructions ``(N, d)`` and whether they were given ``(N, 1)``, float32."""
+    states = np.array([moment.state for moment in moments], np.float32)
+    instruction = np.array([moment.instruction for moment in moments], np.float32)
+    return states, instruction, np.array([[moment.given] for moment in moments], np.float32)
+
+
 @dataclass(frozen=True)
 class Explanation:
     """What the agent says at one moment about its next ``horizon_steps`` steps.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config import EnsembleConfig
-from ibe_rl.data import Array, Moment, Policy, Prediction, observe
+from ibe_rl.data import Array, Moment, Policy, Prediction, columns_of, observe
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
 from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
@@ -75,9 +75,7 @@ class Ensemble:
         """
         if self._trust is None:
             raise ValueError("the ensemble has learnt nothing yet")
-        states = np.array([moment.state for moment in moments], np.float32)
-        instruction = np.array([moment.instruction for moment in moments], np.float32)
-        given = np.array([[moment.given] for moment in moments], np.float32)
+        states, instruction, given = columns_of(moments)
         rolled = self._roll(states, partial(self._follow, policy, instruction, given), horizon_steps)
         error = self._trust.expected_error(rolled.apart)
         trusted = self._trust.trusted_steps(error, self._config.max_uncertainty, horizon_steps)

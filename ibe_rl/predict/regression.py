@@ -11,7 +11,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from ibe_rl.config import RegressionConfig
-from ibe_rl.data import Array, Episode, Moment, Policy, Prediction, observe
+from ibe_rl.data import Array, Episode, Moment, Policy, Prediction, columns_of, observe
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.predict.experience import held_out, newest_episodes
@@ -73,9 +73,7 @@ class Regression:
         """
         if self._weights is None:
             raise ValueError("the regression has learnt nothing yet")
-        states = np.array([moment.state for moment in moments], np.float32)
-        instruction = np.array([moment.instruction for moment in moments], np.float32)
-        given = np.array([[moment.given] for moment in moments], np.float32)
+        states, instruction, given = columns_of(moments)
         change = self._change(observe(states, instruction, given)).astype(np.float32)
         known = np.concatenate([np.zeros_like(change[:, :1]), change], axis=1)
         paths = states[:, None] + _between(known, np.array([0, *self._spans]), horizon_steps)

@@ -14,7 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.config import PredictorConfig
-from ibe_rl.data import Array, Moment, Policy, Prediction, observe
+from ibe_rl.data import Array, Moment, Policy, Prediction, columns_of, observe
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.workers import end_with_parent
@@ -128,9 +128,8 @@ class _Games:
     def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; a seed of None repeats the original's noise."""
         moments, games = part[0], self._at(*part)
-        paths = np.repeat(np.array([m.state for m in moments], np.float32)[:, None], horizon_steps + 1, axis=1)
-        instruction = np.array([m.instruction for m in moments], np.float32)
-        given = np.array([[m.given] for m in moments], np.float32)
+        states, instruction, given = columns_of(moments)
+        paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
         flying = np.arange(len(moments))
         for step in range(1, horizon_steps + 1):
             states = paths[flying, step - 1]
