@@ -211,7 +211,8 @@ def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     """Over the training: how often each predictor leads to the phrase of the exact one, and how true that is."""
     metrics = {"equal": "same phrase as the exact one", "motion_auc": "motion AUC", "came_true_voted": "came true"}
     names = list(dict.fromkeys(row["predictor"] for row in rows))
-    step = max(row["frame"] for row in rows) / 1_000
+    frames = sorted({row["frame"] / 1_000 for row in rows})
+    step = frames[-1]
     figure, axes = _figure(3.6 * len(metrics) + 1, 3.6, len(metrics))
     for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
         for number, name in enumerate(names):
@@ -221,6 +222,9 @@ def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
                 _line(axis, known, number, step * (number - 1) / 100, name.replace("_", " "))
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("refresh after (thousand frames)")
+        axis.set(xticks=frames, xticklabels=[f"{frame:,.0f}" for frame in frames])
+        axis.set_xlim(frames[0] - step / 15, frames[-1] + step / 15)
+        axis.tick_params(axis="x", labelrotation=30)
     axes[1].legend(fontsize=8, frameon=False)
     figure.suptitle(f"Explanations of {horizon_steps} steps with learned predictors beside the exact one")
     return figure
