@@ -1,8 +1,10 @@
-"""Explanations a second of every kind of predictor, over the same moments and in one process.
+"""What the kinds of predictor cost, and what they are worth for a policy that the log does not know.
 
-python -m benchmarks.foreseeing RUN              a finished run with its log
+python -m benchmarks.foreseeing RUN              explanations a second, over the same moments and in one process
+python -m benchmarks.foreseeing RUN 250000       what was learnt at the end, for the policy of that frame (minutes)
 
-Seconds are of the processor, so that what else the machine does counts as little as it can.
+RUN is a finished run with its log. Seconds are of the processor, so that what else the machine does counts as little
+as it can.
 """
 
 from __future__ import annotations
@@ -17,11 +19,15 @@ import numpy as np
 import torch
 
 from benchmarks.explaining import watched_moments
-from ibe_rl.config import EnsembleConfig, PredictorConfig, RegressionConfig
+from ibe_rl.checkpoint import BETWEEN, EVALUATED
+from ibe_rl.config import EnsembleConfig, EvaluateConfig, ExplainConfig, PredictorConfig, RegressionConfig
 from ibe_rl.data import Moment
 from ibe_rl.env.snapshots import make_copy
-from ibe_rl.evaluation import TrainedRun, load_run
-from ibe_rl.evaluation.refit import open_log
+from ibe_rl.evaluation.baselines import fit_state_regressors
+from ibe_rl.evaluation.predictors import Age, judge_age
+from ibe_rl.evaluation.refit import Refits, open_log
+from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
+from ibe_rl.evaluation.tables import console, predictors_table
 from ibe_rl.ibe import phrases_of
 from ibe_rl.predict import KeptPredictor, make_predictor
 
@@ -78,8 +84,32 @@ def say(run: TrainedRun, predictor: KeptPredictor, moments: list[Moment]) -> Any
     return phrases_of(run.mapping.express(change), run.task.phrases)
 
 
-if __name__ == "__main__":
-    found = rates(sys.argv[1], 10_240, 600)
+def for_another_policy(run: TrainedRun, frame: int, config: EvaluateConfig) -> list[dict[str, Any]]:
+    """Rows of ``task=predictors``: predictors as of the end of the training, the policy as of a frame before."""
+    torch.set_num_threads(1)
+    kept = kept_policies(run, EVALUATED, BETWEEN)
+    at = min(kept, key=lambda one: abs(one - frame))
+    newest = list(kept_refreshes(run).values())[-1]
+    age = Age(newest, at, kept[at], config.episodes, config.calibration_episodes)
+    lessons = Refits(run, config.seed).lessons(run.config.mapping)
+    regressors = fit_state_regressors(lessons.heard, run.horizon_steps, run.task, config.seed)
+    return judge_age(run, age, KINDS, regressors, ExplainConfig(predictor=PredictorConfig(), evaluate=config))
+
+
+def main(arguments: list[str]) -> None:
+    """Measure and print."""
+    run = arguments[0]
+    if len(arguments) > 1:
+        config = EvaluateConfig(episodes=40, calibration_episodes=12, stride_steps=8, resamples=200)
+        rows = for_another_policy(load_run(Path(run)), int(arguments[1]), config)
+        title = f"{Path(run).name}, learnt by frame {rows[0]['frame']:,}, policy of frame {rows[0]['policy_frame']:,}"
+        console().print(predictors_table(rows, title))
+        return
+    found = rates(run, 10_240, 600)
     for kind in KINDS:
         learns, ratio = found[f"{kind}_learns_s"], found[kind] / found["simulator"]
         sys.stdout.write(f"{kind}: {found[kind]:,.0f} explanations/s, {ratio:.0f} x; learns in {learns:.1f} s\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

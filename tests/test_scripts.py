@@ -24,7 +24,7 @@ from view_data import column, frames, read
 
 from benchmarks import foreseeing
 from ibe_rl.command_line import load_config
-from ibe_rl.config import EnsembleConfig, MappingConfig, TrainConfig
+from ibe_rl.config import EnsembleConfig, EvaluateConfig, MappingConfig, TrainConfig
 from ibe_rl.data import DOES_NOT_KNOW
 from ibe_rl.development import FIGURES, PROBE_WINDOWS
 from ibe_rl.evaluation import load_run
@@ -624,6 +624,16 @@ def test_the_speed_of_predictors_is_measured(run: Path, monkeypatch: pytest.Monk
     found = foreseeing.rates(str(run), 30, 10)
     assert set(found) == {f"{kind}{what}" for kind in foreseeing.KINDS for what in ("", "_learns_s")}
     assert all(rate > 0 for kind, rate in found.items() if not kind.endswith("_learns_s"))
+
+
+def test_predictors_are_held_against_a_policy_that_the_log_does_not_know(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(foreseeing.KINDS, "ensemble", EnsembleConfig(updates=2))
+    few = EvaluateConfig(episodes=2, calibration_episodes=2, stride_steps=25, resamples=20)
+    rows = foreseeing.for_another_policy(load_run(run), 1, few)
+    assert [row["predictor"] for row in rows] == ["simulator", "simulator_again", "ensemble", "regression"]
+    assert {(row["frame"], row["policy_frame"] < 6_144) for row in rows} == {(6_144, True)}
 
 
 @pytest.mark.parametrize("kind", ["ensemble", "regression"])
