@@ -51,7 +51,7 @@ def main(cfg: ExplainConfig) -> None:
         opened = open_guest(cfg)
         {"episode": explain_episode, "evaluate": evaluate, "compare": compare}[cfg.task](cfg, opened)
         return
-    refuse_guest_settings()
+    refuse_guest_settings(cfg)
     tasks = {"evaluate": evaluate, "compare": compare, "predictors": judge_predictors, "figures": reproduce}
     tasks.get(cfg.task, explain_episode)(cfg)
 

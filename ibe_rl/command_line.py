@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,6 @@ import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Quote, QuotedString
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
@@ -23,17 +22,14 @@ from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
 
 from ibe_rl import config as schemas
+from ibe_rl.arguments import KINDS, as_hydra_reads
 from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
-from ibe_rl.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.run_folder import NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
 from ibe_rl.task_config import code_of
 from ibe_rl.workers import LostWorkerError
 
-KINDS = ("agent", "instructor", "predictor")
-"""Groups whose choices have settings of their own."""
-FOLDERS = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
-"""Settings of a script that name a file or folder, where hydra would look in ``configs/``; what they are in it."""
 CONFIGS = Path(__file__).parent.parent / "configs"
 
 
@@ -47,9 +43,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
     register()
-    sys.argv = [_spelt(one, FOLDERS.get(name, {})) for one in sys.argv]
-    at = next((place for place, one in enumerate(sys.argv) if one.startswith("resume=")), len(sys.argv))
-    sys.argv[at:at] = _kinds(sys.argv, configs)  # beside it: settings on both sides of an option are refused
+    sys.argv = as_hydra_reads(sys.argv, name, configs)
     started = False
     refused: list[str] = []
 
@@ -83,24 +77,6 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit("\n".join(refused))
 
 
-def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
-    """What kind of agent and instructor a run that is resumed has: with it, their settings are known to hydra."""
-    resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
-    try:
-        saved = read_yaml(Path(resumed[0]) / CONFIG)
-        kinds = {group: str(saved[group]["kind"]) for group in KINDS if "kind" in saved[group]}
-    except (OSError, ValueError, KeyError, TypeError, IndexError):
-        return []  # if it is wrong, taking the run up says so
-    known = {group: {path.stem for path in (configs / group).glob("*.yaml")} for group in KINDS}
-    known["instructor"].discard("recorded")  # it wants a setting more, and is not resumed
-    return [f"{group}={kind}" for group, kind in kinds.items() if kind in known[group]]
-
-
-def _spelt(argument: str, folders: Mapping[str, str]) -> str:
-    key, equals, value = argument.partition("=")
-    return f"{folders[key]}={value}" if equals and key in folders else argument
-
-
 def choices(group: str) -> dict[str, Any]:
     """All choices of a group of ``configs/``, as ``train.py`` would compose each; only inside ``run_script``."""
     names = GlobalHydra.instance().config_loader().get_group_options(group)
@@ -131,7 +107,7 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
     """
     try:
         with settings_at_hand():
-            values = OmegaConf.to_object(hydra.compose(name, list(overrides)))
+            values = OmegaConf.to_object(hydra.compose(name, as_hydra_reads(overrides, name, CONFIGS)))
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(one_line(error)) from None
     check(values)
@@ -185,11 +161,6 @@ def _swept() -> set[str]:
         return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
     except OverrideParseException:
         return set()
-
-
-def quoted(text: str) -> str:
-    """A text as hydra takes it as a value, whatever is in it."""
-    return QuotedString(text, Quote.single).with_quotes()
 
 
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:

@@ -282,8 +282,7 @@ class ExplainConfig:
     episodes: int = setting(200, low=2, high=100_000)  # of such an agent, that its vocabulary is learnt from
     random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of the actions in them
     run_dir: str = MISSING  # of the folder that is made for it
-    env: EnvConfig = MISSING  # that it acts in
-    mapping: MappingConfig = MISSING
+    guest_settings: list[str] = field(default_factory=list)  # env=, env.…, mapping=, mapping.…: as of a training
     sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode

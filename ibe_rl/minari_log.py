@@ -58,22 +58,25 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     if not count:
         raise ConfigError(f"run={folder}: no episode has ended in its log; allowed is one with episodes")
     episodes = log.read(range(max(0, count - (newest or count)), count))
-    about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(config)}
     env = make_game(config.env)
+    about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that it names no code, no e-mail
             buffers = [_buffer(minari, episode) for episode in episodes]
-            return minari.create_dataset_from_buffers(dataset_id, buffers, env=env, data_format="hdf5", **about)
+            spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
+            spec = env.unwrapped.spec  # without our wrapper, which Minari could not make again
+            return minari.create_dataset_from_buffers(
+                dataset_id, buffers, env=spec, data_format="hdf5", **spaces, **about
+            )
     except (ValueError, TypeError) as error:
         raise ConfigError(f"dataset={dataset_id}: {error}") from None
 
 
-def _description(config: TrainConfig) -> str:
-    name = task_of(make_game(config.env)).name
+def _description(task: Task) -> str:
     return (
-        f"{name}, told in which way to go: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether there "
-        f"was one, infos[{SUCCESS!r}] whether the episode ended well, infos[{CONTEXT!r}] what it was about."
+        f"{task.name}, told in which way to go: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether "
+        f"there was one, infos[{SUCCESS!r}] whether the episode ended well, infos[{CONTEXT!r}] what it was about."
     )
 
 
@@ -118,11 +121,11 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
         dataset = minari.load_dataset(dataset_id)
     except (OSError, ValueError, ImportError) as error:
         raise ConfigError(f"dataset={dataset_id}: {' '.join(str(error).split())[:200]}") from None
-    env = make_game(cfg.env)
+    config = guest_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
+    env = make_game(config.env)
     task = task_of(env)
     check_actions(f"dataset={dataset_id}", dataset, env.action_space)
     _check_observations(dataset_id, dataset.observation_space, task)
-    config = guest_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
     first = next(iter(dataset), None)
     if first is None:
         raise ConfigError(f"dataset={dataset_id}: it has no episode; allowed is one with episodes")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -173,19 +174,23 @@ def open_guest(cfg: ExplainConfig) -> TrainedRun:
         )
     if cfg.run is None:
         return _study(cfg.agent_file, cfg, seed=0)
-    if superfluous := sorted(FOR_NEW_ONES & named_settings()):
+    if superfluous := sorted(FOR_NEW_ONES & _named(cfg)):
         raise ConfigError(f"{superfluous[0]}= with run={cfg.run}: allowed only without run=, for a new folder")
     return _open(cfg.agent_file, cfg)
 
 
-def refuse_guest_settings() -> None:
+def refuse_guest_settings(cfg: ExplainConfig) -> None:
     """Refuse settings that only an agent trained elsewhere has.
 
     Raises:
         ConfigError: naming the key.
     """
-    if superfluous := sorted((FOR_NEW_ONES | {"agent_sees_instruction"}) & named_settings()):
+    if superfluous := sorted((FOR_NEW_ONES | {"agent_sees_instruction"}) & _named(cfg)):
         raise ConfigError(f"{superfluous[0]}= without agent=: allowed only beside it, for an agent trained elsewhere")
+
+
+def _named(cfg: ExplainConfig) -> set[str]:
+    return named_settings() | {re.split("[.=]", one)[0] for one in cfg.guest_settings}
 
 
 def _open(agent: Any, cfg: ExplainConfig) -> TrainedRun:
@@ -229,13 +234,13 @@ def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConf
     Raises:
         ConfigError: if the vocabulary cannot be learnt like this in this environment.
     """
-    check_mapping(cfg.mapping, task_of(make_game(cfg.env)))
+    config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
+    check_mapping(config.mapping, task_of(make_game(config.env)))
     return replace(
-        composed("train", [f"seed={seed}"]),
+        config,
         run_dir=cfg.run_dir,
-        env=cfg.env,
         agent=GuestConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
-        mapping=replace(cfg.mapping, newest_frames=None),  # all episodes are of one agent
+        mapping=replace(config.mapping, newest_frames=None),  # all episodes are of one agent
         predictor=cfg.predictor,
         viewer=cfg.viewer,
     )

@@ -35,6 +35,15 @@ def obedient(observations: np.ndarray) -> np.ndarray:
     return np.array([1, 2, 3])[observations[:, 9].astype(int) + 1]
 
 
+def reach(states: np.ndarray) -> np.ndarray:
+    """States ``(N, 10)`` of the Reacher to torques ``(N, 2)``: pulls the fingertip to the target, and brakes."""
+    tip = states[:, 4:6] + states[:, 8:10]
+    elbow = 0.1 * states[:, [0, 2]]
+    pull = -20 * states[:, 8:10]
+    torques = [pull[:, 1] * arm[:, 0] - pull[:, 0] * arm[:, 1] for arm in (tip, tip - elbow)]
+    return np.clip(np.stack(torques, axis=1) - 0.03 * states[:, 6:8], -1, 1).astype(np.float32)
+
+
 def recurrent() -> Any:
     """What sb3-contrib's recurrent models look like from outside."""
     return SimpleNamespace(policy=SimpleNamespace(lstm_actor=None), predict=None, observation_space=SPACE)

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from ibe_rl.command_line import output_folder, quoted, run_name, run_script
+from ibe_rl.arguments import quoted
+from ibe_rl.command_line import output_folder, run_name, run_script
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 

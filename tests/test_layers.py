@@ -15,7 +15,7 @@ LAYERS = (
     {
         *("data", "task", "scene", "colours", "limits", "ports", "run_folder", "signals", "named_code"),
         *("config", "task_config", "predictor_config", "config_store"),
-        *("command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
+        *("arguments", "command_line", "checkpoint", "resume", "under_way", "arrays", "ending", "workers"),
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},
     {"instruct", "agent", "guest", "predict", "metrics"},
@@ -142,7 +142,14 @@ def test_only_the_view_knows_rerun():
 
 
 def test_only_the_settings_know_hydra():
-    assert users("hydra", "omegaconf") <= {"config", "task_config", "config_store", "command_line", *SCRIPTS}
+    assert users("hydra", "omegaconf") <= {
+        "arguments",
+        "config",
+        "task_config",
+        "config_store",
+        "command_line",
+        *SCRIPTS,
+    }
 
 
 def test_agents_know_no_environment_and_predictors_no_agent():

@@ -22,7 +22,7 @@ from ibe_rl.data import ConfigError, Episode
 from ibe_rl.env import LANDER_ID, LANDER_TASK, Instructed
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.minari_log import export_log, import_log, main
-from ibe_rl.own_agent import guest_run_config, keep_run, open_study
+from ibe_rl.own_agent import guest_run_config, keep_run, open_study, study
 from ibe_rl.run_folder import create_run_folder
 
 QUICK = ["mapping.horizon_steps=10", "mapping.spans_steps=[5]", "viewer=off"]
@@ -104,6 +104,15 @@ def test_minaris_own_tools_read_it(run: Path) -> None:
     shown = CliRunner().invoke(app, ["show", "mine/some-v0"])
     assert shown.exit_code == 0
     assert LANDER_ID in shown.stdout
+
+
+def test_an_environment_that_a_config_declares_goes_out_and_comes_in(tmp_path: Path) -> None:
+    made = study(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
+    dataset = export_log(made.run.folder, "mine/arm-v0")
+    assert dataset.recover_environment().unwrapped.spec.id == "Reacher-v5"
+    folder = import_log("mine/arm-v0", ["env=reacher", f"run_dir={tmp_path / 'back'}"])
+    for one, other in zip(logged(folder), logged(made.run.folder), strict=True):
+        assert_same(one, other)
 
 
 @pytest.fixture

@@ -103,6 +103,15 @@ def refusal(*arguments: str) -> str:
     return str(ended.value)
 
 
+def test_an_environment_whose_file_sets_what_a_training_needs(tmp_path: Path) -> None:
+    """``env=reacher`` brings a horizon, which counts, and the length of a training, which says nothing here."""
+    made = study(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
+    assert (made.run.horizon_steps, list(made.run.spans)) == (10, [5])
+    assert made.run.config.env.id == "Reacher-v5"
+    assert all(len(one.expression) == 2 for one in made.explain(seed=1).said)
+    call("explain", f"run={tmp_path / 'arm'}", "agent=pilots:reach", "agent_sees_instruction=false", "viewer=off")
+
+
 def test_settings_that_nothing_would_read_are_refused(studied: Study) -> None:
     folder = f"run={studied.run.folder}"
     assert "env= with run=" in refusal(folder, "agent=pilots:pilot", "env=lander")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ibe_rl.command_line import installed, quoted
+from ibe_rl.arguments import quoted
+from ibe_rl.command_line import installed
 from ibe_rl.config import HumanConfig, TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.limits import check
