@@ -31,8 +31,12 @@ def check_context(context: str | None, run: TrainedRun) -> None:
     """Refuse a context that the run's environment does not have.
 
     Raises:
-        ConfigError: naming those that it has.
+        ConfigError: naming those that it has, or that none can be asked for.
     """
+    if context is not None and not run.task.context_option:
+        raise ConfigError(
+            f"context={context}: allowed is none, nothing fixes it in this environment (task.context_option)"
+        )
     if context is not None and context not in run.task.contexts:
         allowed = ", ".join(run.task.contexts)
         raise ConfigError(f"context={context}: allowed is one of {allowed}, or none to draw one")

@@ -220,7 +220,7 @@ class Recorder:
             raise ValueError(f"{len(said)} explanations and {len(real)} phrases for an episode of {steps} steps")
         self._send_curves()
         place = self._at(frames)
-        head = f"**{frames:,}** frames, {self._task.context_option} **{watched.episode.context}**"
+        head = f"**{frames:,}** frames, {f'{self._task.context_option} **{watched.episode.context}**'.strip()}"
         self._film.send(place, watched, said, real, head, self._standing)
         self._next = Place(place.frame + steps + 1, place.step + steps + 1)
 
