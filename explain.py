@@ -29,6 +29,7 @@ from ibe_rl.data import ConfigError, Explanation
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
+from ibe_rl.evaluation.foresight import as_trained
 from ibe_rl.evaluation.predictors import judge_predictors
 from ibe_rl.metrics import happened
 from ibe_rl.own_agent import open_guest, refuse_guest_settings
@@ -47,6 +48,7 @@ def main(cfg: ExplainConfig) -> None:
     if cfg.sweep_dir is not None:
         report_sweep(cfg)
         return
+    cfg = as_trained(cfg)
     if cfg.agent_file is not None:
         opened = open_guest(cfg)
         {"episode": explain_episode, "evaluate": evaluate, "compare": compare}[cfg.task](cfg, opened)

@@ -22,6 +22,7 @@ from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
 from view_data import column, frames, read
 
+import explain
 from benchmarks import foreseeing
 from ibe_rl.command_line import load_config
 from ibe_rl.config import EnsembleConfig, EvaluateConfig, MappingConfig, TrainConfig
@@ -634,6 +635,19 @@ def test_predictors_are_held_against_a_policy_that_the_log_does_not_know(
     rows = foreseeing.for_another_policy(load_run(run), 1, few)
     assert [row["predictor"] for row in rows] == ["simulator", "simulator_again", "ensemble", "regression"]
     assert {(row["frame"], row["policy_frame"] < 6_144) for row in rows} == {(6_144, True)}
+
+
+def test_a_run_is_explained_with_the_predictor_that_it_learnt(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, asked = Path(shutil.copytree(run, tmp_path / "run")), list[str]()
+    monkeypatch.setattr(explain, "explain_episode", lambda cfg: asked.append(cfg.predictor.kind))
+    call("explain", f"run={folder}")
+    settings = folder / ".hydra" / "config.yaml"
+    settings.write_text(settings.read_text().replace("kind: simulator", "kind: ensemble"))
+    call("explain", f"run={folder}")
+    call("explain", f"run={folder}", "predictor=simulator")
+    assert asked == ["simulator", "ensemble", "simulator"]
 
 
 @pytest.mark.parametrize("kind", ["ensemble", "regression"])

@@ -130,8 +130,8 @@ def make_copy(env: EnvConfig) -> Stoppable:
     if made is None:
         raise ConfigError(
             f"predictor=simulator with env.id={env.id}: this environment cannot be stopped and taken up again exactly "
-            "(it has no snapshot() and restore(), and a deep copy of it goes on otherwise); allowed is a predictor "
-            "that is learnt"
+            "(it has no snapshot() and restore(), and a deep copy of it goes on otherwise); allowed is "
+            "predictor=ensemble or predictor=regression, which learn from the log"
         )
     return made
 

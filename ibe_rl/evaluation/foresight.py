@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.checkpoint import PREDICTOR, as_arrays, load, policies
-from ibe_rl.config import EnvConfig, PredictorConfig
+from ibe_rl.command_line import load_config, named_settings
+from ibe_rl.config import EnvConfig, ExplainConfig, PredictorConfig, TrainConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.predict import KeptPredictor, is_learnt, make_predictor
-from ibe_rl.run_folder import CHECKPOINTS
+from ibe_rl.run_folder import CHECKPOINTS, CONFIG, find_run, refuse_special_files
 
 NOT_LEARNT = ("future_instruction", "futures", "moments_at_once", "processes", "max_uncertainty")
 """Settings that change how is predicted, and not what is learnt."""
@@ -46,6 +47,16 @@ def predictor_of(
         if is_learnt(config):
             _prepare(predictor, run, config, run.policy_frame if until_frame is None else until_frame)
         yield predictor
+
+
+def as_trained(cfg: ExplainConfig) -> ExplainConfig:
+    """The same with the predictor that the run learnt, unless another one is named; only inside ``run_script``."""
+    if "predictor" in named_settings() or (cfg.agent_file is not None and cfg.run is None):
+        return cfg
+    folder = find_run(cfg.run, Path("runs"))
+    refuse_special_files(folder)
+    own: PredictorConfig = load_config(folder / CONFIG, TrainConfig).predictor
+    return replace(cfg, predictor=own) if is_learnt(own) else cfg
 
 
 def can_foresee(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
