@@ -52,8 +52,13 @@ def gone(pid: int) -> bool:
 
 
 def server_of(relay_pid: int) -> int:
-    assert eventually(lambda: children(relay_pid))
+    """The viewer's server that a relay has started; until it is that, its process is a copy of the relay."""
+    assert eventually(lambda: [one for one in children(relay_pid) if command_of(one) != command_of(relay_pid)])
     return children(relay_pid)[0]
+
+
+def command_of(pid: int) -> bytes:
+    return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
 def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen[str]:

@@ -157,7 +157,7 @@ def test_a_hanging_viewer_makes_nobody_wait(tmp_path: Path) -> None:
     assert path.stat().st_size > 5 * 65_536  # far more than a pipe holds
     relay.close()
     assert not relay.alive()
-    assert gone(server)
+    assert eventually(lambda: gone(server))
     relay.close()
 
 
