@@ -88,7 +88,7 @@ def _panels(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """Title of each panel to the values of all rows: with several numbers their mean first, then each number."""
     metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
     numbers = [each["number"] for each in rows[0].get("each", ())] if rows else []
-    mean = f" (mean of {', '.join(numbers)})" if numbers else ""
+    mean = f"\n(mean of {len(numbers)} numbers)" if numbers else ""
     panels = {f"{title}{mean}": [row[metric] for row in rows] for metric, title in metrics.items()}
     return panels | {
         f"{name}: all moments": [row["each"][i]["motion_auc"] for row in rows] for i, name in enumerate(numbers)

@@ -173,8 +173,8 @@ def test_tables_and_figures_show_each_number(judged: Judged, capsys: pytest.Capt
     assert "no simulated observer: it listens to one number, here there are 2" in said
     titles = [axis.get_title() for axis in figures.by_explainer(rows, 5).axes]
     assert titles == [
-        "all moments (mean of height, speed)",
-        "where it did not do as told (mean of height, speed)",
+        "all moments\n(mean of 2 numbers)",
+        "where it did not do as told\n(mean of 2 numbers)",
         "height: all moments",
         "speed: all moments",
     ]
