@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import importlib
 import json
-import pickle
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -255,7 +255,9 @@ def _load_sb3(path: Path) -> Any:
 def crosses_processes(policy: Policy) -> bool:
     """True if other processes can be given the policy."""
     try:
-        return b"__main__" not in pickle.dumps(policy)  # what the script defines is not there in another process
+        return b"__main__" not in bytes(
+            ForkingPickler.dumps(policy)
+        )  # what the script defines is not there in another process
     except Exception:  # pickle and what it calls raise a dozen types
         return False
 
