@@ -255,9 +255,8 @@ def _load_sb3(path: Path) -> Any:
 def crosses_processes(policy: Policy) -> bool:
     """True if other processes can be given the policy."""
     try:
-        return b"__main__" not in bytes(
-            ForkingPickler.dumps(policy)
-        )  # what the script defines is not there in another process
+        sent = bytes(ForkingPickler.dumps(policy))
+        return b"__main__" not in sent  # what the script defines is not there in another process
     except Exception:  # pickle and what it calls raise a dozen types
         return False
 
