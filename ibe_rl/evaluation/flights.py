@@ -11,12 +11,11 @@ import torch
 from ibe_rl.collect import JUDGING_SEED
 from ibe_rl.config import EvaluateConfig, ExplainConfig
 from ibe_rl.data import ConfigError, Policy, Predictor
-from ibe_rl.evaluation.foresight import predictor_of
+from ibe_rl.evaluation.foresight import predictor_of, with_processes
 from ibe_rl.evaluation.moments import Moments, Plan, gather
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.guest import crosses_processes
 from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.predict import is_learnt
 
 SEEDS_EACH = 10_000
 """Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds for each purpose."""
@@ -78,9 +77,7 @@ def processes_for(asked: int | None, policy: Policy) -> int:
 def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
     """Start the predictor's processes, and stop them at the end."""
     torch.set_num_threads(1)
-    config = cfg.predictor
-    if not is_learnt(config):
-        config = replace(config, processes=processes_for(config.processes, run.policy))
+    config = with_processes(cfg.predictor, processes_for(cfg.predictor.processes, run.policy))
     with predictor_of(run, config, cfg.evaluate.seed) as predictor:
         yield Flying(run, cfg, predictor)
 
