@@ -18,6 +18,8 @@ Policy = Callable[[Array], Array]
 """Observations ``(N, O)`` float32 to actions ``(N,)``, without any exploration."""
 DOES_NOT_KNOW = "I do not know"
 """What is said where the confidence is too small."""
+CANNOT_TELL = "I cannot tell"
+"""What is said where the meaning of the word is not known."""
 
 
 class ConfigError(ValueError):
@@ -154,7 +156,9 @@ class Explanation:
         futures: ``(F, S)`` predicted changes in all the futures that were sampled, ``delta_state`` one of them.
         agreement: share of these that are called like this and that the predictor stands by to the horizon.
         purity: share of the cluster's windows that carried its most frequent instruction.
-        known: False if the agent is not confident enough to say it.
+        known: False if the agent is not confident enough to say it, or does not know what the word means.
+        meant: False if it does not know what the word means.
+        calibrated: whether ``confidence`` is a probability; if not, it is not shown.
         spans: what it says of other spans of time from here, by rising horizon.
         trusted_steps: for so many of the steps the predictor stands by ``path``; None: for all of them.
     """
@@ -170,6 +174,8 @@ class Explanation:
     agreement: float = 1.0
     purity: float = 1.0
     known: bool = True
+    meant: bool = True
+    calibrated: bool = True
     spans: tuple[Explanation, ...] = ()
     trusted_steps: int | None = None
 
@@ -186,7 +192,9 @@ class Explanation:
 
     @property
     def said(self) -> str:
-        """The phrase, or that the agent does not know."""
+        """The phrase, or that the agent does not know it or cannot tell what it means."""
+        if not self.meant:
+            return CANNOT_TELL
         return self.phrase if self.known else DOES_NOT_KNOW
 
     @property
@@ -235,6 +243,9 @@ class Mapping(Protocol):
 
     def express(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to expressions ``(W, d)`` in [-1, 1]."""
+
+    def knows(self, delta: Array) -> Array:
+        """For which changes ``(W, S)`` the meaning of the word is known, ``(W,)`` bool."""
 
     def confidence(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to confidences ``(W,)`` in [0, 1]."""

@@ -30,7 +30,7 @@ class Voice:
         futures: how many are sampled at each moment; what most of them would be called is said.
         calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true; None: not known yet,
             the confidence is the product of the features.
-        min_confidence: under it, if it is calibrated, the agent says that it does not know.
+        min_confidence: under it the agent says that it does not know.
     """
 
     mapping: Mapping
@@ -89,7 +89,8 @@ def _of_span(paths: Array, trusted_steps: Array, voice: Voice) -> list[Explanati
     rows = np.arange(len(deltas))
     spoken = deltas[rows, which]
     purity = voice.mapping.confidence(spoken)
-    columns = (voice.mapping.express(spoken), voice.mapping.ids[voice.mapping.cluster(spoken)], agreement, purity)
+    mapping = voice.mapping
+    columns = (mapping.express(spoken), mapping.ids[mapping.cluster(spoken)], agreement, purity, mapping.knows(spoken))
     said = [
         Explanation(
             expression=expression,
@@ -103,10 +104,12 @@ def _of_span(paths: Array, trusted_steps: Array, voice: Voice) -> list[Explanati
             agreement=float(agreed),
             purity=float(pure),
             trusted_steps=int(trusted_steps[row, which[row]]),
+            meant=bool(meant),
+            calibrated=voice.calibration is not None,
         )
-        for row, (expression, cluster, agreed, pure) in enumerate(zip(*columns, strict=True))
+        for row, (expression, cluster, agreed, pure, meant) in enumerate(zip(*columns, strict=True))
     ]
-    return said if voice.calibration is None else _calibrated(said, voice.calibration, voice.min_confidence)
+    return _sure(said, voice)
 
 
 def voted(
@@ -133,10 +136,14 @@ def voted(
     return called[rows, which].tolist(), which, votes.sum(axis=1) / futures
 
 
-def _calibrated(said: Sequence[Explanation], calibration: Calibration, minimum: float) -> list[Explanation]:
-    confidence = calibration.probability(confidence_features(said))
-    pairs = zip(said, confidence.tolist(), strict=True)
-    return [replace(one, confidence=each, known=each >= minimum) for one, each in pairs]
+def _sure(said: Sequence[Explanation], voice: Voice) -> list[Explanation]:
+    """How sure the agent is; what it is not sure of, or does not know the meaning of, it does not say."""
+    confidence = [one.confidence for one in said]
+    if voice.calibration is not None and said:
+        confidence = voice.calibration.probability(confidence_features(said)).tolist()
+    sure = [each if one.meant else 0.0 for one, each in zip(said, confidence, strict=True)]
+    pairs = zip(said, sure, strict=True)
+    return [replace(one, confidence=each, known=one.meant and each >= voice.min_confidence) for one, each in pairs]
 
 
 def confidence_features(said: Sequence[Explanation]) -> Array:

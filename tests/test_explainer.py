@@ -45,6 +45,9 @@ class Tenths:
     def express(self, delta: Array) -> Array:
         return delta[:, :1] / 10
 
+    def knows(self, delta: Array) -> Array:
+        return np.ones(len(delta), bool)
+
     def confidence(self, delta: Array) -> Array:
         return np.abs(delta[:, 0]) / 10
 
@@ -231,9 +234,10 @@ def test_calibrated_confidence_is_a_probability_and_below_the_least_the_agent_do
     assert [one.agreement for one in said] == pytest.approx([2 / 3, 1, 2 / 3])
 
 
-def test_before_it_is_calibrated_the_agent_always_speaks():
+def test_it_is_silent_below_the_minimum_also_before_it_is_calibrated():
     said = put_in_words(ahead([-4, 0, 4]), replace(LIFT, min_confidence=0.99))
-    assert [(one.confidence, one.known, one.said) for one in said] == [(pytest.approx(0.5 / 3), True, DOWN)]
+    assert [(one.confidence, one.known, one.calibrated) for one in said] == [(pytest.approx(0.5 / 3), False, False)]
+    assert said[0].said == DOES_NOT_KNOW
 
 
 def test_other_spans_are_spoken_of_whatever_the_calibration_says():

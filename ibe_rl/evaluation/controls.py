@@ -33,6 +33,10 @@ class Flipped:
         """See ``ibe_rl.data.Mapping``."""
         return -self.mapping.express(delta)
 
+    def knows(self, delta: Array) -> Array:
+        """See ``ibe_rl.data.Mapping``."""
+        return self.mapping.knows(delta)
+
     def confidence(self, delta: Array) -> Array:
         """See ``ibe_rl.data.Mapping``."""
         return self.mapping.confidence(delta)

@@ -4,13 +4,16 @@ from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
 from ibe_rl.ibe.estimator import IBEMapping, check_settings
 from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Evidence, Meaning
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase, phrases_of
 
 __all__ = [
     "NORMALISATIONS",
     "ClusterMapping",
+    "Evidence",
     "IBEMapping",
+    "Meaning",
     "TooLittleDataError",
     "Transition",
     "Windows",

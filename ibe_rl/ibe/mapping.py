@@ -10,6 +10,7 @@ from scipy.special import softmax
 from sklearn.metrics import pairwise_distances, pairwise_distances_argmin
 
 from ibe_rl.data import Array, read_only
+from ibe_rl.ibe.meaning import Meaning, sayable
 from ibe_rl.ibe.space import Space
 
 MEMBERSHIPS = ("hard", "soft", "direct")
@@ -32,6 +33,8 @@ class ClusterMapping:
         membership: "hard": a change is called what the nearest cluster is called; "soft": a mean of them all, weighted
             by nearness; "direct": its place itself is the expression (``P`` equals ``d``).
         width: how far a soft cluster reaches, in units of the space.
+        meanings: what is known of the words, one for each number of an expression; empty: nobody has asked, all count
+            as known.
     """
 
     space: Space
@@ -44,6 +47,7 @@ class ClusterMapping:
     ids: Array
     membership: str = "hard"
     width: float = 1.0
+    meanings: tuple[Meaning, ...] = ()
 
     def __post_init__(self) -> None:
         k, places = np.shape(self.centres)
@@ -58,6 +62,8 @@ class ClusterMapping:
             object.__setattr__(self, name, read_only(values, shape, name))
         if self.membership not in MEMBERSHIPS or not self.width > 0:
             raise ValueError(f"membership {self.membership!r} of width {self.width}: choose {', '.join(MEMBERSHIPS)}")
+        if len(self.meanings) not in (0, np.shape(self.expressions)[1]):
+            raise ValueError(f"{len(self.meanings)} meanings for {np.shape(self.expressions)[1]} numbers")
 
     def cluster(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to the indices ``(W,)`` of their clusters."""
@@ -73,6 +79,10 @@ class ClusterMapping:
         near = softmax(-((pairwise_distances(places, self.centres) / self.width) ** 2) / 2, axis=1)
         return near @ self.expressions
 
+    def knows(self, delta: Array) -> Array:
+        """For which changes ``(W, S)`` the meaning of the word is known, ``(W,)`` bool."""
+        return sayable(self.express(delta), self.meanings)
+
     def confidence(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to the purities ``(W,)`` of their clusters; not calibrated."""
         return self.purities[self.cluster(delta)]
@@ -84,7 +94,8 @@ class ClusterMapping:
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, for JSON."""
         arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
-        return {"space": self.space.to_dict(), **arrays, "membership": self.membership, "width": self.width}
+        kind = {"membership": self.membership, "width": self.width}
+        return {"space": self.space.to_dict(), **arrays, **kind, "meanings": [one.to_dict() for one in self.meanings]}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
@@ -98,7 +109,8 @@ class ClusterMapping:
             if not all(np.isfinite(array).all() for array in arrays.values()):
                 raise ValueError("the mapping is damaged: not all of its numbers are finite")
             space, membership, width = Space.from_dict(values["space"]), values["membership"], values["width"]
-            return cls(space, **arrays, membership=str(membership), width=float(width))
+            meanings = tuple(Meaning.from_dict(each) for each in values.get("meanings", ()))
+            return cls(space, **arrays, membership=str(membership), width=float(width), meanings=meanings)
         except KeyError as error:
             raise ValueError(f"the mapping lacks {error}") from None
         except (TypeError, OverflowError) as error:

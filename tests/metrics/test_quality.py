@@ -31,6 +31,9 @@ class Sign:
     def express(self, delta: Array) -> Array:
         return np.sign(delta[:, :1])
 
+    def knows(self, delta: Array) -> Array:
+        return np.ones(len(delta), bool)
+
     def confidence(self, delta: Array) -> Array:
         return np.ones(len(delta))
 
@@ -87,6 +90,9 @@ class Second:
 
     def express(self, delta: Array) -> Array:
         return delta[:, 1:2]
+
+    def knows(self, delta: Array) -> Array:
+        return np.ones(len(delta), bool)
 
     def confidence(self, delta: Array) -> Array:
         return np.ones(len(delta))
