@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -13,10 +14,14 @@ from ibe_rl.data import Array, ConfigError, Episode
 from ibe_rl.ibe import (
     ClusterMapping,
     IBEMapping,
+    Interpretation,
+    Reactions,
     TooLittleDataError,
+    UnknownMeaningWarning,
     Windows,
     check_settings,
     cut_windows,
+    interpret,
     top_episodes,
 )
 from ibe_rl.log import TrajectoryLog
@@ -110,6 +115,7 @@ def fit_mapping(
     seed: int,
     last: ClusterMapping | None = None,
     horizon_steps: int | None = None,
+    interpretation: Interpretation | None = None,
 ) -> ClusterMapping:
     """Learn a vocabulary from episodes.
 
@@ -121,12 +127,13 @@ def fit_mapping(
         seed: of the clustering; the same episodes give the same vocabulary.
         last: the vocabulary so far, where the new one starts unless ``config.memory`` is None.
         horizon_steps: n; None takes the config's.
+        interpretation: which way the words are meant; None: as the best episodes moved.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
     windows = best_windows(best, config, horizon_steps or config.horizon_steps)
-    return fit_windows(windows, heard, config, task, seed, last)
+    return fit_windows(windows, heard, config, task, seed, last, interpretation)
 
 
 def fit_windows(
@@ -136,11 +143,42 @@ def fit_windows(
     task: Task,
     seed: int,
     last: ClusterMapping | None = None,
+    interpretation: Interpretation | None = None,
 ) -> ClusterMapping:
     """Learn a vocabulary from windows; the rest is as in ``fit_mapping``."""
     estimator = _estimator(config, task, seed, last)
     states, told = _said(heard, seed)
-    return estimator.fit(windows.delta, windows.instruction, states, told).mapping_
+    with warnings.catch_warnings():  # the mapping has it, and whoever speaks with it says it
+        warnings.simplefilter("ignore", UnknownMeaningWarning)
+        return estimator.fit(windows.delta, windows.instruction, states, told, interpretation).mapping_
+
+
+def interpret_lessons(
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    horizon_steps: int,
+    reactions: Reactions | None = None,
+) -> Interpretation:
+    """Find out which way the words are meant.
+
+    Args:
+        heard: good and bad episodes.
+        config: see ``MappingConfig``.
+        task: the environment's own names.
+        seed: of samples and resampling.
+        horizon_steps: n.
+        reactions: of the agent, if it is told.
+    """
+    return interpret(
+        heard,
+        horizon_steps,
+        top_fraction=config.top_fraction,
+        reactions=reactions,
+        dimensions=_dimensions(config, task),
+        seed=seed,
+    )
 
 
 def _said(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
@@ -156,11 +194,15 @@ def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMappin
     settings = {name: getattr(config, name) for name in PASSED_ON} | {"n_clusters": clusters_of(config, task)}
     return IBEMapping(
         **settings,
-        dimensions=[task.state_names.index(name) for name in config.dimensions] or None,
+        dimensions=_dimensions(config, task),
         last=None if config.memory is None else last,
         memory=config.memory or 0.0,
         random_state=seed,
     )
+
+
+def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
+    return [task.state_names.index(name) for name in config.dimensions] or None
 
 
 def clusters_of(config: MappingConfig, task: Task) -> int:

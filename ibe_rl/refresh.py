@@ -14,8 +14,24 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array
-from ibe_rl.ibe import ClusterMapping, TooLittleDataError, Transition, Windows, phrase
-from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, told_windows
+from ibe_rl.ibe import (
+    ClusterMapping,
+    Interpretation,
+    Reactions,
+    TooLittleDataError,
+    Transition,
+    Windows,
+    phrase,
+)
+from ibe_rl.lessons import (
+    Lessons,
+    best_windows,
+    fit_mapping,
+    fit_windows,
+    interpret_lessons,
+    read_lessons,
+    told_windows,
+)
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.run_folder import read_json, write_json
@@ -67,6 +83,7 @@ class Refresh:
         change: what came of the vocabulary before, None if this is the first.
         scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
         taken: False if the vocabulary before was good enough and stays.
+        reactions: of the agent, if it was asked.
     """
 
     frame: int
@@ -83,6 +100,7 @@ class Refresh:
     change: Change | None = None
     scores: Dict[str, float] = field(default_factory=dict)
     taken: bool = True
+    reactions: Reactions | None = None
 
     @property
     def standing(self) -> ClusterMapping:
@@ -91,7 +109,12 @@ class Refresh:
 
 
 def learn_vocabulary(
-    log: TrajectoryLog, config: MappingConfig, task: Task, seed: int, last: Spans | None = None
+    log: TrajectoryLog,
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: Spans | None = None,
+    reactions: Reactions | None = None,
 ) -> Refresh:
     """Learn the vocabulary from the best episodes of the log, and one for each of the other spans of time.
 
@@ -101,19 +124,21 @@ def learn_vocabulary(
         task: the environment's own names.
         seed: of the clustering; with the same log it gives the same vocabulary.
         last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
+        reactions: of the agent, if it is told; None: nobody has asked it.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
     lessons, last = read_lessons(log, config, seed), last or {}
     top = best_windows(lessons.best, config, config.horizon_steps)
-    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(config.horizon_steps))
+    meant = interpret_lessons(lessons.heard, config, task, seed, config.horizon_steps, reactions)
+    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(config.horizon_steps), meant)
     others = told_windows(lessons.others, config, config.horizon_steps)
     contexts = np.array([episode.context for episode in lessons.best])
     return Refresh(
         frame=log.frames,
         mapping=mapping,
-        spans=_learn_spans(lessons, config, task, seed, last),
+        spans=_learn_spans(lessons, config, task, seed, last, meant),
         top=top,
         others=top[:0] if others is None else others,
         episodes_logged=lessons.logged,
@@ -122,17 +147,18 @@ def learn_vocabulary(
         episodes_by_context=_count(contexts, task.contexts),
         windows_by_context=_count(contexts[top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
+        reactions=reactions,
     )
 
 
 def _learn_spans(
-    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans
+    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation
 ) -> dict[int, ClusterMapping]:
     """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
     found = {}
     for n in sorted({*config.spans_steps} - {config.horizon_steps}):
         with suppress(TooLittleDataError):
-            found[n] = fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n)
+            found[n] = fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n, meant)
     return found
 
 

@@ -1,8 +1,9 @@
 """Instruction-based Behavior Explanation on plain arrays: numpy and scikit-learn, no torch."""
 
 from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
-from ibe_rl.ibe.estimator import IBEMapping, check_settings
+from ibe_rl.ibe.estimator import IBEMapping, UnknownMeaningWarning, check_settings
 from ibe_rl.ibe.identity import Transition, keep_identity
+from ibe_rl.ibe.interpret import Interpretation, Reactions, interpret
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Evidence, Meaning
 from ibe_rl.ibe.space import TooLittleDataError
@@ -13,13 +14,17 @@ __all__ = [
     "ClusterMapping",
     "Evidence",
     "IBEMapping",
+    "Interpretation",
     "Meaning",
+    "Reactions",
     "TooLittleDataError",
     "Transition",
+    "UnknownMeaningWarning",
     "Windows",
     "check_settings",
     "cut_windows",
     "delta_states",
+    "interpret",
     "keep_identity",
     "normalise",
     "phrase",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
@@ -12,7 +13,9 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
 from ibe_rl.data import Array, read_only
+from ibe_rl.ibe.interpret import Interpretation
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.ibe.space import (
     Space,
     TooLittleDataError,
@@ -33,12 +36,22 @@ OF_INSTRUCTIONS = ("lasso", "network", "rule")
 """Spaces with an axis for each number of the instruction; 1 on it is what the instruction 1 typically brought about."""
 
 
+SMALLEST_UNIT = 0.5
+"""Of the mean movement under an instruction: what +1 brings about counts as no less, where little is followed."""
+
+
+class UnknownMeaningWarning(UserWarning):
+    """What an instruction asks for cannot be told from the log."""
+
+
 class _Lessons(NamedTuple):
-    """Changes, instructions and how much each window counts."""
+    """Changes, instructions and how much each window counts; what was heard and what is known of its meaning."""
 
     delta: Array
     instruction: Array
     weight: Array
+    heard: tuple[Array, Array] | None
+    interpretation: Interpretation | None
 
 
 class IBEMapping(BaseEstimator):
@@ -72,6 +85,8 @@ class IBEMapping(BaseEstimator):
 
     Attributes:
         mapping_: the learnt ``ClusterMapping``.
+        meanings_: what is known of the words, one ``Meaning`` for each number of an instruction; a warning says which
+            cannot be told.
         labels_: ``(W,)`` clusters of the windows it was fitted on.
     """
 
@@ -109,7 +124,14 @@ class IBEMapping(BaseEstimator):
         self.max_fit_windows = max_fit_windows
         self.random_state = random_state
 
-    def fit(self, delta: Array, instruction: Array, states: Array | None = None, told: Array | None = None) -> Self:
+    def fit(
+        self,
+        delta: Array,
+        instruction: Array,
+        states: Array | None = None,
+        told: Array | None = None,
+        interpretation: Interpretation | None = None,
+    ) -> Self:
         """Learn the vocabulary.
 
         Args:
@@ -118,6 +140,10 @@ class IBEMapping(BaseEstimator):
                 without one must be left out.
             states: ``(N, S)`` states in which the instructor spoke, of good and of bad episodes; "rule" reads them.
             told: ``(N,)`` or ``(N, d)`` what was said in them.
+            interpretation: which way the words are meant, from ``interpret``; "rule" compares changes along its axes,
+                and needs neither ``states`` nor ``told`` then. None: which way is read from the windows alone, on the
+                paper's assumption that these are of episodes in which the instruction was followed, which nobody has
+                tested.
 
         Raises:
             TooLittleDataError: with fewer distinct windows than clusters, or as the axes.
@@ -125,10 +151,11 @@ class IBEMapping(BaseEstimator):
                 differ, or if ``last`` has another number of clusters or dimensions.
         """
         check_settings(self)
-        lessons = _Lessons(np.asarray(delta, float), _columns(instruction), np.ones(len(delta)))
         heard = None if states is None or told is None else (np.asarray(states, float), _columns(told))
-        if self.space == "rule" and heard is None:
-            raise ValueError("space='rule': needs states and told")
+        arrays = np.asarray(delta, float), _columns(instruction), np.ones(len(delta))
+        lessons = _Lessons(*arrays, heard, interpretation)
+        if self.space == "rule" and heard is None and interpretation is None:
+            raise ValueError("space='rule': needs states and told, or an interpretation")
         if len(lessons.delta) != len(lessons.instruction):
             raise ValueError(f"{len(lessons.delta)} windows but {len(lessons.instruction)} instructions")
         if not len(delta):
@@ -137,11 +164,16 @@ class IBEMapping(BaseEstimator):
             places = lessons.instruction if self.space in OF_INSTRUCTIONS else lessons.delta
             read_only(self.last.centres, (self.n_clusters, places.shape[1]), "last")
             read_only(self.last.space.mean, lessons.delta.shape[1:], "last.space.mean")
-        self.mapping_, self.labels_ = self._learn(lessons, heard)
+        self.mapping_, self.labels_ = self._learn(lessons)
         if self.weigh_followed:
             missed = np.abs(self.mapping_.express(lessons.delta) - lessons.instruction).max(axis=1)
             followed = np.clip(1 - missed, 0.05, 1)  # nobody is left out: a class must not vanish
-            self.mapping_, self.labels_ = self._learn(lessons._replace(weight=followed), heard)
+            self.mapping_, self.labels_ = self._learn(lessons._replace(weight=followed))
+        self.meanings_ = self.mapping_.meanings
+        for number, meaning in enumerate(self.meanings_):
+            if not meaning.known:
+                reason = f"what number {number} of the instruction means cannot be told: {meaning.reason}"
+                warnings.warn(reason, UnknownMeaningWarning, stacklevel=2)
         return self
 
     def predict(self, delta: Array) -> Array:
@@ -149,16 +181,16 @@ class IBEMapping(BaseEstimator):
         check_is_fitted(self)
         return self.mapping_.express(delta)
 
-    def _learn(self, lessons: _Lessons, heard: tuple[Array, Array] | None) -> tuple[ClusterMapping, Array]:
+    def _learn(self, lessons: _Lessons) -> tuple[ClusterMapping, Array]:
         random = np.random.default_rng(self.random_state)
         rows = random.permutation(len(lessons.delta))[: self.max_fit_windows]
         seed = int(random.integers(2**31))
-        space = self._space(lessons, rows, heard, seed)
+        space = self._space(lessons, rows, seed)
         places = space.place(lessons.delta)
         centres = self._split(places[rows], lessons.weight[rows] * len(places) / len(rows), space, seed)
         return self._name(lessons, places, centres, space)
 
-    def _space(self, lessons: _Lessons, rows: Array, heard: tuple[Array, Array] | None, seed: int) -> Space:
+    def _space(self, lessons: _Lessons, rows: Array, seed: int) -> Space:
         delta, told = lessons.delta[rows], lessons.instruction[rows]
         kept = np.isin(np.arange(delta.shape[1]), range(delta.shape[1]) if self.dimensions is None else self.dimensions)
         if self.space == "all":
@@ -172,11 +204,26 @@ class IBEMapping(BaseEstimator):
         if self.space == "lasso":
             axes = lasso_axes(delta, told, seed) * kept[:, None]
         else:
-            assert heard is not None
-            some = np.random.default_rng(seed).permutation(len(heard[0]))[: self.max_fit_windows]
-            axes = rule_axes(heard[0][some], heard[1][some], seed, np.ptp(delta, axis=0) > 0) * kept[:, None]
-            axes = consequences(axes, delta, told)
+            axes = consequences(self._rule_axes(lessons, delta, seed) * kept[:, None], delta, told)
         return along(axes / self._unit(lessons, axes), self.power)
+
+    def _rule_axes(self, lessons: _Lessons, delta: Array, seed: int) -> Array:
+        if lessons.interpretation is not None:
+            for axis, meaning in zip(lessons.interpretation.axes.T, lessons.interpretation.meanings, strict=True):
+                if not np.any(axis):
+                    raise TooLittleDataError(meaning.reason)
+            return lessons.interpretation.axes
+        assert lessons.heard is not None
+        states, told = lessons.heard
+        some = np.random.default_rng(seed).permutation(len(states))[: self.max_fit_windows]
+        return rule_axes(states[some], told[some], seed, np.ptp(delta, axis=0) > 0)
+
+    def _meanings(self, lessons: _Lessons) -> tuple[Meaning, ...]:
+        """What is known of the words; names by the mean instruction mean the opposite where the best did not follow."""
+        if lessons.interpretation is None:
+            return ()
+        found = lessons.interpretation.meanings
+        return found if self.space == "rule" else tuple(one.as_the_best_did() for one in found)
 
     def _standard(self, delta: Array) -> tuple[Array, Array]:
         """Mean, and 1 / standard deviation of the dimensions; those of ``last`` count as remembered."""
@@ -190,13 +237,24 @@ class IBEMapping(BaseEstimator):
 
     def _unit(self, lessons: _Lessons, axes: Array) -> Array:
         """How far along the axes ``(S, d)`` the instruction 1 moves; what ``last`` took it for counts as remembered."""
-        moved = typical_movement(lessons.delta @ axes, lessons.instruction, lessons.weight)
+        moved = self._brought_about(lessons, axes)
         if self.last is None:
             return moved
         new, d = self._new_share(len(lessons.delta)), len(moved)
         before = np.diag(self.last.space.change_at(np.eye(d)) @ axes)
         same_way = before * moved > 0  # once the instruction means the opposite, the past says nothing
         return np.where(same_way, new * moved + (1 - new) * before, moved)
+
+    def _brought_about(self, lessons: _Lessons, axes: Array) -> Array:
+        """How far ``(d,)`` one unit of instruction moved; at least so far as its meaning is known, see above."""
+        places = lessons.delta @ axes
+        moved = typical_movement(places, lessons.instruction, lessons.weight)
+        meanings = self._meanings(lessons) if self.space == "rule" else ()
+        if not meanings:
+            return moved
+        weight = lessons.weight[:, None] * (lessons.instruction != 0)
+        least = SMALLEST_UNIT * (weight * np.abs(places)).sum(axis=0) / weight.sum(axis=0)
+        return np.where([one.known for one in meanings], np.maximum(moved, least), moved)
 
     def _new_share(self, windows: int) -> float:
         assert self.last is not None
@@ -241,6 +299,7 @@ class IBEMapping(BaseEstimator):
             ids=np.arange(k),
             membership=self.membership,
             width=_gap(centres),
+            meanings=self._meanings(lessons),
         )
         return named, np.argsort(order)[labels]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -59,10 +59,30 @@ class Meaning:
     evidence: tuple[Evidence, ...] = ()
     episodes: int = 0
 
+    @classmethod
+    def unknown(cls, reason: str, episodes: int, evidence: tuple[Evidence, ...] = ()) -> Self:
+        """Of a number none of whose words is known."""
+        return cls(negative=False, positive=False, reason=reason, evidence=evidence, episodes=episodes)
+
     @property
     def known(self) -> bool:
         """Whether any of its words is known."""
         return self.negative or self.positive
+
+    def as_the_best_did(self) -> Meaning:
+        """What is known of words that are called by what the best episodes were told, as the paper's.
+
+        They are known only if these episodes moved the way that is meant.
+        """
+        followed = next((one.effect for one in self.evidence if one.source == "best"), 0.0)
+        if not self.known or followed > 0:
+            return self
+        return replace(self, negative=False, positive=False, reason="the best episodes did the opposite")
+
+    def turned(self) -> Meaning:
+        """The same along the opposite of the axis."""
+        other = [replace(one, effect=-one.effect, low=-one.high, high=-one.low) for one in self.evidence]
+        return replace(self, evidence=tuple(other))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -100,5 +120,5 @@ def sayable(expressions: Array, meanings: Sequence[Meaning]) -> Array:
     negative, positive, any_known = (
         np.array([getattr(one, name) for one in meanings]) for name in ("negative", "positive", "known")
     )
-    can = np.where(expressions > 0, positive, np.where(expressions < 0, negative, any_known))
-    return np.asarray(can).all(axis=1)
+    can: Array = np.where(expressions > 0, positive, np.where(expressions < 0, negative, any_known))
+    return can.min(axis=1)

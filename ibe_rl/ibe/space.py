@@ -194,7 +194,7 @@ def _turns(standard: Array, told: Array, moving: Array, seed: int) -> Array:
     # hardly regularised: what the rule does not read shall not get a share of what it reads
     model = LogisticRegression(C=1_000, max_iter=1_000, random_state=seed)
     found, accuracy = _direction(model, standard, kinds, values)
-    shares = np.abs(found) / np.abs(found).max()
+    shares = np.abs(found) / (np.abs(found).max() or 1.0)
     for share in SPARSEST_FIRST:
         sparse, without = _direction(model, np.where(shares < share, 0, standard), kinds, values)
         if without >= accuracy - AS_ACCURATE and np.any(sparse[moving]):

@@ -1,0 +1,154 @@
+"""Where the meaning of an instruction shows: four sources, each with its interval over episodes."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import rankdata
+
+from ibe_rl.data import Array
+from ibe_rl.ibe.meaning import Evidence
+from ibe_rl.ibe.record import Record
+
+RESAMPLES, INTERVAL = 400, (0.5, 99.5)
+"""Bootstrap over whole episodes; percent. Eighty logs are judged by four sources each: 95 % would err too often."""
+FEWEST_EPISODES, FEWEST_WINDOWS = 8, 5
+"""With fewer episodes a source says nothing; an episode with fewer windows does not say what it was told."""
+
+
+def satisfaction(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
+    """After which movement the instructor stops asking for it.
+
+    The movement of windows in which an instruction ended, less that of windows in which it went on: of +1, less that of
+    -1, in standard deviations. It needs neither reward nor obedience. An instructor who says what is happening anyway
+    ("push with the swing") looks the other way round.
+
+    Args:
+        record: of good and bad episodes.
+        axis: ``(S,)``.
+        number: of the instruction.
+        seed: of the resampling.
+    """
+    moved, signs = _standard(record, axis), record.signs(number)
+    after = record.changes_after(number)
+    ended = after <= record.horizon_steps
+    counts = ended | (record.whole & (after > record.horizon_steps))
+    groups = [(signs == sign) & (ended == end) & counts for sign in (1, -1) for end in (True, False)]
+    if not any(groups[i].any() and groups[i + 1].any() for i in (0, 2)):
+        return None
+    means = _means(record, moved, groups, seed)
+    sides = np.stack([means[:, 0] - means[:, 1], means[:, 3] - means[:, 2]], axis=1)
+    return _evidence("satisfaction", _mean_known(sides), _episodes(record, np.any(groups, axis=0)))
+
+
+def best(record: Record, axis: Array, number: int, among: Array, seed: int) -> Evidence | None:
+    """How far some episodes moved the way that was told, on average over windows (the paper's source).
+
+    Args:
+        record: of good and bad episodes.
+        axis: ``(S,)``.
+        number: of the instruction.
+        among: ``(E,)`` bool, the episodes that count.
+        seed: of the resampling.
+    """
+    signs = record.signs(number)
+    rows = (signs != 0) & among[record.episode]
+    if not rows.any():
+        return None
+    means = _means(record, _standard(record, axis) * signs, [rows], seed)
+    return _evidence("best", means[:, 0], _episodes(record, rows))
+
+
+def pays(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
+    """Whether episodes earn more in which the told movement was larger: a rank correlation within each context."""
+    signs = record.signs(number)
+    counts = np.bincount(record.episode[signs != 0], minlength=record.size)
+    sums = np.bincount(record.episode, _standard(record, axis) * signs, record.size)
+    told = counts >= FEWEST_WINDOWS
+    followed = np.divide(sums, counts, out=np.zeros(record.size), where=told)
+    ranks = [_ranks_within(values, record.contexts, told) for values in (followed, record.returns)]
+    if told.sum() < FEWEST_EPISODES or min(np.ptp(each) for each in ranks) == 0:
+        return None
+    weights = _resamples(int(told.sum()), seed)
+    first, second = (each[told] for each in ranks)
+    spread = np.sqrt((weights @ first**2) * (weights @ second**2))
+    return _evidence("pays", (weights @ (first * second)) / np.maximum(spread, 1e-12), int(told.sum()))
+
+
+def influence(record: Record, axis: Array, up: Array, down: Array, seed: int) -> Evidence | None:
+    """What the agent does otherwise if it is told otherwise in the same state.
+
+    Args:
+        record: of the log, whose movements are the unit.
+        axis: ``(S,)``.
+        up: ``(M, S)`` changes of the state from ``M`` states of different episodes when it is told +1.
+        down: ``(M, S)`` from the same states when it is told -1.
+        seed: of the resampling.
+    """
+    if len(up) < FEWEST_EPISODES:
+        return None
+    differs = (up - down) @ axis / (2 * _scale(record, axis))
+    return _evidence("influence", (_resamples(len(up), seed) @ differs) / len(up), len(up))
+
+
+def influence_of_plan(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
+    """The same from the log, where what is said does not depend on the state: told at random, so to speak."""
+    signs = record.signs(number)
+    groups = [signs == 1, signs == -1]
+    if not groups[0].any() or not groups[1].any():
+        return None
+    means = _means(record, _standard(record, axis), groups, seed)
+    return _evidence("influence", (means[:, 0] - means[:, 1]) / 2, _episodes(record, signs != 0))
+
+
+def _scale(record: Record, axis: Array) -> float:
+    return float(np.std(record.delta @ axis)) or 1.0
+
+
+def _standard(record: Record, axis: Array) -> Array:
+    moved: Array = record.delta @ axis / _scale(record, axis)
+    return moved
+
+
+def _resamples(count: int, seed: int) -> Array:
+    """How often ``(R, count)`` each is drawn; the first draw is the sample itself."""
+    weights = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), RESAMPLES)
+    weights[0] = 1
+    return weights
+
+
+def _means(record: Record, values: Array, groups: list[Array], seed: int) -> Array:
+    """Mean of values ``(N,)`` over each group of rows, ``(R, G)`` on every resample of whole episodes."""
+    weights = _resamples(record.size, seed)
+    sums = [np.bincount(record.episode[rows], values[rows], record.size) for rows in groups]
+    counts = [np.bincount(record.episode[rows], minlength=record.size) for rows in groups]
+    total, of = weights @ np.stack(sums, axis=1), weights @ np.stack(counts, axis=1)
+    return np.divide(total, of, out=np.full(total.shape, np.nan), where=of > 0)
+
+
+def _mean_known(sides: Array) -> Array:
+    """Mean over the sides ``(R, 2)`` that are known in the sample itself."""
+    mean: Array = sides[:, ~np.isnan(sides[0])].mean(axis=1)
+    return mean
+
+
+def _episodes(record: Record, rows: Array) -> int:
+    return len(np.unique(record.episode[rows]))
+
+
+def _evidence(source: str, values: Array, episodes: int) -> Evidence | None:
+    """From the values on every resample, the sample's own first; None if too few episodes carry it."""
+    known = values[~np.isnan(values)]
+    if episodes < FEWEST_EPISODES or np.isnan(values[0]) or len(known) < len(values) / 2:
+        return None
+    low, high = np.percentile(known, INTERVAL)
+    return Evidence(source, float(values[0]), float(low), float(high), episodes)
+
+
+def _ranks_within(values: Array, groups: Array, counted: Array) -> Array:
+    """Ranks ``(E,)`` among those counted of the same group, from -.5 to .5; a lone one has the middle."""
+    ranks = np.zeros(len(values))
+    for group in np.unique(groups):
+        rows = counted & (groups == group)
+        if rows.sum() > 1:
+            ranks[rows] = (rankdata(values[rows]) - 0.5) / rows.sum() - 0.5
+    return ranks

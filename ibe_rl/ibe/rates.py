@@ -1,0 +1,96 @@
+"""What kind of quantity an instructor goes by: a place, a rate of change, or none, as of a plan."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.linear_model import LogisticRegression
+from sklearn.preprocessing import StandardScaler
+from sklearn.tree import DecisionTreeClassifier
+
+from ibe_rl.data import Array
+from ibe_rl.ibe.record import Record
+
+MOST_STEPS, MOST_PRODUCTS = 4_000, 400
+A_RATE = 0.95
+"""Share of the variance of a quantity that one step of the state must tell for it to be a rate of change."""
+FEWEST_ONSETS = 10
+BETTER, AT_ONSETS = 0.02, 0.5
+"""By how much the step must tell more than the state; how often, against what was said before, the state must tell."""
+
+
+def is_rate(record: Record, axis: Array, seed: int) -> bool:
+    """Whether a quantity is the rate of change of another one: a speed, not a place.
+
+    One step of the state then tells it: linearly, or with factors that are states themselves (a sine changes by its
+    cosine times the turning). Checked on steps that the fit has not seen.
+
+    Args:
+        record: of the log.
+        axis: ``(S,)`` of the quantity.
+        seed: of the sample.
+    """
+    rows = np.random.default_rng(seed).permutation(len(record))[:MOST_STEPS]
+    before, after = record.states[rows], record.after[rows]
+    between = (before + after) / 2
+    quantity = between @ axis
+    steps = _scaled(after - before)
+    fits = [steps]
+    if steps.shape[1] ** 2 <= MOST_PRODUCTS:
+        fits.append(np.concatenate([steps, *(steps * column[:, None] for column in _scaled(between).T)], axis=1))
+    return any(_told_by(columns, quantity) > A_RATE for columns in fits)
+
+
+def integral(record: Record, axis: Array) -> Array:
+    """The direction ``(S,)`` of the state that changes by a rate, as far as there is one: steps it is regressed on."""
+    steps = record.after - record.states
+    scale = steps.std(axis=0)
+    columns = np.divide(steps, scale, out=np.zeros_like(steps), where=scale > 0)
+    quantity = (record.after + record.states) / 2 @ axis
+    found = np.linalg.lstsq(columns, quantity - quantity.mean(), rcond=1e-6)[0]
+    return np.divide(found, scale, out=np.zeros_like(found), where=scale > 0)
+
+
+def depends_on_state(record: Record, number: int, seed: int) -> bool:
+    """Whether what is said is decided by the state, and not by a plan in time that the agent may follow.
+
+    Who follows a plan ends up in states that tell what was said, but not at the steps at which the plan changes. A
+    plan that is the same in every episode is told better by the step than by the state.
+    """
+    rows = np.random.default_rng(seed).permutation(np.flatnonzero(record.given))[:MOST_STEPS]
+    signs = record.signs(number)
+    if len(np.unique(signs[rows])) < 2:
+        return False
+    by_step, by_state = (_tree(columns, signs, record, rows) for columns in (record.step[:, None], record.states))
+    if by_step[1] > by_state[1] + BETTER:
+        return False
+    onsets = record.onsets(number)[:MOST_STEPS]
+    if len(onsets) < FEWEST_ONSETS:
+        return True
+    states, new, old = record.states[onsets], signs[onsets], signs[onsets - 1]
+    scaler = StandardScaler().fit(record.states[rows])
+    linear = LogisticRegression(C=1_000, max_iter=1_000).fit(scaler.transform(record.states[rows]), signs[rows])
+    told = (linear.predict(scaler.transform(states)), by_state[0].predict(states))
+    return any(np.mean(one == new) >= AT_ONSETS * np.mean(one == old) for one in told)
+
+
+def _tree(columns: Array, signs: Array, record: Record, rows: Array) -> tuple[DecisionTreeClassifier, float]:
+    """A tree that tells what was said, and the share that it tells in episodes that it was not grown on."""
+    odd = record.episode[rows] % 2 == 1
+    if odd.all() or not odd.any():
+        odd = np.arange(len(rows)) % 2 == 1
+    tree = DecisionTreeClassifier(max_depth=8, min_samples_leaf=5, random_state=0)
+    tree.fit(columns[rows[odd]], signs[rows[odd]])
+    return tree, float(tree.score(columns[rows[~odd]], signs[rows[~odd]]))
+
+
+def _scaled(columns: Array) -> Array:
+    scaled: Array = StandardScaler().fit_transform(columns)
+    return scaled
+
+
+def _told_by(columns: Array, quantity: Array) -> float:
+    """Share of the variance that a linear fit on every other row tells of the rows between."""
+    with_mean = np.column_stack([columns, np.ones(len(columns))])
+    found = np.linalg.lstsq(with_mean[::2], quantity[::2], rcond=1e-6)[0]
+    rest, variance = quantity[1::2] - with_mean[1::2] @ found, np.var(quantity[1::2])
+    return float(1 - np.mean(rest**2) / variance) if variance > 0 else 0.0
