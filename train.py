@@ -38,7 +38,18 @@ from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import happened
 from ibe_rl.paper.experiments import reproduce
-from ibe_rl.parts import NOBODY, Parts, begin, build, check_parts, resumable, save_state, times, whole_state
+from ibe_rl.parts import (
+    NOBODY,
+    Parts,
+    ask_otherwise,
+    begin,
+    build,
+    check_parts,
+    resumable,
+    save_state,
+    times,
+    whole_state,
+)
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, how_to_open, recent_mean
 from ibe_rl.resume import State, clear_way, must_fit, take_up
@@ -160,8 +171,11 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     """Learn the vocabulary anew, fly one greedy episode and explain it step by step."""
     frames, policy = parts.log.frames, parts.agent.greedy
     try:
+        with timeit("explain"):
+            parts.foresee()
+            reactions = ask_otherwise(cfg, parts)
         with timeit("refresh"), parts.development.all_or_nothing():
-            refresh = parts.development.refresh(parts.log, policy)
+            refresh = parts.development.refresh(parts.log, policy, reactions)
             parts.development.save(parts.folder / REFRESHES, refresh)
     except OSError:
         raise  # the disk's, which everything else writes to as well
@@ -171,7 +185,6 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     counts.refreshes += refresh.taken
     counts.kept += not refresh.taken
     with timeit("explain"):
-        parts.foresee()
         watched = watch(parts.watched_env, policy, parts.instructor, WATCH_SEED + counts.refreshes + counts.kept)
         voice, every = parts.development.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
         said = hold(explain(watched.moments[::every], policy, parts.predictor, voice), every, len(watched.moments))

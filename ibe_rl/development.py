@@ -14,7 +14,7 @@ import numpy as np
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, voted
-from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
+from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
 from ibe_rl.lessons import check_mapping
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import (
@@ -88,18 +88,19 @@ class Development:
         self.calibration: Calibration | None = None
         self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
 
-    def refresh(self, log: TrajectoryLog, policy: Policy) -> Refresh:
+    def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
         """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
 
         Args:
             log: with whole episodes in it.
             policy: the greedy policy as it is now.
+            reactions: what it does if it is told otherwise; None: nobody has asked it.
 
         Raises:
             TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
         """
         last = {} if self.mapping is None else {self._config.horizon_steps: self.mapping, **self.spans}
-        learnt = learn_vocabulary(log, self._config, self._task, self._seed, last)
+        learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)

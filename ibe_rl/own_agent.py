@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,15 +22,18 @@ from ibe_rl.command_line import composed, named_settings, settings_at_hand, writ
 from ibe_rl.config import ExplainConfig, GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.env.make import episode_seed, make_game, task_of
+from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.guest import Wandering, as_policy, find_agent
-from ibe_rl.ibe import TooLittleDataError
+from ibe_rl.ibe import Reactions, TooLittleDataError
 from ibe_rl.instruct import make_instructor
 from ibe_rl.lessons import check_mapping
 from ibe_rl.limits import check
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.play import play
+from ibe_rl.play import moments_apart, play
+from ibe_rl.predict import is_learnt, make_predictor
+from ibe_rl.reactions import ASKED_AT, ask
 from ibe_rl.refresh import learn_vocabulary, save_refresh
 from ibe_rl.run_folder import (
     EVALUATION,
@@ -224,8 +229,23 @@ def _study(agent: Any, cfg: ExplainConfig, seed: int) -> TrainedRun:
     policy = _policy(found, config, cfg.agent_sees_instruction)
     folder = create_run_folder(Path(cfg.run_dir))
     episodes = _act(policy, config, cfg)
-    keep_run(folder, config, episodes, sum(len(episode) + 1 for episode in episodes))
+    reactions = _reactions(policy, config, episodes)
+    keep_run(folder, config, episodes, sum(len(episode) + 1 for episode in episodes), reactions)
     return load_run(folder, lambda _: policy)
+
+
+def _reactions(policy: Policy, config: TrainConfig, episodes: Sequence[Episode]) -> Reactions | None:
+    """What the agent does if it is told otherwise, where a predictor can tell that has nothing to learn first."""
+    if is_learnt(config.predictor):
+        return None
+    envs = [make_game(config.env) for _ in range(ASKED_AT)]
+    task, typical = task_of(envs[0]), max(1, int(np.median([len(episode) for episode in episodes])))
+    seeds = [episode_seed(config.seed, len(episodes) + number) for number in range(ASKED_AT)]
+    steps = np.random.default_rng(config.seed).integers(typical, size=ASKED_AT).tolist()
+    moments = moments_apart(envs, policy, make_instructor(config.instructor, task, config.seed), seeds, steps)
+    copies = partial(make_copy, config.env)
+    with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], [])) as predictor:
+        return ask(moments, policy, predictor, config.mapping.horizon_steps)
 
 
 def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
@@ -254,7 +274,13 @@ def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episod
     return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])
 
 
-def keep_run(folder: Path, config: TrainConfig, episodes: Iterable[Episode], rows: int) -> None:
+def keep_run(
+    folder: Path,
+    config: TrainConfig,
+    episodes: Iterable[Episode],
+    rows: int,
+    reactions: Reactions | None = None,
+) -> None:
     """Fill the folder of a run with episodes, and with the vocabulary that they teach.
 
     Args:
@@ -262,6 +288,7 @@ def keep_run(folder: Path, config: TrainConfig, episodes: Iterable[Episode], row
         config: from ``guest_run_config``.
         episodes: read once.
         rows: states in all of them, the last ones included.
+        reactions: what the agent does if it is told otherwise; None: nobody has asked it.
 
     Raises:
         ConfigError: if they teach none; the episodes are kept all the same.
@@ -287,7 +314,7 @@ def keep_run(folder: Path, config: TrainConfig, episodes: Iterable[Episode], row
     write_json(folder / SUMMARY, summary)
     try:
         with threadpool_limits(1):  # as the scripts: the last digits depend on it
-            learnt = learn_vocabulary(log, config.mapping, task, config.seed)
+            learnt = learn_vocabulary(log, config.mapping, task, config.seed, reactions=reactions)
     except TooLittleDataError as error:
         raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
     save_refresh(folder / REFRESHES, learnt, config.mapping, task)

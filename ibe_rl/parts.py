@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 import torch
 from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
@@ -18,19 +19,22 @@ from torchrl.checkpoint import GlobalRNGState
 from ibe_rl.agent import Agent, check_actions, check_agent, make_agent
 from ibe_rl.checkpoint import BEST, LATEST, PREDICTOR, as_arrays, as_tensors, link, save_latest, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom
-from ibe_rl.collect import check_collect
+from ibe_rl.collect import EVALUATION_SEED, check_collect
 from ibe_rl.command_line import installed, is_sweep, own_configs, run_name
-from ibe_rl.config import TrainConfig
+from ibe_rl.config import RegressionConfig, TrainConfig
 from ibe_rl.data import ConfigError, Instructor
 from ibe_rl.development import FIGURES, Development, check_development
 from ibe_rl.env.make import make_game, task_of
 from ibe_rl.env.snapshots import make_copy
+from ibe_rl.ibe import Reactions
 from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, check_obedience, make_obedience
 from ibe_rl.paper.lab import check_report
+from ibe_rl.play import moments_apart
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
 from ibe_rl.progress import TrainingProgress
+from ibe_rl.reactions import ASKED_AT, ask
 from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
@@ -47,6 +51,7 @@ LATER_COLUMNS = (
 """Columns of metrics.csv that only some rows fill."""
 TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
 NOBODY = NoClassroom()
+ASKING_SEED = EVALUATION_SEED + 100_000
 
 
 @dataclass
@@ -93,6 +98,22 @@ class Parts:
             state = as_tensors(self.predictor.state_dict())
             save_policy(self.folder / CHECKPOINTS, self.log.frames, state, PREDICTOR)
         self.predictor.forget()  # so that a resumed run predicts the same
+
+
+def ask_otherwise(cfg: TrainConfig, parts: Parts) -> Reactions | None:
+    """What the greedy policy does if it is told otherwise; None where it does not listen, or nothing can foretell it.
+
+    Moments are of episodes that are never trained on, each from another one.
+    """
+    if isinstance(cfg.predictor, RegressionConfig) or not len(parts.log.index):  # the former does not ask the policy
+        return None
+    counts = parts.counts
+    first = ASKING_SEED + ASKED_AT * (counts.refreshes + counts.kept + counts.skipped)
+    typical = max(1, int(np.median(parts.log.index["steps"][-200:])))
+    steps = np.random.default_rng([cfg.seed, first]).integers(typical, size=ASKED_AT)
+    seeds = range(first, first + ASKED_AT)
+    moments = moments_apart(parts.evaluation_envs, parts.agent.greedy, parts.instructor, seeds, steps.tolist())
+    return ask(moments, parts.agent.greedy, parts.predictor, cfg.mapping.horizon_steps)
 
 
 def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> None:

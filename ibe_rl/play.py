@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, observe
 from ibe_rl.env.make import drawn, task_of
-from ibe_rl.env.snapshots import stoppable
+from ibe_rl.env.snapshots import Stoppable, stoppable
 from ibe_rl.scene import Watched
 
 
@@ -18,8 +18,11 @@ class _Flight:
     """One environment in the middle of an episode, and what happened so far; ``keep`` the moments too."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None = None, keep: bool = False):
-        self.env, self.task, self.keep = env, task_of(env), keep
-        self._game = stoppable(env) if keep else None
+        self.env, self.task = env, task_of(env)
+        self.keep = False
+        self._game: Stoppable | None = None
+        if keep:
+            self.keep_moments()
         state, _ = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
         self.states: list[Array] = [state]
         self.actions: list[Any] = []
@@ -28,6 +31,9 @@ class _Flight:
         self.given: list[bool] = []
         self.moments: list[Moment] = []
         self.done = self.terminated = self.success = False
+
+    def keep_moments(self) -> None:
+        self.keep, self._game = True, stoppable(self.env)
 
     def step(self, action: Any, instruction: Array, given: bool) -> None:
         if self.keep:
@@ -81,6 +87,35 @@ def play_moments(
     """
     for flight in _fly(envs, policy, instructor, seeds, keep=True):
         yield flight.episode(), flight.moments
+
+
+def moments_apart(
+    envs: Sequence[gymnasium.Env[Any, Any]],
+    policy: Policy,
+    instructor: Instructor,
+    seeds: Sequence[int],
+    steps: Sequence[int],
+) -> list[Moment]:
+    """Fly one episode for each seed up to a step, and keep that moment; episodes that are over by then have none.
+
+    Args:
+        envs: environments of one kind, one an episode; they are reset.
+        policy: the greedy policy.
+        instructor: begins anew.
+        seeds: one an episode.
+        steps: one an episode, at which the moment is taken.
+    """
+    flights = [_Flight(env, seed) for env, seed in zip(envs, seeds, strict=False)]
+    instructor.reset(np.ones(len(flights), bool))
+    for step in range(max(steps, default=-1) + 1):
+        here = [flight for flight, last in zip(flights, steps, strict=False) if last == step and not flight.done]
+        for flight in here:
+            flight.keep_moments()
+        if any(not flight.done for flight in flights):
+            _step_all(flights, policy, instructor)
+        for flight in here:
+            flight.done = True
+    return [moment for flight in flights for moment in flight.moments]
 
 
 def _fly(

@@ -208,6 +208,7 @@ def save_refresh(
             "state_names": list(task.state_names),
             "mapping": mapping.to_dict(),
             "calibration": None if calibration is None else calibration.to_dict(),
+            "reactions": None if refresh.reactions is None else refresh.reactions.to_dict(),
             "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
         },
     )
@@ -240,6 +241,7 @@ class Saved:
         frame: training frames when it was learnt.
         spans: the vocabularies of other spans of time, by their horizon in steps.
         calibration: of the confidence, from the episodes watched before; None at the first refresh.
+        reactions: what the agent did then if it was told otherwise; None if nobody had asked it.
     """
 
     mapping: ClusterMapping
@@ -247,6 +249,7 @@ class Saved:
     frame: int
     spans: Spans
     calibration: Calibration | None
+    reactions: Reactions | None = None
 
 
 def load_refresh(path: Path) -> Saved:
@@ -260,6 +263,7 @@ def load_refresh(path: Path) -> Saved:
         spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
         mapping = ClusterMapping.from_dict(saved["mapping"])
         calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
-        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans, calibration)
+        reactions = Reactions.from_dict(saved["reactions"]) if saved.get("reactions") else None
+        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans, calibration, reactions)
     except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise ValueError(f"{path} is not a readable refresh: {error}") from None

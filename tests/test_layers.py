@@ -19,7 +19,7 @@ LAYERS = (
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},
     {"instruct", "agent", "guest", "predict", "metrics"},
-    {"collect", "explainer", "play", "lessons", "refresh", "development", "obedience", "classroom"},
+    {"collect", "explainer", "play", "lessons", "reactions", "refresh", "development", "obedience", "classroom"},
     {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep", "telling"},
     {"parts", "own_agent", "minari_log"},
     set(SCRIPTS),

@@ -15,7 +15,15 @@ from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructi
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
-from ibe_rl.lessons import Lessons, best_windows, check_mapping, clusters_of, fit_mapping, read_lessons
+from ibe_rl.lessons import (
+    Lessons,
+    best_windows,
+    check_mapping,
+    clusters_of,
+    fit_mapping,
+    interpret_lessons,
+    read_lessons,
+)
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
@@ -110,7 +118,9 @@ class Refits:
     def _fit(
         self, config: MappingConfig, horizon_steps: int, best: Sequence[Episode], heard: Sequence[Episode]
     ) -> ClusterMapping:
-        return fit_mapping(best, heard, config, self._run.task, self._seed, horizon_steps=horizon_steps)
+        task, seed = self._run.task, self._seed
+        meant = interpret_lessons(heard, config, task, seed, horizon_steps, self._run.reactions)
+        return fit_mapping(best, heard, config, task, seed, horizon_steps=horizon_steps, interpretation=meant)
 
     def shuffled(
         self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]

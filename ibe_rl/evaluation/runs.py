@@ -18,7 +18,7 @@ from ibe_rl.config import GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Policy
 from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe import ClusterMapping, Reactions
 from ibe_rl.limits import check
 from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
@@ -42,6 +42,7 @@ class TrainedRun:
         spans: the vocabularies of other spans of time, by their horizon in steps.
         calibration: of the confidence, as ``task=evaluate`` found it for this vocabulary, else from the episodes
             watched before the last refresh; None if it was the first.
+        reactions: what the agent did at that refresh if it was told otherwise; None if nobody had asked it.
     """
 
     folder: Path
@@ -54,6 +55,7 @@ class TrainedRun:
     horizon_steps: int
     spans: Spans
     calibration: Calibration | None
+    reactions: Reactions | None = None
 
     @property
     def voice(self) -> Voice:
@@ -102,6 +104,7 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
         saved.horizon_steps,
         saved.spans,
         calibration,
+        _reactions(folder, saved, task),
     )
 
 
@@ -129,6 +132,15 @@ def _check_vocabulary(folder: Path, horizon_steps: int, mapping: ClusterMapping,
     if not 1 <= horizon_steps <= task.max_episode_steps:
         most = task.max_episode_steps
         raise ConfigError(f"{folder}: its vocabulary is for {horizon_steps} steps; allowed are 1 to {most}")
+
+
+def _reactions(folder: Path, saved: Saved, task: Task) -> Reactions | None:
+    size = task.instruction_size, len(task.state_names)
+    if saved.reactions is not None and saved.reactions.up.shape[1:] != size:
+        raise ConfigError(
+            f"{folder}: its agent's reactions have the shape {saved.reactions.up.shape}, not (.., {size})"
+        )
+    return saved.reactions
 
 
 def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode
+from ibe_rl.data import Array, Episode, read_only
 from ibe_rl.ibe.delta import top_episodes
 from ibe_rl.ibe.evidence import best, influence, influence_of_plan, pays, satisfaction
 from ibe_rl.ibe.meaning import Evidence, Meaning
@@ -34,6 +35,28 @@ class Reactions:
 
     up: Array
     down: Array
+
+    def __post_init__(self) -> None:
+        for name in ("up", "down"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), float), (None,) * 3, name))
+        if self.up.shape != self.down.shape or not (np.isfinite(self.up).all() and np.isfinite(self.down).all()):
+            raise ValueError(f"reactions of shapes {self.up.shape} and {self.down.shape}: not alike and finite")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, for JSON."""
+        return {"up": self.up.tolist(), "down": self.down.tolist()}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """The inverse of ``to_dict``.
+
+        Raises:
+            ValueError: if a value is missing or shapes do not fit.
+        """
+        try:
+            return cls(np.asarray(values["up"], float), np.asarray(values["down"], float))
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"the reactions are damaged: {error}") from None
 
 
 @dataclass(frozen=True)

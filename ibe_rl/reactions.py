@@ -1,0 +1,59 @@
+"""What an agent does if it is told otherwise in the same state: its influence shows what it takes the words for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ibe_rl.data import Array, Moment, Policy, Predictor, columns_of, observe
+from ibe_rl.ibe import Reactions
+
+ASKED_AT = 24
+"""Moments, each of an episode of its own."""
+
+
+def ask(moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon_steps: int) -> Reactions | None:
+    """Roll the policy out from the same moments, told +1 all the time and told -1.
+
+    Args:
+        moments: ``M`` moments of different episodes.
+        policy: the greedy policy.
+        predictor: where it leads.
+        horizon_steps: n.
+
+    Returns:
+        The changes of the state; None if the policy acts alike at all these moments whatever it is told.
+    """
+    if not moments:
+        return None
+    size = len(moments[0].instruction)
+    told = [sign * np.eye(size, dtype=np.float32)[number] for sign in (1, -1) for number in range(size)]
+    if not _listens(moments, policy, told):
+        return None
+    changes = [_changes(moments, policy, predictor, horizon_steps, one) for one in told]
+    up, down = np.stack(changes[:size], axis=1), np.stack(changes[size:], axis=1)
+    return Reactions(up, down)
+
+
+def told_throughout(policy: Policy, instruction: Array, observations: Array) -> Array:
+    """What the policy does at observations ``(N, O)`` if the instruction ``(d,)`` stands in all of them."""
+    states = observations[:, : -len(instruction) - 1]
+    count = len(states)
+    return policy(observe(states, np.tile(instruction, (count, 1)), np.ones((count, 1))))
+
+
+def _listens(moments: Sequence[Moment], policy: Policy, told: Sequence[Array]) -> bool:
+    observations = observe(*columns_of(moments))
+    first, *others = (told_throughout(policy, one, observations) for one in told)
+    return any(not np.array_equal(first, other) for other in others)
+
+
+def _changes(
+    moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon_steps: int, instruction: Array
+) -> Array:
+    asked = [replace(moment, instruction=instruction, given=True) for moment in moments]
+    paths = predictor.rollout(asked, partial(told_throughout, policy, instruction), horizon_steps).paths
+    return paths[:, -1] - paths[:, 0]
