@@ -227,7 +227,7 @@ class _Plain(SimpleNamespace):
     """Lessons that all count alike."""
 
     def __init__(self, delta: Array, told: Array):
-        super().__init__(delta=delta, instruction=told[:, None], weight=np.ones(len(delta)))
+        super().__init__(delta=delta, instruction=told[:, None], weight=np.ones(len(delta)), interpretation=None)
 
 
 def test_the_rule_needs_to_hear_the_instructor():
