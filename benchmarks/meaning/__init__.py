@@ -1,0 +1,7 @@
+"""A test-bed with known truth for the meaning of an instructor's words: ``python -m benchmarks.meaning``."""
+
+from benchmarks.meaning.flown import Flown, Truth
+from benchmarks.meaning.judge import Verdict, judge
+from benchmarks.meaning.situations import Situation, situations
+
+__all__ = ["Flown", "Situation", "Truth", "Verdict", "judge", "situations"]

@@ -1,0 +1,142 @@
+"""What is flown in a situation: the log, fresh episodes, and where they are kept between two runs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from benchmarks.meaning.rules import MakeInstructor
+from ibe_rl.data import Array, Episode, Policy
+from ibe_rl.env.make import TRAINING_SEEDS, episode_seed
+from ibe_rl.play import play
+from ibe_rl.run_folder import write_atomically
+from ibe_rl.task import Task
+
+AT_ONCE = 16
+LOGGED, FRESH = 120, 30
+"""Episodes."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the word +1 means, said by hand.
+
+    Attributes:
+        direction: ``(S,)`` along which +1 asks the state to rise.
+        band: change along it over the horizon, beyond which it counts as having moved.
+        tellable: whether a careful reader of the log could know which way +1 means.
+        reason: in one sentence.
+    """
+
+    direction: Array
+    band: float
+    tellable: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A situation with its episodes.
+
+    Attributes:
+        name: of the situation.
+        seed: of the draws.
+        task: what is declared.
+        make_env: one more game.
+        make_instructor: one more instructor, by the seed of its draws.
+        policy: observations ``(N, S + 2)`` to actions, without chance.
+        acting: the same as it acted for the log, with chance.
+        log_episodes: what a vocabulary is learnt from.
+        fresh: others, without chance.
+        horizon_steps: how far ahead is looked.
+        told: whether the agent was ever told anything.
+        sees_instruction: whether it reads the instruction.
+    """
+
+    name: str
+    seed: int
+    task: Task
+    make_env: Callable[[], gymnasium.Env[Any, Any]]
+    make_instructor: MakeInstructor
+    policy: Policy
+    acting: Policy
+    log_episodes: list[Episode]
+    fresh: list[Episode]
+    horizon_steps: int
+    told: bool
+    sees_instruction: bool
+
+
+def fly_both(
+    make_env: Callable[[], gymnasium.Env[Any, Any]],
+    policy: Policy,
+    acting: Policy,
+    make_instructor: MakeInstructor,
+    seed: int,
+) -> tuple[list[Episode], list[Episode]]:
+    """The log and fresh episodes."""
+    envs = [make_env() for _ in range(AT_ONCE)]
+    logged = [episode_seed(seed, number) for number in range(LOGGED)]
+    fresh = [TRAINING_SEEDS + episode_seed(seed, number) for number in range(FRESH)]
+    return (
+        play(envs, acting, make_instructor(2 * seed), logged),
+        play(envs, policy, make_instructor(2 * seed + 1), fresh),
+    )
+
+
+def cached(path: Path | None, fly: Callable[[], tuple[list[Episode], list[Episode]]]) -> tuple[list[Episode], ...]:
+    """What was flown before, or is flown and kept now.
+
+    Args:
+        path: a ``.npz`` file, None keeps nothing.
+        fly: flies the two lots of episodes.
+    """
+    if path is None:
+        return fly()
+    if not path.exists():
+        lots = fly()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        columns = {f"{i}_{name}": column for i, lot in enumerate(lots) for name, column in _columns(lot).items()}
+        write_atomically(path, lambda stream: np.savez(stream, **columns))
+    with np.load(path, allow_pickle=False) as arrays:
+        found = dict(arrays)
+    return tuple(_episodes({name[2:]: column for name, column in found.items() if name[0] == i}) for i in "01")
+
+
+PER_STEP = ("states", "actions", "rewards", "instructions", "given")
+PER_EPISODE = ("terminated", "success", "context")
+
+
+def _columns(episodes: Sequence[Episode]) -> dict[str, Array]:
+    joined = {name: np.concatenate([getattr(one, name) for one in episodes]) for name in PER_STEP}
+    single = {name: np.array([getattr(one, name) for one in episodes]) for name in PER_EPISODE}
+    return joined | single | {"steps": np.array([len(one) for one in episodes])}
+
+
+def _episodes(columns: dict[str, Array]) -> list[Episode]:
+    steps = columns["steps"]
+    pieces = {name: np.split(columns[name], np.cumsum(steps + (name == "states"))[:-1]) for name in PER_STEP}
+    return [
+        Episode(
+            **{name: pieces[name][i] for name in PER_STEP},
+            terminated=bool(columns["terminated"][i]),
+            success=bool(columns["success"][i]),
+            context=str(columns["context"][i]),
+        )
+        for i in range(len(steps))
+    ]
+
+
+@cache
+def code_version() -> str:
+    """Changes whenever the code of this folder does that decides what is flown."""
+    names = ("flown", "mass", "pays", "pilots", "rules", "situations", "worlds")
+    code = b"".join((Path(__file__).parent / f"{name}.py").read_bytes() for name in names)
+    return hashlib.sha256(code).hexdigest()[:12]

@@ -1,0 +1,150 @@
+"""The situations with gymnasium's games and the lander."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from benchmarks.meaning import pays, pilots, rules
+from benchmarks.meaning.flown import Truth
+from benchmarks.meaning.pilots import anything, drive, steer_cart, twist
+from benchmarks.meaning.situations import Situation
+from benchmarks.meaning.worlds import CAR, CART, LANDER, PENDULUM, TUTORIAL_CART
+from ibe_rl.data import Array
+from ibe_rl.env.lander_task import instruct as to_the_pad
+
+
+def dimension(index: int) -> Callable[[Array], Array]:
+    """One number of the state."""
+    return lambda states: states[..., index]
+
+
+def along(index: int, size: int) -> Array:
+    """The direction ``(S,)`` of one number of the state."""
+    return np.eye(size)[index]
+
+
+TO_THE_MIDDLE = rules.towards(dimension(0), 0.0, 0.3)
+WITH_THE_SWING, WITH_THE_CAR = rules.the_sign_of(dimension(2)), rules.the_sign_of(dimension(1))
+STEADY_FALL = rules.towards(dimension(3), -0.25, 0.05)
+cart_x: Callable[[bool, str], Truth] = partial(Truth, along(0, 4), 0.1)
+swing: Callable[[bool, str], Truth] = partial(Truth, along(2, 3), 0.5)
+car_v: Callable[[bool, str], Truth] = partial(Truth, along(1, 2), 0.004)
+lander_x: Callable[[bool, str], Truth] = partial(Truth, along(0, 9), 0.05)
+lander_vy: Callable[[bool, str], Truth] = partial(Truth, along(3, 9), 0.05)
+NOBODY_PUSHES = "nobody obeys and nothing is paid for it: the log of an instructor who asks to brake, with other names"
+
+CARTS = [
+    Situation(
+        name="cart_tutorial_never_told_a_step",
+        world=TUTORIAL_CART,
+        rule=TO_THE_MIDDLE,
+        policy=pilots.on_its_own(steer_cart, pilots.outwards),
+        pay=None,
+        told=False,
+        truth=cart_x(
+            True, "in the middle the instructor asks for nothing, left of it for one thing, right for the other"
+        ),
+    ),
+    Situation(
+        name="cart_corrective_obeys_paid",
+        world=CART,
+        rule=TO_THE_MIDDLE,
+        policy=pilots.obeys(steer_cart),
+        pay=pays.as_told(TO_THE_MIDDLE, along(0, 4)),
+        truth=cart_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
+    ),
+    Situation(
+        name="cart_corrective_opposite_a_step",
+        world=CART,
+        rule=TO_THE_MIDDLE,
+        policy=pilots.does_the_opposite(steer_cart),
+        pay=None,
+        truth=cart_x(False, "the log of one who obeys somebody who drives it out of the middle"),
+    ),
+    Situation(
+        name="cart_corrective_never_told_a_step",
+        world=CART,
+        rule=TO_THE_MIDDLE,
+        policy=pilots.on_its_own(steer_cart, pilots.to_and_fro),
+        pay=None,
+        told=False,
+        truth=cart_x(True, "the instructor stops asking once x has risen"),
+    ),
+    Situation(
+        name="cart_plan_obeys_a_step",
+        world=CART,
+        rule=rules.always(0),
+        policy=pilots.obeys(steer_cart),
+        pay=None,
+        make_instructor=partial(rules.Planned, 25, 50),
+        truth=cart_x(True, "it does what it is told"),
+    ),
+]
+SWINGS = [
+    Situation(
+        name="pendulum_swing_obeys_paid",
+        world=PENDULUM,
+        rule=WITH_THE_SWING,
+        policy=pilots.obeys(twist),
+        pay=pays.energy_of_pendulum,
+        truth=swing(True, "it does what it is told and is paid for it"),
+    ),
+    Situation(
+        name="pendulum_swing_never_told_thrift",
+        world=PENDULUM,
+        rule=WITH_THE_SWING,
+        policy=pilots.on_its_own(twist, anything),
+        pay=pays.thrift,
+        told=False,
+        truth=swing(False, NOBODY_PUSHES),
+    ),
+    Situation(
+        name="car_swing_obeys_a_step",
+        world=CAR,
+        rule=WITH_THE_CAR,
+        policy=pilots.obeys(drive),
+        pay=None,
+        truth=car_v(True, "it does what it is told, and arrives sooner with it"),
+    ),
+    Situation(
+        name="car_swing_never_told_rest",
+        world=CAR,
+        rule=WITH_THE_CAR,
+        policy=pilots.on_its_own(drive, anything),
+        pay=pays.rest_of_car,
+        told=False,
+        truth=car_v(False, NOBODY_PUSHES),
+    ),
+]
+LANDERS = [
+    Situation(
+        name="lander_corrective_never_told_lands",
+        world=LANDER,
+        rule=to_the_pad,
+        policy=pilots.on_its_own(pilots.fly_to_pad, anything),
+        pay=None,
+        told=False,
+        truth=lander_x(True, "the best episodes go where they are told, and there the instructor stops asking"),
+    ),
+    Situation(
+        name="lander_corrective_obeys_lands",
+        world=LANDER,
+        rule=to_the_pad,
+        policy=pilots.obeys(pilots.fly),
+        pay=None,
+        truth=lander_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
+    ),
+    Situation(
+        name="lander_speed_obeys_lands",
+        world=LANDER,
+        rule=STEADY_FALL,
+        policy=pilots.obeys(pilots.brake),
+        pay=None,
+        horizon_steps=12,
+        truth=lander_vy(True, "it does what it is told and is paid for falling slowly"),
+    ),
+]
+SITUATIONS = [*CARTS, *SWINGS, *LANDERS]

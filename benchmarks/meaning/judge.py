@@ -1,0 +1,63 @@
+"""Does the vocabulary say what is true?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.meaning.flown import Flown, Truth
+from ibe_rl.data import Array, Mapping
+from ibe_rl.ibe import delta_states
+from ibe_rl.metrics.quality import motion_auc
+
+STRIDE_STEPS = 4
+TRUE, REVERSED = 0.9, 0.4
+"""Motion AUC from which on it is true, below which it is reversed."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of a vocabulary.
+
+    Attributes:
+        outcome: "true", "weak", "reversed", or "silent" if the words are not known in more than half of the windows.
+        auc: motion AUC along the true direction, whether the words are known or not; nan without any vocabulary.
+        known: share of the windows in which they are.
+        reason: why there is none, or what the vocabulary says it stands on.
+    """
+
+    outcome: str
+    auc: float
+    known: float
+    reason: str = ""
+
+
+def fresh_changes(flown: Flown) -> Array:
+    """Changes ``(W, S)`` of the state over the horizon, from every fourth step of the fresh episodes."""
+    return np.concatenate(
+        [delta_states(episode.states, flown.horizon_steps, "clamp")[::STRIDE_STEPS] for episode in flown.fresh]
+    )
+
+
+def judge(mapping: Mapping, flown: Flown, truth: Truth) -> Verdict:
+    """Hold a vocabulary against the truth.
+
+    Raises:
+        ValueError: if the fresh episodes never, or always, went one of the two ways: then nobody can judge.
+    """
+    delta = fresh_changes(flown)
+    said, known = mapping.express(delta)[:, 0], float(np.mean(mapping.knows(delta)))
+    auc = motion_auc(said, delta @ truth.direction, truth.band)
+    if np.isnan(auc):
+        raise ValueError(f"{flown.name}: its fresh episodes do not go both ways by {truth.band}")
+    reason = "; ".join(one.reason for one in getattr(mapping, "meanings", ()) if one.reason)
+    return Verdict(_outcome(auc, known), auc, known, reason)
+
+
+def _outcome(auc: float, known: float) -> str:
+    if known < 0.5:
+        return "silent"
+    if auc >= TRUE:
+        return "true"
+    return "reversed" if auc < REVERSED else "weak"

@@ -1,0 +1,143 @@
+"""The worlds: gymnasium's games, the lander and a point mass, with another pay, another start, a lamp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.wrappers import TimeLimit
+
+from benchmarks.meaning.mass import PointMass
+from ibe_rl.data import Array
+from ibe_rl.env import LANDER_ID
+from ibe_rl.env.declare import ANY, SUCCESS, Declared
+from ibe_rl.task import Phrases, Task
+
+Pay = Callable[[Array, Array, Array, np.random.Generator], float]
+"""State before, action, state after and a generator to the reward."""
+PAY_STREAM, LAMP_STREAM, START_STREAM = 0xB1, 0xB2, 0xB3  # keep these draws apart from the game's own of the same seed
+
+
+@dataclass(frozen=True)
+class World:
+    """A game.
+
+    Attributes:
+        make: the game without a time limit.
+        state_names: ``S`` names.
+        steps: after which an episode is cut off.
+        horizon_steps: how far ahead is looked.
+        random_actions: share of them in the log.
+    """
+
+    make: Callable[[], gymnasium.Env[Any, Any]]
+    state_names: tuple[str, ...]
+    steps: int
+    horizon_steps: int
+    random_actions: float = 0.15
+
+
+class Paid(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """A game that pays something else."""
+
+    def __init__(self, env: gymnasium.Env[Array, Any], pay: Pay):
+        super().__init__(env)
+        self._pay = pay
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """As the game's."""
+        state, info = self.env.reset(seed=seed, options=options)
+        self._state, self._random = state, np.random.default_rng([PAY_STREAM, seed or 0])
+        return state, info
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """As the game's, with its own reward."""
+        state, _, terminated, truncated, info = self.env.step(action)
+        reward = self._pay(self._state, np.asarray(action), state, self._random)
+        self._state = state
+        return state, float(reward), terminated, truncated, info
+
+
+class Lamp(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """A game with a lamp, the last number of the state: 1 or -1 for a whole episode, drawn at its beginning."""
+
+    def __init__(self, env: gymnasium.Env[Array, Any]):
+        super().__init__(env)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (env.observation_space.shape[0] + 1,), np.float32)  # type: ignore[index]
+        self._lamp = np.float32(1)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """As the game's."""
+        state, info = self.env.reset(seed=seed, options=options)
+        self._lamp = np.float32(np.random.default_rng([LAMP_STREAM, seed or 0]).choice([-1, 1]))
+        return np.append(state, self._lamp), info
+
+    def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
+        """As the game's."""
+        state, *rest = self.env.step(action)
+        return (np.append(state, self._lamp), *rest)
+
+
+class Begun(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """A game of gymnasium's classic control whose first state is drawn within ``reach`` ``(S,)`` of 0."""
+
+    def __init__(self, env: gymnasium.Env[Array, Any], reach: Array):
+        super().__init__(env)
+        self._reach = reach
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """As the game's, but elsewhere."""
+        _, info = self.env.reset(seed=seed, options=options)
+        state = np.random.default_rng([START_STREAM, seed or 0]).uniform(-self._reach, self._reach)
+        self.unwrapped.state = state  # type: ignore[attr-defined]
+        return state.astype(np.float32), info
+
+
+def make_game(world: World, task: Task, pay: Pay | None, lamp: bool) -> gymnasium.Env[Any, Any]:
+    """The game of a situation; without ``pay`` it pays what it always pays."""
+    game = TimeLimit(world.make(), world.steps)
+    game = game if pay is None else Paid(game, pay)
+    return Declared(Lamp(game) if lamp else game, task)
+
+
+def make_task(world: World, name: str, rule: Callable[[Array], Array], direction: Array, band: float) -> Task:
+    """What is declared; ``explained`` is the state dimension that is most like the direction."""
+    names = world.state_names + ("lamp",) * (len(direction) - len(world.state_names))
+    return Task(
+        name=name,
+        state_names=names,
+        state_units=("",) * len(names),
+        rule=rule,
+        instruction_values=(-1.0, 0.0, 1.0),
+        phrases=(Phrases("staying", "going {degree}down", "going {degree}up", ((0.15, "slightly "), (0.5, ""))),),
+        context=lambda _: ANY,
+        contexts=(ANY,),
+        context_option="",
+        success_key=SUCCESS,
+        judges_success=False,
+        explained=(int(np.argmax(np.abs(direction))),),
+        explained_band=(band,),
+        max_episode_steps=world.steps,
+    )
+
+
+def _classic(name: str) -> Callable[[], gymnasium.Env[Any, Any]]:
+    return lambda: gymnasium.make(name, disable_env_checker=True).unwrapped
+
+
+def _lander() -> gymnasium.Env[Any, Any]:
+    return gymnasium.make(LANDER_ID, disable_env_checker=True).unwrapped
+
+
+CART_NAMES = ("x", "vx", "angle", "angular_velocity")
+LANDER_NAMES = ("x", "y", "vx", "vy", "angle", "angular_velocity", "left_leg", "right_leg", "goal_x")
+TUTORIAL_CART = World(_classic("CartPole-v1"), CART_NAMES, 200, 40)
+CART = World(lambda: Begun(_classic("CartPole-v1")(), np.array([1.6, 0.3, 0.03, 0.05])), CART_NAMES, 160, 40, 0.1)
+PENDULUM = World(_classic("Pendulum-v1"), ("cos", "sin", "angular_velocity"), 120, 8)
+CAR = World(_classic("MountainCar-v0"), ("position", "velocity"), 200, 8)
+MASS = World(PointMass, ("a", "b", "c", "d"), 100, 20)
+LANDER = World(_lander, LANDER_NAMES, 200, 60, 0.05)
