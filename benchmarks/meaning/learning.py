@@ -7,11 +7,17 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from benchmarks.meaning.flown import Flown
 from ibe_rl.command_line import composed
 from ibe_rl.config import MappingConfig
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.env.make import TRAINING_SEEDS, episode_seed
+from ibe_rl.ibe import ClusterMapping, Reactions
 from ibe_rl.log import TrajectoryLog
+from ibe_rl.play import moments_apart
+from ibe_rl.predict import Simulator
+from ibe_rl.reactions import ASKED_AT, ask
 from ibe_rl.refresh import learn_vocabulary
 
 
@@ -22,8 +28,20 @@ def learn(flown: Flown, seed: int) -> ClusterMapping:
         TooLittleDataError: if the log teaches none.
     """
     config = replace(axis(), horizon_steps=flown.horizon_steps, spans_steps=[], newest_frames=None)
+    reactions = told_otherwise(flown, seed) if flown.sees_instruction else None
     with TemporaryDirectory() as folder:
-        return learn_vocabulary(filled(Path(folder), flown), config, flown.task, seed).mapping
+        return learn_vocabulary(filled(Path(folder), flown), config, flown.task, seed, reactions=reactions).mapping
+
+
+def told_otherwise(flown: Flown, seed: int) -> Reactions | None:
+    """What the agent does if it is told otherwise, in exact copies of the game."""
+    typical = max(1, int(np.median([len(episode) for episode in flown.log_episodes])))
+    steps = np.random.default_rng(seed).integers(typical, size=ASKED_AT).tolist()
+    envs = [flown.make_env() for _ in range(ASKED_AT)]
+    seeds = [2 * TRAINING_SEEDS + episode_seed(seed, number) for number in range(ASKED_AT)]
+    moments = moments_apart(envs, flown.policy, flown.make_instructor(seed), seeds, steps)
+    simulator = Simulator(flown.make_env, flown.task.rule, seed=seed)
+    return ask(moments, flown.policy, simulator, flown.horizon_steps)
 
 
 def filled(folder: Path, flown: Flown) -> TrajectoryLog:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,11 +98,37 @@ class Begun(gymnasium.Wrapper[Array, Any, Array, Any]):
         return state.astype(np.float32), info
 
 
+class Copyable(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """A game that is all Python, with all that is around it, stopped and taken up again by a deep copy."""
+
+    @property
+    def unwrapped(self) -> Copyable:  # type: ignore[override]
+        """Itself: what is around the game is part of it."""
+        return self
+
+    @property
+    def task(self) -> Task:
+        """As declared."""
+        declared: Task = self.env.get_wrapper_attr("task")
+        return declared
+
+    def snapshot(self) -> gymnasium.Env[Any, Any]:
+        """See ``ibe_rl.env.snapshots.Stoppable``."""
+        return deepcopy(self.env)
+
+    def restore(self, snapshot: gymnasium.Env[Any, Any], noise: np.random.Generator | None = None) -> None:
+        """See ``ibe_rl.env.snapshots.Stoppable``."""
+        self.env = deepcopy(snapshot)
+        if noise is not None:
+            self.env.unwrapped.np_random = noise
+
+
 def make_game(world: World, task: Task, pay: Pay | None, lamp: bool) -> gymnasium.Env[Any, Any]:
     """The game of a situation; without ``pay`` it pays what it always pays."""
     game = TimeLimit(world.make(), world.steps)
     game = game if pay is None else Paid(game, pay)
-    return Declared(Lamp(game) if lamp else game, task)
+    declared = Declared(Lamp(game) if lamp else game, task)
+    return declared if world is LANDER else Copyable(declared)
 
 
 def make_task(world: World, name: str, rule: Callable[[Array], Array], direction: Array, band: float) -> Task:

@@ -11,16 +11,21 @@ from ibe_rl.ibe.record import Record
 
 RESAMPLES, INTERVAL = 400, (0.5, 99.5)
 """Bootstrap over whole episodes; percent. Eighty logs are judged by four sources each: 95 % would err too often."""
+BINS = 10
+"""Of similar places."""
+FITTED_STEPS, MOST_WITH_PRODUCTS = 5_000, 12
+"""A regression on the state sees so many steps; with more dimensions it has no squares and products."""
 FEWEST_EPISODES, FEWEST_WINDOWS = 8, 5
 """With fewer episodes a source says nothing; an episode with fewer windows does not say what it was told."""
 
 
 def satisfaction(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
-    """After which movement the instructor stops asking for it.
+    """After which movement the instructor stops asking for it, and after which they begin to.
 
-    The movement of windows in which an instruction ended, less that of windows in which it went on: of +1, less that of
-    -1, in standard deviations. It needs neither reward nor obedience. An instructor who says what is happening anyway
-    ("push with the swing") looks the other way round.
+    By how much more the state moved along the axis where the instructor asks for less at the end of a window than at
+    its beginning, among windows that began with the same instruction at a similar place; in standard deviations for a
+    change of the instruction by 1. It needs neither reward nor obedience. An instructor who says what is happening
+    anyway ("push with the swing") looks the other way round.
 
     Args:
         record: of good and bad episodes.
@@ -28,16 +33,18 @@ def satisfaction(record: Record, axis: Array, number: int, seed: int) -> Evidenc
         number: of the instruction.
         seed: of the resampling.
     """
-    moved, signs = _standard(record, axis), record.signs(number)
-    after = record.changes_after(number)
-    ended = after <= record.horizon_steps
-    counts = ended | (record.whole & (after > record.horizon_steps))
-    groups = [(signs == sign) & (ended == end) & counts for sign in (1, -1) for end in (True, False)]
-    if not any(groups[i].any() and groups[i + 1].any() for i in (0, 2)):
-        return None
-    means = _means(record, moved, groups, seed)
-    sides = np.stack([means[:, 0] - means[:, 1], means[:, 3] - means[:, 2]], axis=1)
-    return _evidence("satisfaction", _mean_known(sides), _episodes(record, np.any(groups, axis=0)))
+    signs, last = record.signs(number), record.last_heard(number)
+    place = record.states @ axis
+    rows = np.flatnonzero(last > np.arange(len(record)))
+    moved, less = (place[last] - place)[rows] / _scale(record, axis), (signs - signs[last])[rows]
+    alike = _bins(place[rows], signs[rows])
+    moved, less = _without_means(moved, alike), _without_means(less, alike)
+    changed = np.unique(record.episode[rows[less > 0]])
+    weights = _resamples(record.size, seed)
+    sums = [np.bincount(record.episode[rows], values, record.size) for values in (moved * less, less**2)]
+    above, below = (weights @ each for each in sums)
+    slope = np.divide(above, below, out=np.full(len(above), np.nan), where=below > 1e-9)
+    return _evidence("satisfaction", slope, len(changed))
 
 
 def best(record: Record, axis: Array, number: int, among: Array, seed: int) -> Evidence | None:
@@ -59,13 +66,17 @@ def best(record: Record, axis: Array, number: int, among: Array, seed: int) -> E
 
 
 def pays(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
-    """Whether episodes earn more in which the told movement was larger: a rank correlation within each context."""
+    """Whether episodes earn more in which more of the movement was told: a rank correlation within each context.
+
+    What the state alone lets expect of the movement is taken off first: a swing swings whatever it is told.
+    """
     signs = record.signs(number)
-    counts = np.bincount(record.episode[signs != 0], minlength=record.size)
-    sums = np.bincount(record.episode, _standard(record, axis) * signs, record.size)
-    told = counts >= FEWEST_WINDOWS
-    followed = np.divide(sums, counts, out=np.zeros(record.size), where=told)
-    ranks = [_ranks_within(values, record.contexts, told) for values in (followed, record.returns)]
+    rows = np.flatnonzero(signs)
+    moved = _unexpected(record, axis)[rows]
+    followed, of = (np.bincount(record.episode[rows], each, record.size) for each in (moved * signs[rows], abs(moved)))
+    told = np.bincount(record.episode[rows], minlength=record.size) >= FEWEST_WINDOWS
+    share = np.divide(followed, of, out=np.zeros(record.size), where=of > 0)
+    ranks = [_ranks_within(values, record.contexts, told) for values in (share, record.returns)]
     if told.sum() < FEWEST_EPISODES or min(np.ptp(each) for each in ranks) == 0:
         return None
     weights = _resamples(int(told.sum()), seed)
@@ -100,6 +111,35 @@ def influence_of_plan(record: Record, axis: Array, number: int, seed: int) -> Ev
     return _evidence("influence", (means[:, 0] - means[:, 1]) / 2, _episodes(record, signs != 0))
 
 
+def _unexpected(record: Record, axis: Array) -> Array:
+    """The movement ``(N,)`` less what a regression on the state, its squares and products lets expect."""
+    states = record.states - record.states.mean(axis=0)
+    states = states / np.where(states.std(axis=0) > 0, states.std(axis=0), 1)
+    pairs = np.triu_indices(states.shape[1]) if states.shape[1] <= MOST_WITH_PRODUCTS else (np.arange(0),) * 2
+    columns = np.column_stack([np.ones(len(states)), states, states[:, pairs[0]] * states[:, pairs[1]]])
+    some = slice(None, None, max(1, len(columns) // FITTED_STEPS))
+    moved = _standard(record, axis)
+    fit = np.linalg.lstsq(columns[some], moved[some], rcond=1e-6)[0]
+    unexpected: Array = moved - columns @ fit
+    return unexpected
+
+
+def _bins(values: Array, kinds: Array) -> Array:
+    """Numbers ``(N,)`` of groups of the same kind and of similar value."""
+    found = np.zeros(len(values), dtype=np.int64)
+    for number, kind in enumerate(np.unique(kinds)):
+        rows = kinds == kind
+        edges = np.quantile(values[rows], np.arange(1, BINS) / BINS)
+        found[rows] = number * BINS + np.searchsorted(edges, values[rows])
+    return found
+
+
+def _without_means(values: Array, groups: Array) -> Array:
+    counts = np.maximum(np.bincount(groups), 1)
+    rest: Array = values - (np.bincount(groups, values) / counts)[groups]
+    return rest
+
+
 def _scale(record: Record, axis: Array) -> float:
     return float(np.std(record.delta @ axis)) or 1.0
 
@@ -123,12 +163,6 @@ def _means(record: Record, values: Array, groups: list[Array], seed: int) -> Arr
     counts = [np.bincount(record.episode[rows], minlength=record.size) for rows in groups]
     total, of = weights @ np.stack(sums, axis=1), weights @ np.stack(counts, axis=1)
     return np.divide(total, of, out=np.full(total.shape, np.nan), where=of > 0)
-
-
-def _mean_known(sides: Array) -> Array:
-    """Mean over the sides ``(R, 2)`` that are known in the sample itself."""
-    mean: Array = sides[:, ~np.isnan(sides[0])].mean(axis=1)
-    return mean
 
 
 def _episodes(record: Record, rows: Array) -> int:

@@ -10,8 +10,6 @@ import numpy as np
 from ibe_rl.data import Array, Episode
 from ibe_rl.ibe.delta import delta_states
 
-NEVER = np.iinfo(np.int64).max
-
 
 @dataclass(frozen=True)
 class Record:
@@ -85,20 +83,16 @@ class Record:
         """Which way ``(N,)`` one number of the instruction asks for: -1, 0 or 1."""
         return np.sign(self.told[:, number])
 
-    def changes_after(self, number: int) -> Array:
-        """In how many steps ``(N,)`` the instructor says another way; ``NEVER`` if it cannot be told.
+    def last_heard(self, number: int) -> Array:
+        """The last step ``(N,)`` of each window at which the instructor is heard; the first one if never again.
 
-        It cannot where the episode or the speaking ends first. Silence is 0 for an instructor who never says 0.
+        Silence is 0 for an instructor who never says 0.
         """
-        signs = self.signs(number)
-        silent = ~self.given & bool((signs[self.given] == 0).any())
-        same = np.diff(self.episode, append=-1) == 0
-        other = same & (np.append(signs[1:], 0) != signs)
-        ends = other | ~same | np.append(silent[1:], True)
-        last = np.flatnonzero(ends)
-        place = last[np.minimum(np.searchsorted(last, np.arange(len(signs))), len(last) - 1)]
-        told = other[place] & ~np.append(silent[1:], True)[place]
-        return np.where(told, place - np.arange(len(signs)) + 1, NEVER)
+        heard = self.given | (not (self.signs(number)[self.given] == 0).any())
+        rows = np.arange(len(self))
+        ends = np.searchsorted(self.episode, self.episode, side="right") - 1
+        newest = np.maximum.accumulate(np.where(heard, rows, 0))
+        return np.maximum(newest[np.minimum(rows + self.horizon_steps, ends)], rows)
 
     def onsets(self, number: int) -> Array:
         """Steps ``(M,)`` at which the instructor says another way than at the step before, and said one at both."""

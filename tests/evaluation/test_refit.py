@@ -29,7 +29,9 @@ def run(tmp_path: Path) -> Run:
         for _ in range(times):
             obey(log)
         log.flush()
-        return SimpleNamespace(folder=tmp_path, reactions=None, task=TASK, config=SimpleNamespace(mapping=config(**changes)))
+        return SimpleNamespace(
+            folder=tmp_path, reactions=None, task=TASK, config=SimpleNamespace(mapping=config(**changes))
+        )
 
     return make
 
