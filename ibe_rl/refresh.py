@@ -17,7 +17,7 @@ from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, Transition, Windows, phrase
 from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, told_windows
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import Calibration, VocabularyDrift
+from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
 from ibe_rl.run_folder import read_json, write_json
 from ibe_rl.task import Task
 
@@ -67,6 +67,7 @@ class Refresh:
         change: what came of the vocabulary before, None if this is the first.
         scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
         taken: False if the vocabulary before was good enough and stays.
+        scores_of_numbers: see ``number_scores``; of the vocabulary that stands, on the newest episodes.
     """
 
     frame: int
@@ -83,11 +84,16 @@ class Refresh:
     change: Change | None = None
     scores: Dict[str, float] = field(default_factory=dict)
     taken: bool = True
+    scores_of_numbers: Sequence[Dict[str, float]] = ()
 
     @property
     def standing(self) -> ClusterMapping:
         """The vocabulary that is spoken from now on."""
         return self.mapping if self.taken or self.change is None else self.change.last
+
+    def verdicts(self, task: Task) -> list[Verdict]:
+        """Whether the words that stand tell which way it goes, for each number of the instruction."""
+        return verdicts_of(self.scores_of_numbers, self.standing.meanings, task)
 
 
 def learn_vocabulary(
@@ -178,6 +184,7 @@ def save_refresh(
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,
             "scores": _without_nan(refresh.scores),
+            "scores_of_numbers": [*map(_without_nan, refresh.scores_of_numbers)],
             "change": None if refresh.change is None else _change(refresh.change),
             "state_names": list(task.state_names),
             "mapping": mapping.to_dict(),
@@ -214,6 +221,7 @@ class Saved:
         frame: training frames when it was learnt.
         spans: the vocabularies of other spans of time, by their horizon in steps.
         calibration: of the confidence, from the episodes watched before; None at the first refresh.
+        scores_of_numbers: see ``number_scores``; empty if the vocabulary was not scored.
     """
 
     mapping: ClusterMapping
@@ -221,6 +229,7 @@ class Saved:
     frame: int
     spans: Spans
     calibration: Calibration | None
+    scores_of_numbers: Sequence[Dict[str, float]] = ()
 
 
 def load_refresh(path: Path) -> Saved:
@@ -234,6 +243,15 @@ def load_refresh(path: Path) -> Saved:
         spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
         mapping = ClusterMapping.from_dict(saved["mapping"])
         calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
-        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans, calibration)
-    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
+        frame, scores = int(saved["frame"]), _scores_of(saved, mapping)
+        return Saved(mapping, int(saved["horizon_steps"]), frame, spans, calibration, scores)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"{path} is not a readable refresh: {error}") from None
+
+
+def _scores_of(saved: dict[str, Any], mapping: ClusterMapping) -> list[dict[str, float]]:
+    """The scores of each number; none if there are not as many as numbers, as in files of earlier versions."""
+    each = saved.get("scores_of_numbers", [])
+    if len(each) != mapping.expressions.shape[1]:
+        return []
+    return [{str(name): math.nan if value is None else float(value) for name, value in one.items()} for one in each]

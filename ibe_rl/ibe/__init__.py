@@ -4,7 +4,8 @@ from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
 from ibe_rl.ibe.estimator import IBEMapping, check_settings
 from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
-from ibe_rl.ibe.meaning import Evidence, Meaning
+from ibe_rl.ibe.meaning import Evidence, Meaning, sayable
+from ibe_rl.ibe.meaning_lines import meaning_lines, positive_phrase
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase, phrases_of
 
@@ -21,8 +22,11 @@ __all__ = [
     "cut_windows",
     "delta_states",
     "keep_identity",
+    "meaning_lines",
     "normalise",
     "phrase",
     "phrases_of",
+    "positive_phrase",
+    "sayable",
     "top_episodes",
 ]
