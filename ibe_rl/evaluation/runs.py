@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -42,6 +42,7 @@ class TrainedRun:
         spans: the vocabularies of other spans of time, by their horizon in steps.
         calibration: of the confidence, as ``task=evaluate`` found it for this vocabulary, else from the episodes
             watched before the last refresh; None if it was the first.
+        scores_of_numbers: see ``metrics.number_scores``, of the refresh; empty if it has none.
     """
 
     folder: Path
@@ -54,6 +55,7 @@ class TrainedRun:
     horizon_steps: int
     spans: Spans
     calibration: Calibration | None
+    scores_of_numbers: Sequence[Mapping[str, float]] = ()
 
     @property
     def voice(self) -> Voice:
@@ -102,6 +104,7 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
         saved.horizon_steps,
         saved.spans,
         calibration,
+        saved.scores_of_numbers,
     )
 
 
