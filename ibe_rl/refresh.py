@@ -254,4 +254,7 @@ def _scores_of(saved: dict[str, Any], mapping: ClusterMapping) -> list[dict[str,
     each = saved.get("scores_of_numbers", [])
     if len(each) != mapping.expressions.shape[1]:
         return []
-    return [{str(name): math.nan if value is None else float(value) for name, value in one.items()} for one in each]
+    scores = [{str(name): math.nan if value is None else float(value) for name, value in one.items()} for one in each]
+    if any(abs(value) > 1 for one in scores for value in one.values()):
+        raise ValueError(f"scores_of_numbers={scores}: allowed are -1 to 1")
+    return scores
