@@ -31,7 +31,7 @@ from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.evaluation.foresight import as_trained
 from ibe_rl.evaluation.predictors import judge_predictors
-from ibe_rl.metrics import happened
+from ibe_rl.metrics import outcomes
 from ibe_rl.own_agent import open_guest, refuse_guest_settings
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.run_folder import find_run
@@ -88,7 +88,7 @@ def record(run: TrainedRun, cfg: ExplainConfig, watched: Watched, said: Sequence
     """Write the recording of the episode; returns where."""
     name = f"episode_seed{cfg.seed}_{watched.episode.context}"
     path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"
-    real = happened(watched.episode, run.horizon_steps, run.mapping, run.task.phrases)
+    real = outcomes(watched.episode, run.horizon_steps, run.mapping, run.task.phrases)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with closing(Recorder(path, run.task, name, training=False)) as recorder:

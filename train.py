@@ -36,7 +36,7 @@ from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import happened
+from ibe_rl.metrics import outcomes
 from ibe_rl.paper.experiments import reproduce
 from ibe_rl.parts import (
     NOBODY,
@@ -191,10 +191,10 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         row = figures(refresh) | parts.development.judge(refresh, watched.episode, said, every)
     with timeit("stream"):
         parts.recorder.refresh(refresh)
-        real = happened(watched.episode, voice.horizon_steps, voice.mapping, voice.words)
+        real = outcomes(watched.episode, voice.horizon_steps, voice.mapping, voice.words)
         parts.recorder.watched(frames, watched, said, real)
         parts.classroom.refresh(frames, voice)
-        parts.progress.refreshed(counts.refreshes, refresh, said[-1].said, row["ibe/came_true"])
+        parts.progress.refreshed(counts.refreshes, refresh, said[-1].said, row["ibe/came_true"], parts.task)
     return row
 
 
@@ -253,6 +253,8 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
         "refreshes_kept": parts.counts.kept,
         "refreshes_skipped": parts.counts.skipped,
         "stopped_early": stopped,
+        "meaning": [one.to_dict() for one in parts.development.mapping.meanings] if parts.development.mapping else [],
+        "notes": list(parts.development.notes),
         "time_s": dict(times(parts.counts)),
         "seed": cfg.seed,
         "agent": cfg.agent.kind,

@@ -126,7 +126,7 @@ def _goals(agent: str, together: dict[str, Any], runs: list[dict[str, Any]]) -> 
 PAIRED = [
     ("`motion_auc` above present velocity, interval clear of 0 on every seed", "over_velocity", 1),
     ("the same above the regression from the state (not asked for)", "over_regressor", 1),
-    ("the 80 % most confident come true more often", "risk", -1),
+    ("the 80 % most confident go as predicted more often", "risk", -1),
 ]
 
 
@@ -160,7 +160,7 @@ def _each(runs: list[dict[str, Any]]) -> str:
 def _ages(runs: list[dict[str, Any]]) -> str:
     """What the last policy loses in the first vocabulary, and in the one before the last."""
     rows = [
-        "| seed | own vocabulary | the first one | own minus first | came true, own minus first |",
+        "| seed | own vocabulary | the first one | own minus first | went as predicted, own minus first |",
         "|---|---|---|---|---|",
     ]
     for run in runs:
@@ -245,7 +245,7 @@ def _tradeoff(together: dict[str, Any]) -> plt.Figure:
         axis.axhline(nothing, color=PINK, linestyle="--", linewidth=1, label="no explanation")
         axis.axhline(0.6 * nothing, color=PINK, linestyle=":", linewidth=1, label="40 % less")
         axis.axvline(0.9, color="0.7", linestyle=":", linewidth=1)
-        axis.set(title=agent.upper(), xlabel="share of phrases that came true (to the right is better)")
+        axis.set(title=agent.upper(), xlabel="share that went as predicted (to the right is better)")
     axes[0].set_ylabel("observer's error, % of the width (down is better)")
     axes[0].set_ylim(bottom=0)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8)

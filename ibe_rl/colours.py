@@ -12,7 +12,7 @@ DARKER, LIGHTER = 0.5, 0.65
 """How far the second number of an expression goes towards black and white."""
 INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
 GREEN, OTHERS = (132, 224, 96), (130, 130, 140)
-"""The best, what came true; and the others."""
+"""The best, what went as predicted; and the others."""
 PINK, PALE, SILENT = (244, 114, 182), (190, 190, 200), (70, 70, 78)
 BACKGROUND, AXIS = (13, 14, 20), (150, 150, 160)
 LASTING = (

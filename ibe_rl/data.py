@@ -150,7 +150,7 @@ class Explanation:
         cluster: lasting id of the cluster that the predicted change falls into.
         delta_state: ``(S,)`` predicted change of the state.
         horizon_steps: how far ahead, in steps of the environment.
-        confidence: in [0, 1]; once calibrated the probability that the phrase comes true, until then ``agreement``
+        confidence: in [0, 1]; once calibrated the probability that it goes as predicted, until then ``agreement``
             times ``purity``.
         path: ``(H + 1, S)`` predicted states, the present one first; repeats the last one after an end.
         futures: ``(F, S)`` predicted changes in all the futures that were sampled, ``delta_state`` one of them.

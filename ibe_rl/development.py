@@ -13,18 +13,21 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, observe
-from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, voted
+from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, phrases_true_in
 from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
 from ibe_rl.lessons import check_mapping
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import (
+    OF_THE_MOMENTS,
     SCORES,
     Calibration,
-    happened,
+    mean_scores,
+    number_scores,
     phrases_true,
     policy_drift,
+    share_true,
     vocabulary_drift,
-    vocabulary_scores,
+    wrong_signs,
 )
 from ibe_rl.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
 from ibe_rl.run_folder import write_atomically
@@ -39,7 +42,7 @@ FIGURES = (
     *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
     *(f"ibe/{name}" for name in SCORES),
-    *(f"ibe/{name}_stale" for name in SCORES),
+    *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
 )
 """What ``figures`` and ``Development.judge`` can tell of a refresh; columns of metrics.csv."""
 
@@ -75,7 +78,8 @@ class Development:
         mapping: the vocabulary that stands, None before the first refresh.
         spans: those of the other spans of time, by their horizon in steps.
         probe: drawn from the episodes of the first refresh.
-        calibration: how probable it is that what is said comes true, from the newest ``JUDGED_EPISODES``.
+        calibration: how probable it is that it goes as predicted, from the newest ``JUDGED_EPISODES``.
+        notes: what the last refresh found wrong with what the environment declares, in plain words.
     """
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
@@ -86,6 +90,7 @@ class Development:
         self._learnt_at = self._next_id = 0
         self._actions: Array | None = None
         self.calibration: Calibration | None = None
+        self.notes: list[str] = []
         self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
 
     def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
@@ -108,7 +113,8 @@ class Development:
         if self.mapping is not None:
             learnt = self._held_against(self.mapping, learnt, self.probe, newest, actions)
         else:
-            learnt = replace(learnt, scores=vocabulary_scores(learnt.mapping, newest, self._task))
+            each = number_scores(learnt.mapping, newest, self._task)
+            learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
         if learnt.taken:
             self.mapping, self.spans, self._learnt_at, self._actions = (
                 learnt.mapping,
@@ -117,6 +123,7 @@ class Development:
                 actions,
             )
             self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
+        self.notes = wrong_signs(learnt.verdicts(self._task), learnt.standing.meanings, self._task)
         return learnt
 
     @contextmanager
@@ -148,6 +155,7 @@ class Development:
             "learnt_at": self._learnt_at,
             "next_id": self._next_id,
             "judged": [list(one) for one in self._judged],
+            "notes": list(self.notes),
             **arrays,
         }
 
@@ -159,6 +167,7 @@ class Development:
         self.spans = {steps: ClusterMapping.from_dict(each) for steps, each in state["spans"].items()}
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
+        self.notes = [str(line) for line in state.get("notes", ())]
         self._judged.extend((features, true) for features, true in state["judged"])
         self.probe = Probe(state["delta"], state["observations"])
         self._actions = state["actions"]
@@ -185,21 +194,26 @@ class Development:
             every_steps: something new was said once in so many steps.
 
         Returns:
-            Columns of metrics.csv: how much came true, how often the agent did not know, and how much of what the
-            vocabulary before would have said came true.
+            Columns of metrics.csv: how much went as predicted, how often the agent did not know, and how much of what
+            the vocabulary before would have said went as predicted; what has no known meaning does not count, and if
+            nothing has, that is not a number.
         """
-        new, words = said[::every_steps], self._task.phrases
-        true = phrases_true(episode, said, refresh.standing, words)[::every_steps]
-        self._judged.append((confidence_features(new), true))
-        features, outcomes = (np.concatenate(column) for column in zip(*self._judged, strict=True))
-        self.calibration = Calibration.fit(features, outcomes, CONFIDENCE_FEATURES)
-        row = {"ibe/came_true": float(np.mean(true)), "ibe/unknown": float(np.mean([not one.known for one in new]))}
+        new = said[::every_steps]
+        true = phrases_true(episode, said, refresh.standing, self._task.phrases)[::every_steps]
+        self._learn_confidence(new, true)
+        row = {"ibe/came_true": share_true(true), "ibe/unknown": float(np.mean([not one.known for one in new]))}
         if refresh.change is not None:
-            last = refresh.change.last
-            stale, _, _ = voted(np.stack([one.futures for one in new]), last, words)
-            real = happened(episode, said[0].horizon_steps, last, words)[::every_steps]
-            row["ibe/came_true_stale"] = float(np.mean(np.array(stale) == np.array(real)))
+            stale = phrases_true_in(refresh.change.last, episode, said, self._task.phrases)
+            row["ibe/came_true_stale"] = share_true(stale[::every_steps])
         return row
+
+    def _learn_confidence(self, new: Sequence[Explanation], true: Array) -> None:
+        """Learn from what was said with a known meaning; ``true`` is of ``phrases_true``."""
+        meant = ~np.isnan(true)
+        if meant.any():
+            self._judged.append((confidence_features(new)[meant], true[meant] == 1))
+            features, outcomes = (np.concatenate(column) for column in zip(*self._judged, strict=True))
+            self.calibration = Calibration.fit(features, outcomes, CONFIDENCE_FEATURES)
 
     def _held_against(
         self, last: ClusterMapping, learnt: Refresh, probe: Probe, newest: Windows, actions: Array
@@ -207,7 +221,8 @@ class Development:
         mapping, transition = keep_identity(
             last, learnt.mapping, probe.delta, self._next_id, self._config.survival_overlap, self._config.hold_within
         )
-        before, after = (vocabulary_scores(each, newest, self._task) for each in (last, mapping))
+        each_before, each_after = (number_scores(each, newest, self._task) for each in (last, mapping))
+        before, after = mean_scores(each_before), mean_scores(each_after)
         staleness = after["motion_auc"] - before["motion_auc"]
         assert self._actions is not None
         change = Change(
@@ -220,7 +235,8 @@ class Development:
             staleness=staleness,
         )
         taken = self._when_stale is None or not staleness <= self._when_stale  # also if it cannot be told
-        return replace(learnt, mapping=mapping, change=change, scores=after, taken=taken)
+        each = each_after if taken else each_before
+        return replace(learnt, mapping=mapping, change=change, scores=after, taken=taken, scores_of_numbers=each)
 
     def _newest(self, log: TrajectoryLog) -> Windows:
         """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
@@ -265,7 +281,7 @@ def figures(refresh: Refresh) -> dict[str, float]:
     row: dict[str, float] = {"ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
     if change is not None:
         scores = refresh.scores if refresh.taken else change.last_scores
-        row |= {f"ibe/{name}_stale": value for name, value in change.last_scores.items()}
+        row |= {f"ibe/{name}_stale": value for name, value in change.last_scores.items() if name != OF_THE_MOMENTS}
         row |= {"ibe/policy_drift": change.policy_drift, "ibe/staleness": change.staleness}
         row |= _moved(change) if refresh.taken else {}
     return row | {f"ibe/{name}": value for name, value in scores.items()}

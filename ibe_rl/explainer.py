@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibe_rl.data import Array, Explanation, Mapping, Moment, Policy, Predictor
+from ibe_rl.data import Array, Episode, Explanation, Mapping, Moment, Policy, Predictor
 from ibe_rl.ibe import phrases_of
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics import Calibration, happened
 from ibe_rl.task import Phrases
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
@@ -28,7 +28,7 @@ class Voice:
         words: of the environment, one entry for each number of an expression.
         spans: the vocabularies of other spans of time, by their horizon in steps.
         futures: how many are sampled at each moment; what most of them would be called is said.
-        calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true; None: not known yet,
+        calibration: from ``CONFIDENCE_FEATURES`` to the probability that it goes as predicted; None: not known yet,
             the confidence is the product of the features.
         min_confidence: under it the agent says that it does not know.
     """
@@ -134,6 +134,14 @@ def voted(
     rows = np.arange(count)
     votes = alike[rows, which] if trusted is None else alike[rows, which] & trusted
     return called[rows, which].tolist(), which, votes.sum(axis=1) / futures
+
+
+def phrases_true_in(mapping: Mapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]) -> Array:
+    """As ``metrics.phrases_true``, ``(T,)``, of what another vocabulary would have said of the same futures."""
+    futures = np.stack([one.futures for one in said])
+    phrases, which, _ = voted(futures, mapping, words)
+    same = np.array(phrases) == np.array(happened(episode, said[0].horizon_steps, mapping, words))
+    return np.where(mapping.knows(futures[np.arange(len(futures)), which]), same, np.nan)
 
 
 def _sure(said: Sequence[Explanation], voice: Voice) -> list[Explanation]:

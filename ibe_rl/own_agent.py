@@ -318,3 +318,4 @@ def keep_run(
     except TooLittleDataError as error:
         raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
     save_refresh(folder / REFRESHES, learnt, config.mapping, task)
+    write_json(folder / SUMMARY, summary | {"meaning": [one.to_dict() for one in learnt.mapping.meanings]})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,7 @@ from ibe_rl.command_line import installed, own_configs
 from ibe_rl.data import Array
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import sentences
+from ibe_rl.task import Task
 
 
 class TrainingProgress:
@@ -62,7 +64,7 @@ class TrainingProgress:
         for line in lines:
             self.say(line)
 
-    def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float) -> None:
+    def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float, task: Task) -> None:
         """Report a refresh and what the watched episode ended on."""
         self._bar.update(self._task, phrase=phrase)
         done = f"refresh {number}" if refresh.taken else f"refresh {number} stays"
@@ -72,13 +74,21 @@ class TrainingProgress:
         self.say(
             f"{done} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
             f"{windows}instruction {_counts(refresh.windows_by_instruction)})\n"
-            f"  expressions {' | '.join(numbers)}; {came_true:.0%} of the watched episode's explanations came true\n"
+            f"  expressions {' | '.join(numbers)}; {as_predicted(came_true)}\n"
             f"  {'; '.join(sentences.moved(refresh)) or 'the first vocabulary'}"
         )
+        self.say_all(f"  {line}" for line in sentences.worth(refresh, task))
 
     def skipped(self, frames: int, reason: str) -> None:
         """Report a refresh that could not be made."""
         self.say(f"refresh skipped at {frames:,} frames: {reason}")
+
+
+def as_predicted(share: float) -> str:
+    """How much of what was said of a watched episode went as predicted."""
+    if math.isnan(share):
+        return "it could say nothing of the watched episode"
+    return f"{share:.0%} of what it said of the watched episode went as predicted"
 
 
 def _counts(counts: Mapping[str, int]) -> str:
@@ -95,6 +105,8 @@ def closing_table(summary: Mapping[str, Any]) -> None:
     for name, seconds in summary["time_s"].items():
         table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
     Console().print(table)
+    for line in summary["notes"]:
+        Console(highlight=False, soft_wrap=True).print(f"note: {line}", markup=False)
 
 
 def recent_mean(values: Array, count: int) -> float:

@@ -33,7 +33,7 @@ from ibe_rl.lessons import (
     told_windows,
 )
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import Calibration, VocabularyDrift
+from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
 from ibe_rl.run_folder import read_json, write_json
 from ibe_rl.task import Task
 
@@ -84,6 +84,7 @@ class Refresh:
         scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
         taken: False if the vocabulary before was good enough and stays.
         reactions: of the agent, if it was asked.
+        scores_of_numbers: see ``number_scores``; of the vocabulary that stands, on the newest episodes.
     """
 
     frame: int
@@ -101,11 +102,16 @@ class Refresh:
     scores: Dict[str, float] = field(default_factory=dict)
     taken: bool = True
     reactions: Reactions | None = None
+    scores_of_numbers: Sequence[Dict[str, float]] = ()
 
     @property
     def standing(self) -> ClusterMapping:
         """The vocabulary that is spoken from now on."""
         return self.mapping if self.taken or self.change is None else self.change.last
+
+    def verdicts(self, task: Task) -> list[Verdict]:
+        """Whether the words that stand tell which way it goes, for each number of the instruction."""
+        return verdicts_of(self.scores_of_numbers, self.standing.meanings, task)
 
 
 def learn_vocabulary(
@@ -204,6 +210,7 @@ def save_refresh(
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,
             "scores": _without_nan(refresh.scores),
+            "scores_of_numbers": [*map(_without_nan, refresh.scores_of_numbers)],
             "change": None if refresh.change is None else _change(refresh.change),
             "state_names": list(task.state_names),
             "mapping": mapping.to_dict(),
@@ -242,6 +249,7 @@ class Saved:
         spans: the vocabularies of other spans of time, by their horizon in steps.
         calibration: of the confidence, from the episodes watched before; None at the first refresh.
         reactions: what the agent did then if it was told otherwise; None if nobody had asked it.
+        scores_of_numbers: see ``number_scores``; empty if the vocabulary was not scored.
     """
 
     mapping: ClusterMapping
@@ -250,6 +258,7 @@ class Saved:
     spans: Spans
     calibration: Calibration | None
     reactions: Reactions | None = None
+    scores_of_numbers: Sequence[Dict[str, float]] = ()
 
 
 def load_refresh(path: Path) -> Saved:
@@ -264,6 +273,18 @@ def load_refresh(path: Path) -> Saved:
         mapping = ClusterMapping.from_dict(saved["mapping"])
         calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
         reactions = Reactions.from_dict(saved["reactions"]) if saved.get("reactions") else None
-        return Saved(mapping, int(saved["horizon_steps"]), int(saved["frame"]), spans, calibration, reactions)
-    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
+        frame, scores = int(saved["frame"]), _scores_of(saved, mapping)
+        return Saved(mapping, int(saved["horizon_steps"]), frame, spans, calibration, reactions, scores)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"{path} is not a readable refresh: {error}") from None
+
+
+def _scores_of(saved: dict[str, Any], mapping: ClusterMapping) -> list[dict[str, float]]:
+    """The scores of each number; none if there are not as many as numbers, as in files of earlier versions."""
+    each = saved.get("scores_of_numbers", [])
+    if len(each) != mapping.expressions.shape[1]:
+        return []
+    scores = [{str(name): math.nan if value is None else float(value) for name, value in one.items()} for one in each]
+    if any(abs(value) > 1 for one in scores for value in one.values()):
+        raise ValueError(f"scores_of_numbers={scores}: allowed are -1 to 1")
+    return scores

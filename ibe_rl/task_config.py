@@ -32,7 +32,7 @@ class TaskConfig:
     name: str = MISSING
     rule: str = MISSING  # module:name; states (..., S) to instructions (..., d)
     phrases: list[PhrasesConfig] = MISSING  # one for each number of the instruction
-    explained: list[str] = MISSING  # names of the state dimensions that its numbers speak of
+    explained: list[str] = MISSING  # the state dimensions that its numbers speak of: each rises where the rule says +1
     explained_band: list[float] = MISSING  # change of each beyond which it went one way or the other
     explained_range: list[float] = field(default_factory=list)  # how far each reaches; empty: 1 each
     instruction_values: list[float] = field(default_factory=lambda: [-1.0, 0.0, 1.0])  # that each number can have

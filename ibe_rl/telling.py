@@ -12,13 +12,24 @@ from rich.console import Console
 from rich.table import Table
 
 from ibe_rl.config import ExplainConfig, GuestConfig
-from ibe_rl.data import ConfigError, Explanation
+from ibe_rl.data import Array, ConfigError, Explanation
 from ibe_rl.evaluation import TrainedRun
+from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.foresight import predictor_of
 from ibe_rl.explainer import explain
-from ibe_rl.ibe import phrase
+from ibe_rl.ibe import meaning_lines, phrase
 from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.metrics import phrases_true
+from ibe_rl.metrics import (
+    Verdict,
+    episode_scores,
+    in_one_line,
+    phrases_true,
+    share_true,
+    verdicts_of,
+    worst,
+    wrong_signs,
+)
+from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED
 from ibe_rl.play import watch
 from ibe_rl.scene import Watched
 from ibe_rl.stream import SILENCE, short
@@ -55,15 +66,44 @@ def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]
 def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation], console: Console | None = None) -> None:
     """Print what was said, one row for each stretch of steps with the same words."""
     true = phrases_true(watched.episode, said, run.mapping, run.task.phrases)
+    verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
     console = console or Console(highlight=False)
     console.width = max(console.width, 110)
+    for line in _opening(run, verdicts):
+        console.print(line, markup=False)
     console.print(_table(run, watched, said, true))
     whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
     if isinstance(run.config.agent, GuestConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
-    console.print(f"{np.mean(true):.0%} of what it said about its next {run.horizon_steps} steps came true. {whose}")
+    console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}", markup=False)
     if not all(span.trusted for one in said for span in one.all_spans):
         console.print(f"{NOT_TRUSTED}: its predictor does not stand by a path that long.")
+
+
+def _opening(run: TrainedRun, verdicts: Sequence[Verdict]) -> list[str]:
+    """The verdict in plain words, on this episode or else on the last refresh, and what the words mean."""
+    refreshed = verdicts_of(run.scores_of_numbers, run.mapping.meanings, run.task)
+    untold = worst(verdicts).why == NOT_TOLD
+    lines = ["From this episode it cannot be told whether its words tell which way it goes."] if untold else []
+    judged = refreshed if untold and run.scores_of_numbers else verdicts
+    if not untold or run.scores_of_numbers:
+        lines += lines_of(text_of(judged, run), advice(judged, run))
+    if run.scores_of_numbers:
+        lines.append(f"At the last refresh, over many episodes, {in_one_line(refreshed)}.")
+    wrong = [] if worst(judged).level == REVERSED else wrong_signs(refreshed, run.mapping.meanings, run.task)
+    meanings = meaning_lines(run.mapping.meanings, run.task)
+    new = [line for line in meanings if not any(line in told for told in lines)]  # the verdict may have said it
+    return [*lines, *wrong, *new, ""]
+
+
+def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
+    """How much of what was really said went as predicted."""
+    spoken = np.array([one.known for one in said], bool)
+    if not spoken.any():
+        return "It said nothing"
+    at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
+    about = f"about its next {run.horizon_steps} steps went as predicted"
+    return f"{share_true(true[spoken]):.0%} of what it said{at} {about}"
 
 
 def _spoken(said: Explanation, task: Task) -> list[str]:
@@ -84,14 +124,20 @@ def _table(run: TrainedRun, watched: Watched, said: Sequence[Explanation], true:
         f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
     )
     ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
-    for column in ("steps", "is told", *ahead, "number", "sure", "true"):
+    for column in ("steps", "is told", *ahead, "number", "sure", "as predicted"):
         table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
     spoken = [_spoken(each, run.task) for each in said]
     for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
         steps = list(group)
-        expressions = np.array([said[step].expression for step in steps])
-        numbers = " ".join(f"{value:+.2f}" for value in expressions.mean(axis=0))
-        confidence = np.mean([said[step].confidence for step in steps])
         span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
-        table.add_row(span, instruction, *heard, numbers, f"{confidence:.0%}", f"{np.mean(true[steps]):.0%}")
+        table.add_row(span, instruction, *heard, *_figures([said[step] for step in steps], true[steps]))
     return table
+
+
+def _figures(said: Sequence[Explanation], true: Array) -> tuple[str, str, str]:
+    """Number, how sure, and how much went as predicted, of what was said alike; "-" where that says nothing."""
+    meant = said[0].meant
+    numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
+    sure = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
+    share = share_true(true[[one.known for one in said]])
+    return numbers if meant else "-", sure, "-" if np.isnan(share) else f"{share:.0%}"

@@ -243,3 +243,19 @@ def test_instructions_of_several_numbers_are_counted_each():
     both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(1, 1), explained_range=())
     counts = module._count_instructions(np.array([[1.0, 0], [1, -1], [0, -1]]), both)
     assert counts == {"height -1": 0, "height 0": 1, "height +1": 2, "speed -1": 2, "speed 0": 1, "speed +1": 0}
+
+
+@pytest.mark.parametrize("damaged", [[{"motion_auc": 2}], [{"motion_auc": "high"}], [3], 3])
+def test_scores_that_are_none_are_refused(log: TrajectoryLog, tmp_path: Path, damaged: object):
+    path = save_refresh(tmp_path, learn_vocabulary(log, better_half(), TASK, 0), better_half(), TASK)
+    assert load_refresh(path).scores_of_numbers == []  # this one was never scored
+    saved = json.loads(path.read_text())
+    path.write_text(json.dumps(saved | {"scores_of_numbers": damaged}))
+    with pytest.raises(ValueError, match="is not a readable refresh"):
+        load_refresh(path)
+
+
+def test_scores_that_cannot_be_told_come_back_so(log: TrajectoryLog, tmp_path: Path):
+    learnt = replace(learn_vocabulary(log, better_half(), TASK, 0), scores_of_numbers=[{"motion_auc": float("nan")}])
+    [read] = load_refresh(save_refresh(tmp_path, learnt, better_half(), TASK)).scores_of_numbers
+    assert np.isnan(read["motion_auc"])

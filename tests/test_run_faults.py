@@ -359,7 +359,7 @@ def test_a_folder_that_can_only_be_read(stopped: Path, capsys: Output) -> None:
             said = failing(f"resume={run}")
             assert said == f"error: run_dir={run}: allowed is a folder that can be written to (Permission denied)"
             call("explain", f"run={run}", "viewer=off")  # which needs no more
-            assert "came true" in capsys.readouterr().out
+            assert "went as predicted" in capsys.readouterr().out
             with pytest.raises(SystemExit, match=r"error: output=.*: allowed is a file that can be written"):
                 call("explain", f"run={run}", "viewer=file")
         assert before == {path: path.stat().st_mtime_ns for path in run.rglob("*")}

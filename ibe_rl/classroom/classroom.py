@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from ibe_rl.agent import Agent, GreedyPolicy, make_agent
 from ibe_rl.classroom.clock import Clock
@@ -20,11 +21,11 @@ from ibe_rl.classroom.server import Server
 from ibe_rl.classroom.speaker import Speaker, weights_of
 from ibe_rl.colours import of_clusters
 from ibe_rl.config import HumanConfig, InstructorConfig, TrainConfig
-from ibe_rl.data import ConfigError, Instructor
+from ibe_rl.data import CANNOT_TELL, ConfigError, Instructor
 from ibe_rl.env.make import task_of
 from ibe_rl.env.snapshots import make_copy
 from ibe_rl.explainer import Voice
-from ibe_rl.ibe import ClusterMapping, phrases_of
+from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
 from ibe_rl.instruct import LessonWriter
 from ibe_rl.ports import HOST, asked_port, free_port
 from ibe_rl.predict import make_simulator
@@ -244,17 +245,20 @@ def vocabulary(frame: int, voice: Voice, task: Task) -> dict[str, Any]:
     """The vocabulary as a page shows it."""
     mapping = voice.mapping
     assert isinstance(mapping, ClusterMapping)
+    known = sayable(mapping.expressions, mapping.meanings)
     columns = (
         mapping.ids.tolist(),
         mapping.expressions[:, 0].tolist(),
         mapping.mean_instructions[:, 0].tolist(),
-        phrases_of(mapping.expressions, task.phrases),
+        np.where(known, phrases_of(mapping.expressions, task.phrases), CANNOT_TELL).tolist(),
         (mapping.sizes / mapping.sizes.sum()).tolist(),
         of_clusters(mapping.ids).tolist(),
+        known.tolist(),
     )
-    names = ("id", "expression", "mean_instruction", "phrase", "share", "colour")
+    names = ("id", "expression", "mean_instruction", "phrase", "share", "colour", "known")
     clusters = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-    return {"frame": frame, "horizon_steps": voice.horizon_steps, "clusters": clusters}
+    meaning = meaning_lines(mapping.meanings, task)
+    return {"frame": frame, "horizon_steps": voice.horizon_steps, "clusters": clusters, "meaning": meaning}
 
 
 def choose_port(config: InstructorConfig) -> int | None:

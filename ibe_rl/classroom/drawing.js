@@ -73,8 +73,10 @@ function words() {
   mark("gauge-said", said ? said.expression : null);
   if (!said) return;
   show("said", said.said, said.known ? "" : "unknown");
-  at("in-time").textContent = said.known && said.in_time !== said.said ? said.in_time : "";
-  at("sure").textContent = `, ${percent(said.confidence)} sure, for ${said.horizon_steps} steps`;
+  const why = now.vocabulary ? now.vocabulary.meaning.join("; ") : "";
+  at("in-time").textContent = !said.meant ? why : said.known && said.in_time !== said.said ? said.in_time : "";
+  const sure = said.confidence === null ? "" : `, ${percent(said.confidence)} sure`;
+  at("sure").textContent = said.meant ? `${sure}, for ${said.horizon_steps} steps` : "";
   for (const entry of at("vocabulary").children) entry.classList.toggle("now", said.known && entry.dataset.phrase === said.said);
 }
 

@@ -193,6 +193,7 @@ const hear = {
   explanation(message) { now.explanation = message; },
   vocabulary(message) {
     now.vocabulary = message;
+    at("meaning").textContent = message.meaning.join("; ");
     at("learnt-at").textContent = `learnt at ${message.frame.toLocaleString("en")} frames, for ${message.horizon_steps} steps`;
     at("vocabulary").replaceChildren(...message.clusters.map((cluster) => {
       const line = document.createElement("li");
@@ -200,7 +201,8 @@ const hear = {
       dot.style.background = `rgb(${cluster.colour.join(" ")})`;
       const part = (text) => Object.assign(document.createElement("span"), { textContent: text });
       const phrase = Object.assign(document.createElement("div"), { textContent: cluster.phrase });
-      line.append(dot, part(signed(Number(cluster.expression.toFixed(2)))), phrase, part(percent(cluster.share)));
+      const number = cluster.known ? signed(Number(cluster.expression.toFixed(2))) : "-";
+      line.append(dot, part(number), phrase, part(percent(cluster.share)));
       line.dataset.phrase = cluster.phrase;
       return line;
     }));

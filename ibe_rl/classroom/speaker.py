@@ -90,13 +90,17 @@ class Speaker:
 
 
 def told(said: Explanation, path: Array | None) -> dict[str, Any]:
-    """What a page shows of an explanation; ``path`` ``(H + 1, 2)`` in scene units."""
+    """What a page shows of an explanation; ``path`` ``(H + 1, 2)`` in scene units.
+
+    No number where the meaning of the word is not known, no confidence that is no probability.
+    """
     return {
-        "expression": float(said.expression[0]),
+        "expression": float(said.expression[0]) if said.meant else None,
         "said": said.said,
         "in_time": said.in_time(),
         "known": said.known,
-        "confidence": said.confidence,
+        "meant": said.meant,
+        "confidence": said.confidence if said.meant and said.calibrated else None,
         "horizon_steps": said.horizon_steps,
         "path": None if path is None else path.round(2).tolist(),
     }

@@ -10,6 +10,7 @@ from ibe_rl.command_line import choices
 from ibe_rl.config import ExplainConfig
 from ibe_rl.data import Mapping
 from ibe_rl.evaluation import figures, report, tables
+from ibe_rl.evaluation.advice import lines_of, verdict_of
 from ibe_rl.evaluation.baselines import StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
 from ibe_rl.evaluation.controls import Flipped
@@ -53,6 +54,7 @@ def evaluate(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
     own = run.horizon_steps
     observers, rows = watch_all(judged, learnt, moments, held_out, run, cfg, ours)
     quality = {
+        "verdict": verdict_of(rows, ours, run),
         "protocol": protocol(run, cfg, horizons, learnt, moments),
         "rows": rows,
         "paired": [each for one in judged.values() for each in paired_of(one, ours)],
@@ -179,8 +181,11 @@ def _about(regressor: StateRegressor) -> dict[str, Any]:
 
 
 def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
-    """Print the tables; ``shown`` are the explainers over the horizons."""
+    """Print the verdict and the tables; ``shown`` are the explainers over the horizons."""
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
+    for line in lines_of(quality["verdict"]["text"], quality["verdict"]["advice"]):
+        console.print(line, markup=False, soft_wrap=True)
+    console.print()
     title = (
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
         "(with 95 % intervals)"

@@ -38,6 +38,8 @@ def draw_all(
         "confidence.png": lambda: confidence(calibration),
         "horizons.png": lambda: over_horizons(quality["rows"], (ours, *beside), own),
     }
+    if not calibration["reliability"]:  # nothing was said
+        del drawings["confidence.png"]
     if quality["changing_policy"]:
         drawings["changing_policy.png"] = lambda: changing(quality["changing_policy"], own)
     return [save(draw(), folder / name) for name, draw in drawings.items()]
@@ -126,7 +128,10 @@ def confidence(calibration: dict[str, Any]) -> Figure:
     left.plot(*where, color=COLOURS[0], linewidth=1)
     left.scatter(*where, s=20 + 180 * sizes / sizes.max(), color=COLOURS[0], label="moments (area: how many)")
     left.set(
-        xlim=(0, 1.03), ylim=(0, 1.03), xlabel="confidence that the phrase comes true", ylabel="share that came true"
+        xlim=(0, 1.03),
+        ylim=(0, 1.03),
+        xlabel="confidence that it goes as predicted",
+        ylabel="share that went as predicted",
     )
     left.set_title("Is it right as often as it is sure?", fontsize=10)
     left.legend(fontsize=8, frameon=False, loc="lower right", markerscale=0.6)
@@ -135,7 +140,7 @@ def confidence(calibration: dict[str, Any]) -> Figure:
     right.axhline(risk[-1], color="#000000", linewidth=0.8, linestyle=":", label="always speaking")
     right.axvline(80, color=COLOURS[1], linewidth=0.8, linestyle="--", label="the 80 % most confident")
     right.set(xlim=(0, 101), ylim=(0, max(1.0, 1.15 * float(risk.max()))))
-    right.set(xlabel="moments spoken at, most confident first (%)", ylabel="of these did not come true (%)")
+    right.set(xlabel="moments spoken at, most confident first (%)", ylabel="of these did not go as predicted (%)")
     right.set_title("What does silence when unsure gain?", fontsize=10)
     right.legend(fontsize=8, frameon=False, loc="upper left")
     name, steps = _plain(calibration["explainer"]), calibration["horizon_steps"]
@@ -181,7 +186,11 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     """Each kept policy in the vocabularies of its own age and of all before."""
     policies = sorted({row["policy_frame"] for row in rows})
     ages = sorted({row["vocabulary_frame"] for row in rows})
-    metrics = {"motion_auc": "motion AUC", "motion_spearman": "rank correlation", "came_true": "share that came true"}
+    metrics = {
+        "motion_auc": "motion AUC",
+        "motion_spearman": "rank correlation",
+        "came_true": "share that went as predicted",
+    }
     figure, axes = _figure(3.4 * len(metrics) + 1, 2.2 + 0.42 * len(ages), len(metrics), sharey=True)
     for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
         values = np.full((len(ages), len(policies)), np.nan)
@@ -209,7 +218,11 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
 
 def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     """Over the training: how often each predictor leads to the phrase of the exact one, and how true that is."""
-    metrics = {"equal": "same phrase as the exact one", "motion_auc": "motion AUC", "came_true_voted": "came true"}
+    metrics = {
+        "equal": "same phrase as the exact one",
+        "motion_auc": "motion AUC",
+        "came_true_voted": "went as predicted",
+    }
     names = list(dict.fromkeys(row["predictor"] for row in rows))
     frames = sorted({row["frame"] / 1_000 for row in rows})
     step = frames[-1]

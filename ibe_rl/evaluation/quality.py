@@ -132,7 +132,7 @@ def _judge_vocabularies(
         calibration = calibrate(speak(mapping, held_out, horizon_steps, task.phrases))
         probability = calibration.probability(spoken.features)
         judged.samples[name] = _score(spoken, judged.truth) | score_confidence(
-            probability, spoken.voted_true, judged.truth
+            probability, spoken.voted_true, judged.truth, spoken.known
         )
         judged.spoken[name], judged.calibrations[name] = spoken, calibration
         judged.probabilities[name] = probability
@@ -219,9 +219,9 @@ def _at_least(value: float) -> float:
 
 def confidence_of(judged: Judged, ours: str) -> dict[str, Any]:
     """What speaking only when sure gains, and the confidence against always saying the overall share."""
-    samples, true = judged.samples[ours], judged.spoken[ours].voted_true
-    share = float(np.mean(true))
-    base = score_confidence(np.full(len(true), share), true, judged.truth)
+    samples, true, known = judged.samples[ours], judged.spoken[ours].voted_true, judged.spoken[ours].known
+    share = float(np.mean(true[known])) if known.any() else 0.0
+    base = score_confidence(np.full(len(true), share), true, judged.truth, known)
     return {
         "explainer": ours,
         "horizon_steps": judged.truth.horizon_steps,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config import ExplainConfig
-from ibe_rl.data import Array, ConfigError
+from ibe_rl.data import CANNOT_TELL, Array, ConfigError
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.quality import Judged
 from ibe_rl.evaluation.runs import TrainedRun
@@ -63,7 +63,8 @@ def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task:
     columns: dict[str, Array] = {"episode_seed": moments.seed, "step": moments.step}
     columns |= _numbered(task.state_names, "", moments.state)
     columns |= _instructions("m*", moments.instruction, task) | _instructions("m", spoken.said, task)
-    columns |= {"phrase": spoken.phrase, "confidence": judged.probabilities[ours]}
+    said = np.where(spoken.known, spoken.phrase, CANNOT_TELL)
+    columns |= {"phrase": said, "known": spoken.known.astype(int), "confidence": judged.probabilities[ours]}
     columns |= _numbered(
         task.state_names, "predicted_delta_", moments.predicted[np.arange(len(moments)), spoken.which, at]
     )
@@ -89,7 +90,7 @@ def _short(value: Any) -> Any:
 
 
 def reliability(probability: Array, true: Array, bins: int = BINS) -> list[dict[str, Any]]:
-    """How often what was said with some confidence came true, for bins of equal width that hold anything."""
+    """How often it went as was said with some confidence, for bins of equal width that hold anything."""
     bin_of = np.minimum((probability * bins).astype(int), bins - 1)
     return [
         {
@@ -104,10 +105,11 @@ def reliability(probability: Array, true: Array, bins: int = BINS) -> list[dict[
 
 
 def calibration_report(judged: Judged, ours: str, mapping_frame: int) -> dict[str, Any]:
-    """How the confidence is made, and how far it can be trusted."""
-    probability, true = judged.probabilities[ours], judged.spoken[ours].voted_true
-    coverage, risk = risk_coverage(probability, true)
-    some = np.unique(np.linspace(0, len(coverage) - 1, CURVE_POINTS).astype(int))
+    """How the confidence is made, and how far it can be trusted, where the meaning of the words is known."""
+    known = judged.spoken[ours].known
+    probability, true = judged.probabilities[ours][known], judged.spoken[ours].voted_true[known]
+    coverage, risk = risk_coverage(probability, true) if known.any() else (probability, probability)
+    some = np.unique(np.linspace(0, max(0, len(coverage) - 1), CURVE_POINTS).astype(int))[: len(coverage)]
     return {
         "explainer": ours,
         "mapping_frame": mapping_frame,

@@ -101,18 +101,19 @@ def add_loss(samples: Samples, ceiling: Samples) -> None:
 
 
 def score_words(spoken: Spoken, truth: Truth) -> Samples:
-    """Whether the words of a vocabulary came true."""
-    true = {"came_true": spoken.true, "came_true_voted": spoken.voted_true}
-    return {name: weighted_mean(values, truth.weights) for name, values in true.items()}
+    """Whether it went as the words of a vocabulary predict, where their meaning is known."""
+    true = {"came_true": (spoken.true, spoken.first_known), "came_true_voted": (spoken.voted_true, spoken.known)}
+    return {name: weighted_mean(values, truth.weights * known) for name, (values, known) in true.items()}
 
 
-def score_confidence(probability: Array, true: Array, truth: Truth) -> Samples:
-    """Whether the confidence ``(N,)`` that the words come true is worth anything."""
+def score_confidence(probability: Array, true: Array, truth: Truth, known: Array) -> Samples:
+    """Whether the confidence ``(N,)`` that it goes as predicted is worth anything, where the meaning is ``known``."""
+    weights = truth.weights * known
     return {
-        "brier": brier(probability, true, truth.weights),
-        "ece": ece(probability, true, truth.weights),
-        "risk_at_80": risk_at(probability, true, truth.weights, COVERAGE),
-        "risk_all": 1 - weighted_mean(true, truth.weights),
+        "brier": brier(probability, true, weights),
+        "ece": ece(probability, true, weights),
+        "risk_at_80": risk_at(probability, true, weights, COVERAGE),
+        "risk_all": 1 - weighted_mean(true, weights),
     }
 
 

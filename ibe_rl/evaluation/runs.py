@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -43,6 +43,7 @@ class TrainedRun:
         calibration: of the confidence, as ``task=evaluate`` found it for this vocabulary, else from the episodes
             watched before the last refresh; None if it was the first.
         reactions: what the agent did at that refresh if it was told otherwise; None if nobody had asked it.
+        scores_of_numbers: see ``metrics.number_scores``, of the refresh; empty if it has none.
     """
 
     folder: Path
@@ -56,6 +57,7 @@ class TrainedRun:
     spans: Spans
     calibration: Calibration | None
     reactions: Reactions | None = None
+    scores_of_numbers: Sequence[Mapping[str, float]] = ()
 
     @property
     def voice(self) -> Voice:
@@ -105,6 +107,7 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
         saved.spans,
         calibration,
         _reactions(folder, saved, task),
+        saved.scores_of_numbers,
     )
 
 

@@ -25,9 +25,11 @@ class Spoken:
         phrase: ``(N,)`` what is said: the most frequent phrase among the futures.
         which: ``(N,)`` the first of the futures that is called so.
         said: ``(N, d)`` the expression of that one.
-        voted_true: ``(N,)`` bool, whether what is said came true.
+        voted_true: ``(N,)`` bool, whether it went as what is said predicts.
         agreement: ``(N,)`` share of the futures that are called so and that the predictor stands by.
         purity: ``(N,)`` the mapping's own confidence in it.
+        known: ``(N,)`` bool, whether the meaning of what is said is known; if not, it is not said.
+        first_known: ``(N,)`` the same of the first future.
     """
 
     expression: Array
@@ -38,6 +40,8 @@ class Spoken:
     voted_true: Array
     agreement: Array
     purity: Array
+    known: Array
+    first_known: Array
 
     @property
     def features(self) -> Array:
@@ -61,9 +65,12 @@ def speak(mapping: Mapping, moments: Moments, horizon_steps: int, words: Sequenc
         voted_true=np.array(phrases) == real,
         agreement=agreement,
         purity=mapping.confidence(chosen),
+        known=mapping.knows(chosen),
+        first_known=mapping.knows(predicted[:, 0]),
     )
 
 
 def calibrate(spoken: Spoken) -> Calibration:
     """Learn how sure one can be, from moments of episodes that nothing else is judged on."""
-    return Calibration.fit(spoken.features, spoken.voted_true, CONFIDENCE_FEATURES)
+    counted = spoken.known if spoken.known.any() else np.ones(len(spoken.known), bool)
+    return Calibration.fit(spoken.features[counted], spoken.voted_true[counted], CONFIDENCE_FEATURES)

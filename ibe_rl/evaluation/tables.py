@@ -15,7 +15,7 @@ SHORT = {
     "motion_auc_disobeyed": "disob.",
     "motion_auc_hard": "hard",
     "motion_spearman": "rank",
-    "came_true": "true",
+    "came_true": "as p.",
     "came_true_voted": "voted",
     "instruction_f1": "F1",
     "ece": "ECE",
@@ -31,6 +31,8 @@ OF_A_NUMBER = (
 )
 WITH_INTERVAL = ("motion_auc",)
 OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
+CALLED = {"came_true": "as predicted"}
+"""What a metric is called where it is not what its column in the files says."""
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 
 
@@ -85,7 +87,7 @@ def horizons_table(rows: Sequence[dict[str, Any]], explainers: Sequence[str]) ->
         for name in explainers:
             cells = [_cell(found[name, horizon][metric]) for horizon in horizons]
             if any(cells):
-                table.add_row(metric, _name({"explainer": name}), *cells)
+                table.add_row(CALLED.get(metric, metric), _name({"explainer": name}), *cells)
     return table
 
 
@@ -137,6 +139,7 @@ def tell_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
     """Print all explainers at one horizon; several numbers also each by itself."""
     shown = console()
     shown.print(quality_table(rows, title))
+    shown.print("as p.: share that went as predicted, voted: of what most of the futures are called")
     if "each" in rows[0]:
         shown.print(numbers_table(rows))
 
@@ -156,7 +159,7 @@ BESIDE_EXACT = {
     "motion_auc": "AUC",
     "motion_auc_minus_exact": "minus exact",
     "motion_auc_disobeyed": "disob.",
-    "came_true_voted": "true",
+    "came_true_voted": "as pred.",
     "ece": "ECE",
     "observer_error": "obs.%",
 }

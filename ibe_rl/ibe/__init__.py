@@ -5,7 +5,8 @@ from ibe_rl.ibe.estimator import IBEMapping, UnknownMeaningWarning, check_settin
 from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.interpret import Interpretation, Reactions, interpret
 from ibe_rl.ibe.mapping import ClusterMapping
-from ibe_rl.ibe.meaning import Evidence, Meaning
+from ibe_rl.ibe.meaning import Evidence, Meaning, sayable
+from ibe_rl.ibe.meaning_lines import meaning_lines, positive_phrase
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase, phrases_of
 
@@ -26,8 +27,11 @@ __all__ = [
     "delta_states",
     "interpret",
     "keep_identity",
+    "meaning_lines",
     "normalise",
     "phrase",
     "phrases_of",
+    "positive_phrase",
+    "sayable",
     "top_episodes",
 ]

@@ -1,4 +1,4 @@
-"""Is the confidence that a spoken phrase comes true worth anything, and how to make one that is.
+"""Is the confidence that it goes as predicted worth anything, and how to make one that is.
 
 Shapes: ``N`` moments, ``R`` rows of weights (see ``bootstrap.episode_weights``), ``F`` features.
 """
@@ -22,7 +22,7 @@ def brier(confidence: Array, true: Array, weights: Array) -> Array:
 
     Args:
         confidence: ``(N,)`` in [0, 1].
-        true: ``(N,)`` bool, whether the phrase came true.
+        true: ``(N,)`` bool, whether it went as predicted.
         weights: ``(R, N)``.
 
     Returns:
@@ -35,7 +35,7 @@ def brier(confidence: Array, true: Array, weights: Array) -> Array:
 
 
 def ece(confidence: Array, true: Array, weights: Array, bins: int = 10) -> Array:
-    """Expected calibration error: how far the mean confidence is from the share that came true, on average over bins.
+    """Expected calibration error: how far the mean confidence is from the share that went as predicted, over bins.
 
     The bins divide [0, 1] evenly, hold their lower end, the last one 1 too, and count with the weight in them.
     Arguments, result and errors as of ``brier``.
@@ -46,7 +46,7 @@ def ece(confidence: Array, true: Array, weights: Array, bins: int = 10) -> Array
 
 
 def risk_at(confidence: Array, true: Array, weights: Array, share: float = 0.8) -> Array:
-    """Share that does not come true among the ``share`` most confident moments; with ``share`` 1, among all.
+    """Share that does not go as predicted among the ``share`` most confident moments; with ``share`` 1, among all.
 
     Where the border falls among equally confident moments, all of them count, each with the same fraction: what any
     fair choice between them gives on average, whatever their order.
@@ -85,7 +85,7 @@ def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
 
     Returns:
         For each of the ``G`` distinct confidences, falling: the share ``(G,)`` of moments that are at least as
-        confident, and the share ``(G,)`` of these that does not come true.
+        confident, and the share ``(G,)`` of these that does not go as predicted.
 
     Raises:
         ValueError: if a confidence is not a number.
@@ -97,7 +97,7 @@ def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Calibration:
-    """From features of a moment to the probability that what is said at it comes true: a logistic regression.
+    """From features of a moment to the probability that it goes as is said at it: a logistic regression.
 
     Attributes:
         names: ``F`` names of the features.

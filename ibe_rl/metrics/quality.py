@@ -8,12 +8,14 @@ import numpy as np
 from scipy.stats import spearmanr
 from sklearn.metrics import f1_score, roc_auc_score
 
-from ibe_rl.data import Array, Episode, Explanation, Mapping
+from ibe_rl.data import CANNOT_TELL, Array, Episode, Explanation, Mapping
 from ibe_rl.ibe import Windows, delta_states, phrases_of
 from ibe_rl.task import Phrases, Task
 
-SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1")
+SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1", "echo_auc")
 """What ``vocabulary_scores`` tells."""
+OF_THE_MOMENTS = "echo_auc"
+"""The one of them that no vocabulary has a part in."""
 
 
 def happened(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
@@ -37,10 +39,24 @@ def phrases_true(
         vocabulary: the words they were made with.
 
     Returns:
-        ``(T,)`` bool.
+        ``(T,)`` 1 or 0, not a number where the meaning of the word is not known: that says nothing.
     """
     real = happened(episode, said[0].horizon_steps, mapping, vocabulary)
-    return np.array([one.phrase == other for one, other in zip(said, real, strict=True)])
+    pairs = zip(said, real, strict=True)
+    return np.array([float(one.phrase == other) if one.meant else np.nan for one, other in pairs])
+
+
+def share_true(true: Array) -> float:
+    """Share of ``phrases_true`` among the moments that count; not a number if there is none."""
+    counted = true[~np.isnan(true)]
+    return float(counted.mean()) if len(counted) else float("nan")
+
+
+def outcomes(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
+    """As ``happened``, for people: what the vocabulary has no known word for is called so."""
+    known = mapping.knows(delta_states(episode.states, horizon_steps, end="clamp"))
+    real = happened(episode, horizon_steps, mapping, vocabulary)
+    return [word if knows else CANNOT_TELL for word, knows in zip(real, known, strict=True)]
 
 
 def mean_over_numbers(metric: str, each: Sequence[Array]) -> Array:
@@ -53,7 +69,8 @@ def mean_over_numbers(metric: str, each: Sequence[Array]) -> Array:
         metric: its name.
         each: values ``(R,)`` of each number, the value itself first.
     """
-    known = [values for values in each if not np.isnan(values[0])] if metric.startswith("motion_auc") else []
+    of_auc = metric.startswith("motion_auc") or metric == OF_THE_MOMENTS
+    known = [values for values in each if not np.isnan(values[0])] if of_auc else []
     mean: Array = np.mean(known or each, axis=0)
     return mean
 
@@ -107,16 +124,46 @@ def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[st
 
     Returns:
         Metric to value, not a number where the windows cannot tell: ``motion_auc``; ``motion_auc_disobeyed``,
-        the same on windows that did not go the way they were told; ``motion_spearman``; ``instruction_f1``.
+        the same on windows that did not go the way they were told; ``motion_spearman``; ``instruction_f1``; and
+        ``echo_auc``, the ``motion_auc`` of whoever repeats the instruction at the beginning of the window.
     """
+    return mean_scores(number_scores(mapping, windows, task))
+
+
+def number_scores(mapping: Mapping, windows: Windows, task: Task) -> list[dict[str, float]]:
+    """As ``vocabulary_scores``, of each number of the instruction by itself."""
     if not len(windows):  # the newest episodes may all have been flown in silence
-        return dict.fromkeys(SCORES, float("nan"))
+        return [dict.fromkeys(SCORES, float("nan"))] * task.instruction_size
     said, change = mapping.express(windows.delta), windows.delta[:, task.explained]
-    each = [
+    return [
         _number_scores(said[:, i], change[:, i], windows.instruction[:, i], band, task.instruction_values)
         for i, band in enumerate(task.explained_band)
     ]
+
+
+def mean_scores(each: Sequence[dict[str, float]]) -> dict[str, float]:
+    """The means of ``number_scores``."""
     return {name: float(mean_over_numbers(name, [np.array([scores[name]]) for scores in each])[0]) for name in SCORES}
+
+
+def episode_scores(episode: Episode, said: Sequence[Explanation], task: Task) -> list[dict[str, float]]:
+    """``motion_auc`` and ``echo_auc`` of each number, of what was said in one episode.
+
+    Args:
+        episode: ``T`` steps.
+        said: ``T`` explanations; those whose word has no known meaning are left out.
+        task: the environment's own.
+    """
+    change = delta_states(episode.states, said[0].horizon_steps, end="clamp")[:, task.explained]
+    meant = np.array([one.meant for one in said], bool)
+    expressions = np.array([one.expression for one in said])
+    return [
+        {
+            "motion_auc": motion_auc(expressions[meant, i], change[meant, i], band),
+            "echo_auc": motion_auc(np.asarray(episode.instructions)[meant, i], change[meant, i], band),
+        }
+        for i, band in enumerate(task.explained_band)
+    ]
 
 
 def _number_scores(said: Array, change: Array, told: Array, band: float, values: Sequence[float]) -> dict[str, float]:
@@ -127,4 +174,5 @@ def _number_scores(said: Array, change: Array, told: Array, band: float, values:
         "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], band),
         "motion_spearman": motion_spearman(said, change),
         "instruction_f1": instruction_f1(said, told, values),
+        "echo_auc": motion_auc(told, change, band),
     }

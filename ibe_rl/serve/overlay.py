@@ -35,7 +35,7 @@ PLOTS: dict[str, tuple[str, ...]] = {
     "Return per episode": ("train/return_mean", "eval/return_mean"),
     "Success, training": ("train/success_rate",),
     "Success, greedy": ("eval/success_rate",),
-    "What was said came true": ("ibe/came_true",),
+    "Share that went as predicted": ("ibe/came_true",),
     "Motion told from explanation (AUC)": ("ibe/motion_auc",),
     "Staleness of the vocabulary": ("ibe/staleness",),
     "Drift of the vocabulary": ("ibe/vocabulary_drift",),

@@ -112,7 +112,7 @@ class Film:
         self._send("scene/says", before, rr.Points2D.columns(positions=predicted[:, -1], colors=shades, labels=words))
 
     def _send_judged(self, place: Place, said: Sequence[Explanation], real: Sequence[str]) -> None:
-        """At the end of each window: the way that was predicted at its beginning, and whether the words came true."""
+        """At the end of each window: the way that was predicted at its beginning, and whether it went so."""
         assert self._task.scene_path is not None
         entities, steps_ago = ("scene/then", "scene/verdict"), said[0].horizon_steps
         place.set(self._recording)
@@ -151,6 +151,7 @@ class Film:
         instructions = np.array(watched.episode.instructions, float)
         instructions[silent] = np.nan
         expressions = np.array([one.expression for one in said], float)
+        expressions[~np.array([one.meant for one in said], bool)] = np.nan  # a word that says nothing has no number
         times = place.columns(np.arange(len(said) + 1))
         for name, values in (("instruction", instructions), ("explanation", expressions)):
             values = np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan)  # no line on to the next episode

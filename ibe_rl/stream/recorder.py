@@ -295,5 +295,5 @@ class Recorder:
         if self._vocabulary is None:
             return ""
         if spoken not in self._standings:
-            self._standings[spoken] = sentences.standing(self._vocabulary, self._task.phrases, spoken)
+            self._standings[spoken] = sentences.standing(self._vocabulary, self._task, spoken)
         return self._standings[spoken]

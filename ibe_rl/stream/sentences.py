@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibe_rl.data import DOES_NOT_KNOW, Explanation
-from ibe_rl.ibe import ClusterMapping, phrase
-from ibe_rl.task import Phrases
+from ibe_rl.data import CANNOT_TELL, DOES_NOT_KNOW, Explanation
+from ibe_rl.ibe import ClusterMapping, meaning_lines, phrase, sayable
+from ibe_rl.metrics import in_one_line, wrong_signs
+from ibe_rl.task import Phrases, Task
 
 if TYPE_CHECKING:
     from ibe_rl.refresh import Refresh
@@ -33,7 +34,7 @@ def shared_words(words: Sequence[Phrases]) -> int:
 def shortener(words: Sequence[Phrases]) -> Callable[[str], str]:
     """From a phrase to the same without the words that all of the language begin with."""
     shared = shared_words(words)
-    return lambda said: said if said == DOES_NOT_KNOW else " ".join(said.split()[shared:])
+    return lambda said: said if said in (DOES_NOT_KNOW, CANNOT_TELL) else " ".join(said.split()[shared:])
 
 
 def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
@@ -55,7 +56,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
     for row, (name, now) in enumerate(phrases_of(mapping, words).items()):
-        number = " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
+        number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
         then = before.get(name, "new") if before else now
         cells = [f"#{name}", number, now, "" if then == now else then, f"{mapping.sizes[row]:,.0f}"]
         if name == spoken:
@@ -65,8 +66,10 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
 
 
 def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
-    """What the clusters are called, in short, by their ids."""
-    phrases = short([phrase(expression, words) for expression in mapping.expressions], words)
+    """What the clusters are called, in short, by their ids; no word whose meaning is not known."""
+    known = sayable(mapping.expressions, mapping.meanings)
+    said = [phrase(one, words) if can else CANNOT_TELL for one, can in zip(mapping.expressions, known, strict=True)]
+    phrases = short(said, words)
     return dict(zip(mapping.ids.tolist(), phrases, strict=True))
 
 
@@ -99,10 +102,17 @@ def moved(refresh: Refresh) -> list[str]:
     return [acts, words, stale] if refresh.taken else [acts, f"{stale}, so they stay"]
 
 
-def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> str:
-    """A vocabulary, what moved, and what it stands on, in markdown."""
+def worth(refresh: Refresh, task: Task) -> list[str]:
+    """Whether the words that stand tell the way, what they are known to mean, and what is declared wrongly."""
+    verdicts, meanings = refresh.verdicts(task), refresh.standing.meanings
+    return [in_one_line(verdicts), *meaning_lines(meanings, task), *wrong_signs(verdicts, meanings, task)]
+
+
+def standing(refresh: Refresh, task: Task, spoken: int | None) -> str:
+    """A vocabulary, what it is worth, what moved, and what it stands on, in markdown."""
     since = f"Since {refresh.change.since_frame:,} frames {'; '.join(moved(refresh))}.\n\n" if refresh.change else ""
-    table = f"{vocabulary_table(refresh, words, spoken)}\n\n{since}"
+    known = "  \n".join(worth(refresh, task))
+    table = f"{vocabulary_table(refresh, task.phrases, spoken)}\n\n{known}\n\n{since}"
     if not refresh.taken:  # what follows is of the one that was not taken
         return table
     return (
@@ -116,13 +126,19 @@ def standing(refresh: Refresh, words: Sequence[Phrases], spoken: int | None) -> 
 def said_lines(instructed: str, explanation: Explanation) -> str:
     """What both say at one step, in markdown."""
     number = " ".join(f"{x:+.2f}" for x in explanation.expression)
-    return (
-        f"Instructor: **{instructed}**  \n"
-        f"Agent: **{explanation.in_time()}** ({number}), confidence {explanation.confidence:.0%}"
-    )
+    shown = f" ({number})" if explanation.meant else ""
+    sure = f", confidence {explanation.confidence:.0%}" if explanation.meant and explanation.calibrated else ""
+    return f"Instructor: **{instructed}**  \nAgent: **{explanation.in_time()}**{shown}{sure}"
 
 
 def judged(steps_ago: int, said: str, happened: str) -> str:
-    """What was said of the time up to now, and whether it came true."""
+    """What was said of the time up to now, and whether it went as predicted.
+
+    Of what no word was said of, only that is told.
+    """
+    if said == CANNOT_TELL:
+        return f"{steps_ago} steps ago it could not tell"
     outcome = "it did" if said == happened else f"it was {happened}"
+    if happened == CANNOT_TELL:
+        outcome = "it did something else, which it has no known word for"
     return f"said {steps_ago} steps ago: {said}: {outcome}"

@@ -25,9 +25,10 @@ CURVES = {
     "eval/return_mean": ("greedy", GREEN),
     "train/success_rate": ("success, training", (110, 110, 120)),
     "eval/success_rate": ("success, greedy", GREEN),
-    "ibe/came_true": ("said came true", EXPLANATION),
+    "ibe/came_true": ("went as predicted", EXPLANATION),
     "ibe/came_true_stale": ("in the words before", PALE),
     "ibe/motion_auc": ("tells the way", BLUE),
+    "ibe/echo_auc": ("an echo tells it", INSTRUCTION),
     "ibe/staleness": ("staleness", INSTRUCTION),
     "ibe/vocabulary_drift": ("words changed", PINK),
     "ibe/policy_drift": ("acts otherwise", BLUE),
@@ -59,13 +60,14 @@ def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
 
 def _development(task: Task) -> list[rrb.View]:
     """Curves over the training."""
-    shares = ["train/success_rate", "eval/success_rate", "ibe/came_true", "ibe/came_true_stale", "ibe/motion_auc"]
+    success = ["train/success_rate", "eval/success_rate"]
+    truth = ["ibe/came_true", "ibe/came_true_stale", "ibe/motion_auc", "ibe/echo_auc"]
     moved = ["ibe/vocabulary_drift", "ibe/policy_drift", "ibe/staleness"]
     expressions = [(f"/{picture.entity(task, 'development', number)}", title) for number, title in _numbers(task)]
     hidden = rrb.PlotLegend(visible=False)
     return [
         _over_training("Return", _curves("train/return_mean", "eval/return_mean")),
-        _over_training("Success, truth", _curves(*shares), y_range=(-0.02, 1.06)),
+        _over_training("Success, truth", _curves(*success, *truth), y_range=(-0.02, 1.06)),
         _over_training("Moved since last", _curves(*moved), rrb.PlotLegend("RightTop")),
         *(_over_training(f"Expressions{title}", [f"{path}/**"], hidden) for path, title in expressions),
     ]

@@ -22,7 +22,7 @@ TRUTH = {
     "ibe/motion_auc": "motion told from what is said (AUC)",
     "ibe/motion_auc_disobeyed": "the same where it did not do as told (AUC)",
     "ibe/instruction_f1": "instruction told from what is said (F1)",
-    "ibe/came_true": "share of what was said that came true",
+    "ibe/came_true": "share of what was said that went as predicted",
     "ibe/unknown": "share in which it says that it does not know",
     "ibe/vocabulary_drift": "drift of the vocabulary at a refresh",
 }
@@ -30,7 +30,7 @@ JUDGED = {
     "quality/motion_auc": "judged: motion AUC",
     "quality/motion_auc_disobeyed": "judged: where it did not do as told",
     "quality/vocabulary_loss": "judged: lost by the vocabulary (AUC)",
-    "quality/came_true": "judged: share that came true",
+    "quality/came_true": "judged: share that went as predicted",
     "quality/observer_error": "judged: error of a listener (% of the width)",
 }
 LABELS = LEARNING | TRUTH | JUDGED

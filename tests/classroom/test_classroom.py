@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -31,9 +32,11 @@ from ibe_rl.config import (
     RecordedConfig,
     TrainConfig,
 )
-from ibe_rl.data import ConfigError
+from ibe_rl.data import CANNOT_TELL, ConfigError
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import join
+from ibe_rl.ibe import ClusterMapping, Meaning
+from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
 from ibe_rl.instruct import read_lesson
 from ibe_rl.ports import HOST, free_port
 from ibe_rl.predict import make_simulator
@@ -90,11 +93,22 @@ def test_the_vocabulary_as_a_page_shows_it():
     shown = json.loads(json.dumps(vocabulary(2_000, voice(), LANDER_TASK), allow_nan=False))
     assert (shown["frame"], shown["horizon_steps"]) == (2_000, 5)
     first = shown["clusters"][0]
-    assert first.keys() == {"id", "expression", "mean_instruction", "phrase", "share", "colour"}
+    assert first.keys() == {"id", "expression", "mean_instruction", "phrase", "share", "colour", "known"}
     assert [one["expression"] for one in shown["clusters"]] == [-1, 0, 1]
     assert [one["share"] for one in shown["clusters"]] == pytest.approx([1 / 3] * 3)
     assert len({one["phrase"] for one in shown["clusters"]}) == 3
     assert np.shape([one["colour"] for one in shown["clusters"]]) == (3, 3)
+    assert shown["meaning"] == [NOBODY_ASKED]
+
+
+def test_the_vocabulary_has_no_word_without_a_known_meaning():
+    known = voice().mapping
+    assert isinstance(known, ClusterMapping)
+    one_way = replace(known, meanings=(Meaning(positive=False, reason="nobody did it"),))
+    shown = vocabulary(2_000, replace(voice(), mapping=one_way), LANDER_TASK)
+    assert [one["known"] for one in shown["clusters"]] == [True, True, False]
+    assert shown["clusters"][2]["phrase"] == CANNOT_TELL
+    assert shown["meaning"][0].endswith("but I cannot tell what “falling to the right” means: nobody did it")
 
 
 def test_without_a_person_nothing_happens():

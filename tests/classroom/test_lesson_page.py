@@ -296,6 +296,29 @@ def test_words_that_it_is_not_sure_of_are_grey_and_the_next_ones_are_not(browser
     page.close()
 
 
+def test_a_word_whose_meaning_is_not_known_is_not_said(browser: Browser, room: Room):
+    """No needle, no number, no word in the vocabulary; why is said instead."""
+    page = shown(browser, room, live_view=None)
+    why = "I cannot tell what “going right” means: those who earned most did not do it (412 episodes)"
+    cluster = {"id": 0, "expression": 0.9, "phrase": "I cannot tell", "share": 1.0, "colour": [1, 2, 3], "known": False}
+    room.server.post("vocabulary", {"frame": 9, "horizon_steps": 60, "clusters": [cluster], "meaning": [why]})
+    said = {"said": "I cannot tell", "in_time": "I cannot tell", "known": False, "meant": False, "path": None}
+    room.server.post(
+        "explanation", {**said, "expression": None, "confidence": None, "horizon_steps": 60, "episode": 0, "step": 0}
+    )
+    until(page, "document.getElementById('said').textContent === 'I cannot tell'")
+    assert page.inner_text("#in-time") == page.inner_text("#meaning") == why
+    assert page.locator("#gauge-said").is_hidden()
+    assert page.inner_text("#sure") == ""
+    assert page.locator("#vocabulary li span").all_inner_texts() == ["-", "100 %"]
+    known = {**said, "said": "right", "in_time": "right", "known": True, "meant": True, "expression": 0.5}
+    room.server.post("explanation", {**known, "confidence": None, "horizon_steps": 60, "episode": 0, "step": 1})
+    until(page, "document.getElementById('said').textContent === 'right'")
+    assert page.locator("#gauge-said").is_visible()
+    assert page.inner_text("#sure") == ", for 60 steps"  # a confidence that is no probability is not shown
+    page.close()
+
+
 def test_two_frames_at_once_are_drawn_one_after_the_other_and_of_many_the_newest(browser: Browser, room: Room):
     page = shown(browser, room, live_view=None)
     room.server.post("scene", {"episode": 0, "size": [600, 400], "background": []})

@@ -11,9 +11,10 @@ import pytest
 from on_stage import HORIZON_STEPS, greedy, make_lander, speaks, voice
 
 from ibe_rl.classroom.speaker import told, weights_of
-from ibe_rl.data import Explanation, Moment
+from ibe_rl.data import CANNOT_TELL, Explanation, Moment
 from ibe_rl.env import LANDER_TASK
 from ibe_rl.explainer import CONFIDENCE_FEATURES, explain
+from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics import Calibration
 from ibe_rl.predict import Simulator
 
@@ -177,3 +178,21 @@ def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
     json.dumps(shown, allow_nan=False)
     assert (shown["known"], type(shown["known"])) == (False, bool)
     assert shown["said"] == "I do not know"
+
+
+def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: Moment):
+    speaker, _ = speaks()
+    known = voice().mapping
+    assert isinstance(known, ClusterMapping)
+    unknown = replace(known, meanings=(Meaning(negative=False, positive=False),))
+    speaker.speak_with(replace(voice(), mapping=unknown))
+    shown = told(speaker.say(moment), None)
+    assert (shown["said"], shown["in_time"]) == (CANNOT_TELL, CANNOT_TELL)
+    assert (shown["meant"], shown["expression"], shown["confidence"]) == (False, None, None)
+
+
+def test_a_confidence_that_is_no_probability_is_not_shown(moment: Moment):
+    speaker, _ = speaks()
+    speaker.speak_with(voice())
+    shown = told(speaker.say(moment), None)
+    assert (shown["meant"], shown["confidence"]) == (True, None)

@@ -6,13 +6,13 @@ from by_hand import TASK, config, defy, obey, race, stay
 from ibe_rl.config import MappingConfig
 from ibe_rl.development import FIGURES, Development, figures
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import SCORES
+from ibe_rl.metrics import OF_THE_MOMENTS, SCORES
 
 MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement")
 }
 SCORED = {f"ibe/{name}" for name in SCORES}
-STALE = {f"ibe/{name}_stale" for name in SCORES}
+STALE = {f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS}
 HELD_AGAINST = {"ibe/policy_drift", "ibe/staleness"}
 ALWAYS = {"ibe/episodes", "ibe/windows"}
 

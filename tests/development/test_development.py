@@ -14,9 +14,9 @@ from ibe_rl import development as module
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array
 from ibe_rl.development import Development, figures
-from ibe_rl.ibe import TooLittleDataError, Transition
+from ibe_rl.ibe import Meaning, TooLittleDataError, Transition
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.metrics import VocabularyDrift
+from ibe_rl.metrics import SCORES, VocabularyDrift
 from ibe_rl.refresh import Refresh, learn_vocabulary, load_refresh
 
 
@@ -124,12 +124,12 @@ def test_what_is_scored_is_the_same_for_both_and_of_the_newest_episodes(
 ):
     seen = []
 
-    def noting(*given: Any) -> dict[str, float]:
+    def noting(*given: Any) -> list[dict[str, float]]:
         seen.append(given)
-        return {"motion_auc": 0.5}
+        return [dict.fromkeys(SCORES, 0.5)]
 
     monkeypatch.setattr(module, "SCORED_EPISODES", 2)
-    monkeypatch.setattr(module, "vocabulary_scores", noting)
+    monkeypatch.setattr(module, "number_scores", noting)
     obey(log)
     add(log, 1.0, 1.0, given=False)  # in silence: not scored
     development = Development(config(), TASK, seed=0)
@@ -340,3 +340,46 @@ def test_the_same_seed_gives_the_same(tmp_path: Path):
         assert row == pytest.approx(row_again, abs=0, rel=0, nan_ok=True)
     np.testing.assert_array_equal(probe, same)
     assert (probe != other).any()
+
+
+def test_words_that_go_against_what_is_declared_are_noted_and_remembered(
+    log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch
+):
+    """The lift always goes down when told up; its best episodes teach that up is what it did then."""
+    learn = module.learn_vocabulary
+
+    def with_meaning(*given: Any) -> Refresh:
+        learnt = learn(*given)
+        return replace(learnt, mapping=replace(learnt.mapping, meanings=(Meaning(reason="seen"),)))
+
+    monkeypatch.setattr(module, "learn_vocabulary", with_meaning)
+    ours = Development(config(), TASK, seed=0)
+    defy(log)
+    refresh = ours.refresh(log, stay)
+    assert refresh.scores["motion_auc"] == 0
+    assert [one.level for one in refresh.verdicts(TASK)] == ["reversed"]
+    assert ours.notes == [
+        "env.task.explained=[height] says that height rises with +1, but in the log +1 asks it to fall: check the sign"
+    ]
+    again = Development(config(), TASK, seed=0)
+    again.load_state_dict(ours.state_dict())
+    assert again.notes == ours.notes
+
+
+def test_the_scores_of_each_number_are_those_of_the_vocabulary_that_stands(log: TrajectoryLog, tmp_path: Path):
+    ours = Development(config(), TASK, seed=0, when_stale=0.0)
+    obey(log)
+    first = ours.refresh(log, stay)
+    assert [one["motion_auc"] for one in first.scores_of_numbers] == [first.scores["motion_auc"]] == [1]
+    (tmp_path / "refreshes").mkdir()
+    ours.save(tmp_path / "refreshes", first)
+    [path] = (tmp_path / "refreshes").glob("*.json")
+    [read] = load_refresh(path).scores_of_numbers
+    assert read == pytest.approx(first.scores_of_numbers[0], nan_ok=True)
+    race(log)
+    obey(log)
+    defy(log)
+    second = ours.refresh(log, stay)
+    assert not second.taken
+    assert second.change is not None
+    assert second.scores_of_numbers[0]["motion_auc"] == second.change.last_scores["motion_auc"]

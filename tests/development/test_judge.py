@@ -12,7 +12,7 @@ from ibe_rl import development as module
 from ibe_rl.data import Episode, Explanation
 from ibe_rl.development import Development
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, put_in_words
-from ibe_rl.ibe import ClusterMapping, Transition
+from ibe_rl.ibe import ClusterMapping, Meaning, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.refresh import Change, Refresh, learn_vocabulary, load_refresh
@@ -113,6 +113,29 @@ def test_what_the_agent_did_not_know_is_counted_and_judged_all_the_same(log: Tra
     assert told == {"ibe/came_true": 0.75, "ibe/unknown": 3 / 8}
     told = development().judge(refresh, upwards(8), unsure, 2)  # new at 0, 2, 4 and 6
     assert told == {"ibe/came_true": 0.75, "ibe/unknown": 1 / 4}
+
+
+def one_way(mapping: ClusterMapping, **known: bool) -> ClusterMapping:
+    return replace(mapping, meanings=(Meaning(**known),))
+
+
+def test_what_the_agent_cannot_tell_does_not_count(log: TrajectoryLog):
+    """Up is not known: of six ups and two stills only the stills are words."""
+    refresh = refreshed(log, one_way(says(-1, 0, 1), positive=False))
+    ours = development()
+    told = ours.judge(refresh, upwards(8), predicted(RIGHT, refresh.standing), 1)
+    assert told == {"ibe/came_true": 1.0, "ibe/unknown": 6 / 8}
+    assert same(ours.calibration, fitted([(1.0, 1.0)] * 2, [True] * 2))
+
+
+def test_of_no_word_nothing_is_learnt(log: TrajectoryLog):
+    last = one_way(says(-1, 0, 1), negative=False, positive=False)
+    refresh, ours = refreshed(log, one_way(says(-1, 0, 1), negative=False, positive=False), last), development()
+    told = ours.judge(refresh, upwards(8), predicted(RIGHT, refresh.standing), 1)
+    assert np.isnan([told["ibe/came_true"], told["ibe/came_true_stale"]]).all()
+    assert told["ibe/unknown"] == 1
+    assert ours.calibration is None
+    assert ours.state_dict()["judged"] == []
 
 
 def fitted(features: Sequence[tuple[float, float]], true: Sequence[bool]) -> Calibration:

@@ -64,7 +64,7 @@ def test_confidence_is_drawn_in_percent():
     figure = confidence(CALIBRATION)
     assert figure.axes[1].lines[0].get_ydata() == pytest.approx([0, 25])
     assert [axis.get_xlabel() for axis in figure.axes] == [
-        "confidence that the phrase comes true",
+        "confidence that it goes as predicted",
         "moments spoken at, most confident first (%)",
     ]
 

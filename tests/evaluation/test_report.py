@@ -35,7 +35,7 @@ def test_a_row_a_moment(tmp_path: Path):
     with (tmp_path / "moments.csv").open() as stream:
         first, second = list(csv.DictReader(stream))
     assert list(first) == [
-        *("episode_seed", "step", "height", "speed", "floor", "m*", "m", "phrase", "confidence"),
+        *("episode_seed", "step", "height", "speed", "floor", "m*", "m", "phrase", "known", "confidence"),
         *(f"{when}_delta_{name}" for when in ("predicted", "realised") for name in ("height", "speed", "floor")),
     ]
     assert (first["episode_seed"], second["episode_seed"]) == ("100", "101")

@@ -66,7 +66,7 @@ def test_words_and_confidence():
     spoken = speak(words(), HERE, 5, [WORDS])
     told = score_words(spoken, truth())
     assert (told["came_true"][0], told["came_true_voted"][0]) == (0.5, 0.75)
-    sure = score_confidence(np.array([0.9, 0.2, 0.9, 0.2]), spoken.true, truth())
+    sure = score_confidence(np.array([0.9, 0.2, 0.9, 0.2]), spoken.true, truth(), spoken.known)
     assert sure["brier"][0] == pytest.approx((2 * 0.1**2 + 2 * 0.2**2) / 4, rel=1e-5)
     assert sure["risk_all"][0] == 0.5
     assert sure["risk_at_80"][0] == pytest.approx((0.8 * 4 - 2) / (0.8 * 4))

@@ -175,7 +175,7 @@ def test_hydra_settings_in_the_folder_are_not_read(run: Path, tmp_path: Path, ca
         f"- hydra.callbacks.x._target_=os.system\n- viewer=off\n- run_dir={sprung}\n"
     )
     call("explain", f"run={run}", "viewer=off", "seed=1")
-    assert "came true" in capsys.readouterr().out
+    assert "as predicted" in capsys.readouterr().out
     assert not sprung.exists()
 
 

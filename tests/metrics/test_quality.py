@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 from by_hand import TASK, on_a_line
 
-from ibe_rl.data import Array, Episode, Explanation
+from ibe_rl.data import CANNOT_TELL, Array, Episode, Explanation
 from ibe_rl.ibe import Windows
 from ibe_rl.metrics import (
     SCORES,
+    episode_scores,
     happened,
     instruction_f1,
+    mean_scores,
     motion_auc,
     motion_spearman,
+    number_scores,
+    outcomes,
     phrases_true,
+    share_true,
     vocabulary_scores,
 )
 from ibe_rl.task import Phrases
@@ -193,3 +198,58 @@ def test_no_windows_tell_nothing():
     scores = vocabulary_scores(on_a_line([0, 1]), windows(), TASK)
     assert tuple(scores) == SCORES
     assert np.isnan(list(scores.values())).all()
+
+
+def test_what_has_no_known_meaning_says_nothing(episode: Episode):
+    """It neither goes as predicted nor otherwise, however well its phrase fits."""
+    pairs = (("up", False), ("up", True), ("down", True), ("up", False))
+    said = [replace(spoken(phrase), meant=meant) for phrase, meant in pairs]
+    true = phrases_true(episode, said, Sign(), WORDS)
+    np.testing.assert_array_equal(true, [np.nan, 0, 1, np.nan])
+    assert share_true(true) == 0.5
+    assert np.isnan(share_true(true[[0, 3]]))
+
+
+class OneWay(Sign):
+    """Knows what down means and not what up means."""
+
+    def knows(self, delta: Array) -> Array:
+        return delta[:, 0] <= 0
+
+
+def test_to_people_what_happened_is_told_in_known_words_only(episode: Episode):
+    assert outcomes(episode, 2, OneWay(), WORDS) == [CANNOT_TELL, "still", "down", "down"]
+    assert outcomes(episode, 2, Sign(), WORDS) == happened(episode, 2, Sign(), WORDS)
+
+
+def test_the_echo_is_scored_beside_the_words():
+    """The instruction tells one of three rightly, two that moved against it wrongly."""
+    rows = windows((1, 2, 0.8), (-1, 2, 0.7), (1, -2, -0.9), (-1, 0, 0.0))
+    scores = vocabulary_scores(Second(), rows, TASK)
+    assert scores["motion_auc"] == 1
+    assert scores["echo_auc"] == motion_auc(rows.instruction[:, 0], rows.delta[:, 0], 0.5)
+    backwards = vocabulary_scores(Second(), windows((1, 2, -0.8), (-1, -2, 0.7), (0, 0, 0)), TASK)
+    assert (backwards["motion_auc"], backwards["echo_auc"]) == (0, 1)  # reversed words are not right ones
+
+
+def test_the_scores_are_the_means_of_those_of_the_numbers():
+    rows = windows((1, 3, 0.8), (-1, -3, -0.7), (0, 0, 0.1))
+    [only] = number_scores(Second(), rows, TASK)
+    assert vocabulary_scores(Second(), rows, TASK) == pytest.approx(only, nan_ok=True)
+    unlike = [only | {"motion_auc": 0.25, "echo_auc": np.nan}, only | {"motion_auc": np.nan, "echo_auc": 0.75}]
+    assert mean_scores(unlike)["motion_auc"] == 0.25  # what cannot be told is left out
+    assert mean_scores(unlike)["echo_auc"] == 0.75
+
+
+def test_one_episode_is_scored_by_what_was_spoken_in_it(episode: Episode):
+    """Up, still, down, down; told nothing but at the first step."""
+    told = replace(episode, instructions=np.array([[1.0], [0], [0], [0]]))
+    said = [replace(spoken(""), expression=np.array([value])) for value in (0.9, 0.0, -0.5, -0.6)]
+    here = replace(TASK, explained=(0,))
+    [found] = episode_scores(told, said, here)
+    assert found["motion_auc"] == 1
+    assert found["echo_auc"] == (1 + 0.75) / 2  # of the four pairs of down and not two are ties
+    wrong = [replace(one, expression=-one.expression) for one in said]
+    assert episode_scores(told, wrong, here)[0]["motion_auc"] == 0
+    one_way = [replace(one, meant=step > 0) for step, one in enumerate(said)]
+    assert np.isnan(episode_scores(told, one_way, here)[0]["motion_auc"])  # what is left never went up

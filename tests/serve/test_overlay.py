@@ -96,7 +96,7 @@ def test_more_runs_than_colours_are_all_shown(tmp_path: Path, tables: dict[str, 
 
 def test_only_plots_with_a_value_are_laid_out(tmp_path: Path, tables: dict[str, Path]) -> None:
     written(tmp_path, tables)
-    assert plots(tmp_path / "overlay.rrd") == {"Return per episode", "Success, greedy", "What was said came true"}
+    assert plots(tmp_path / "overlay.rrd") == {"Return per episode", "Success, greedy", "Share that went as predicted"}
     every = {metric for metrics in PLOTS.values() for metric in metrics}
     assert [view.name for view in blueprint(every).root_container.contents] == list(PLOTS)
 

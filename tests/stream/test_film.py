@@ -19,7 +19,7 @@ from view_data import (
     refreshed,
 )
 
-from ibe_rl.data import DOES_NOT_KNOW, Explanation
+from ibe_rl.data import CANNOT_TELL, DOES_NOT_KNOW, Explanation
 from ibe_rl.ibe import phrase
 from ibe_rl.stream import Recorder, picture, sentences
 from ibe_rl.stream.film import SILENCE
@@ -226,3 +226,22 @@ def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> No
     at = dict(zip(column(rows["/now"], "watched_step"), column(rows["/now"], "TextDocument:text"), strict=True))
     assert f"Agent: **now falling far left, later {DOES_NOT_KNOW}** (" in at[10][0]
     assert f"said {HORIZON_STEPS} steps ago: {DOES_NOT_KNOW}: it was {happened[10]}" in at[10 + HORIZON_STEPS][0]
+
+
+def test_words_without_a_known_meaning_are_nowhere_in_the_film(tmp_path: Path) -> None:
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    said = [replace(one, meant=False, known=False) for one in explain(watched, refresh)]
+    recorder = Recorder(tmp_path / "recording.rrd", TASK, "run", training=False)
+    recorder.watched(0, watched, said, [CANNOT_TELL] * len(said))
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    gauge = np.ravel(column(rows["/signal/explanation"], "Scalars:scalars"))
+    assert np.isnan(gauge).all()
+    assert {label for [label] in column(rows["/scene/says"], "Points2D:labels")} == {f"says: {CANNOT_TELL}"}
+    assert {state for [state] in column(rows["/says/agent"], "StateChange:state")} == {CANNOT_TELL, ""}
+    assert not [row for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
+    for [text] in column(rows["/now"], "TextDocument:text"):
+        assert f"Agent: **{CANNOT_TELL}**" in text
+        assert "confidence" not in text
+    spoken = [line for [line] in column(rows["/log"], "TextLog:text")]
+    assert spoken[0] == f"+0  {CANNOT_TELL}"

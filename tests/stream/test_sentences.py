@@ -2,9 +2,12 @@
 
 from dataclasses import replace
 
-from view_data import TASK, developed, refreshed
+from view_data import TASK, developed, explain, flights, refreshed
 
-from ibe_rl.data import DOES_NOT_KNOW
+from ibe_rl.data import CANNOT_TELL, DOES_NOT_KNOW
+from ibe_rl.ibe import Meaning
+from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.refresh import Refresh
 from ibe_rl.stream import sentences
 from ibe_rl.task import Phrases
 
@@ -67,12 +70,52 @@ def test_what_cannot_be_told_is_not_a_number_in_words() -> None:
 
 def test_a_vocabulary_that_stays_is_not_said_to_stand_on_what_the_other_one_would() -> None:
     refresh = developed()[1]
-    assert "Best " in sentences.standing(refresh, TASK.phrases, None)
-    assert "Best " not in sentences.standing(replace(refresh, taken=False), TASK.phrases, None)
+    assert "Best " in sentences.standing(refresh, TASK, None)
+    assert "Best " not in sentences.standing(replace(refresh, taken=False), TASK, None)
 
 
 def test_that_the_agent_does_not_know_is_said_in_full() -> None:
     """Also where all phrases begin with as many words as it has."""
     words = [Phrases("it is going to stay", "it is going to go {degree}down", "it is going to go up", ((0.2, ""),))]
     assert sentences.shared_words(words) == 4
-    assert sentences.short(["it is going to stay", DOES_NOT_KNOW], words) == ["stay", DOES_NOT_KNOW]
+    said = ["it is going to stay", DOES_NOT_KNOW, CANNOT_TELL]
+    assert sentences.short(said, words) == ["stay", DOES_NOT_KNOW, CANNOT_TELL]
+
+
+def unknown(refresh: Refresh, **known: bool) -> Refresh:
+    meaning = Meaning(**({"negative": False, "positive": False} | known), reason="nobody did it")
+    return replace(refresh, mapping=replace(refresh.mapping, meanings=(meaning,)))
+
+
+def test_a_word_without_a_known_meaning_is_not_in_the_table() -> None:
+    table = sentences.vocabulary_table(unknown(refreshed(), negative=True), TASK.phrases)
+    assert f"| - | {CANNOT_TELL} |" in table
+    assert "to the right" not in table
+    assert "to the left" in table
+    none = sentences.vocabulary_table(unknown(refreshed()), TASK.phrases)
+    assert "left" not in none
+
+
+def test_a_vocabulary_says_what_it_is_worth() -> None:
+    scored = replace(refreshed(), scores_of_numbers=[{"motion_auc": 0.044, "echo_auc": 0.61}])
+    told, meaning = sentences.worth(scored, TASK)
+    assert told == ("its words tell which way it goes: .04, reversed (chance .50, the last instruction echoed .61)")
+    assert meaning == NOBODY_ASKED
+    known = sentences.worth(unknown(scored, negative=True, positive=True), TASK)
+    assert known[-1].startswith("env.task.explained=[x] says that x rises with +1")
+    told, meaning = sentences.worth(unknown(scored), TASK)
+    assert meaning == "I cannot tell what “falling to the right” means: nobody did it"
+    assert all(line in sentences.standing(unknown(scored), TASK, None) for line in (told, meaning))
+
+
+def test_neither_a_number_without_a_meaning_nor_a_confidence_that_is_none_is_shown() -> None:
+    one = explain(flights()[1], refreshed())[0]
+    number = f"({one.expression[0]:+.2f})"
+    assert sentences.said_lines("up", one).endswith(f"{number}, confidence {one.confidence:.0%}")
+    assert sentences.said_lines("up", replace(one, calibrated=False)).endswith(number)
+    assert sentences.said_lines("up", replace(one, meant=False, known=False)).endswith(f"Agent: **{CANNOT_TELL}**")
+
+
+def test_what_it_could_not_tell_is_not_judged() -> None:
+    assert sentences.judged(60, CANNOT_TELL, "going up") == "60 steps ago it could not tell"
+    assert "no known word for" in sentences.judged(60, "going up", CANNOT_TELL)

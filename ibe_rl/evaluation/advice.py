@@ -1,0 +1,170 @@
+"""The verdict of an evaluation or of an episode in plain words, and what to do about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as Dict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.ibe import meaning_lines, positive_phrase
+from ibe_rl.metrics.verdict import (
+    CHANCE,
+    GOOD,
+    NO_MEANING,
+    NOT_TOLD,
+    REVERSED,
+    Verdict,
+    in_one_line,
+    short_number,
+    verdict,
+    worst,
+    wrong_signs,
+)
+from ibe_rl.run_folder import EVALUATION, read_json
+
+ECHO = "baseline:last_instruction"
+AS_REFRESHED = "as_refreshed"
+"""In a comparison: the vocabulary that the run itself spoke."""
+ASK_FOR_IT = (
+    "a reward that asks for what is told: obedience.judge=oracle in training, or a goal of the environment's that the "
+    "instruction is about"
+)
+
+
+def verdict_of(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> dict[str, Any]:
+    """The verdict of an evaluation, as quality.json keeps it.
+
+    Args:
+        rows: of the evaluation, at all horizons.
+        ours: the explainer in question.
+        run: whose.
+
+    Returns:
+        ``level``, ``text``, ``motion_auc`` with its interval, ``chance``, ``echo`` (the ``motion_auc`` of the last
+        instruction) and ``advice``; with several numbers of the one whose words tell least.
+    """
+    verdicts = verdicts_from(rows, ours, run)
+    least = worst(verdicts)
+    low, high = least.interval or (None, None)
+    return {
+        "level": least.level,
+        "text": text_of(verdicts, run),
+        "motion_auc": {"value": _or_none(least.motion_auc), "low": low, "high": high},
+        "chance": CHANCE,
+        "echo": _or_none(least.echo_auc),
+        "advice": advice(verdicts, run, rows, ours),
+        **({"number": least.number} if least.number else {}),
+    }
+
+
+def verdicts_from(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> list[Verdict]:
+    """A verdict for each number of the instruction, at the run's own horizon."""
+    own = {row["explainer"]: row for row in rows if row["horizon_steps"] == run.horizon_steps}
+    names, meanings = run.task.number_names, run.mapping.meanings
+    found = []
+    for number, name in enumerate(names):
+        told, echo = (_of_number(own.get(each), number) for each in (ours, ECHO))
+        known = not meanings or meanings[number].known
+        interval = None if told["low"] is None else (float(told["low"]), float(told["high"]))
+        auc, echo_auc = (math.nan if each["value"] is None else float(each["value"]) for each in (told, echo))
+        found.append(verdict(auc, echo_auc, known, interval, name if len(names) > 1 else ""))
+    return found
+
+
+def _of_number(row: Dict[str, Any] | None, number: int) -> Dict[str, Any]:
+    if row is None:
+        return dict.fromkeys(("value", "low", "high"))
+    told: Dict[str, Any] = row["each"][number]["motion_auc"] if "each" in row else row["motion_auc"]
+    return told
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def text_of(verdicts: Sequence[Verdict], run: TrainedRun) -> str:
+    """The verdict in plain words; it is that of the number whose words tell least."""
+    level = worst(verdicts).level
+    number = verdicts.index(worst(verdicts))
+    name, words = run.task.number_names[number], positive_phrase(run.task.phrases[number])
+    least = verdicts[number]
+    if level == REVERSED:
+        return f"REVERSED: {words} is said when {name} falls; {in_one_line(verdicts)}."
+    if least.why == NO_MEANING:
+        return f"UNKNOWN: {meaning_lines(run.mapping.meanings, run.task)[number]}."
+    if least.why == NOT_TOLD:
+        return f"UNKNOWN: whether its words tell which way it goes cannot be told, {name} did not go both ways."
+    return f"{level.upper()}: {in_one_line(verdicts)}."
+
+
+def advice(
+    verdicts: Sequence[Verdict], run: TrainedRun, rows: Sequence[Dict[str, Any]] = (), ours: str = ""
+) -> list[str]:
+    """What to do about a verdict, the likeliest first; nothing if it is good.
+
+    Args:
+        verdicts: of each number.
+        run: whose folder may hold a comparison of mappings.
+        rows: of an evaluation, which may name a better horizon.
+        ours: the explainer in question in them.
+    """
+    least = worst(verdicts)
+    if least.level == GOOD:
+        return []
+    if least.why == NOT_TOLD:
+        return ["judge more or longer episodes (evaluate.episodes), or make env.task.explained_band smaller"]
+    if least.why == NO_MEANING:
+        return [ASK_FOR_IT]
+    signs = _check_sign(verdicts, run) if least.level == REVERSED else []
+    return [*signs, _compared(run, least), *_horizons(rows, ours, run), ASK_FOR_IT]
+
+
+def _check_sign(verdicts: Sequence[Verdict], run: TrainedRun) -> list[str]:
+    return [
+        *wrong_signs(verdicts, run.mapping.meanings, run.task),
+        "either env.task.explained declares the wrong sign (what it names has to rise where the rule says +1; let the "
+        "rule, or the dimension, have the other sign), or the words themselves were learnt the wrong way round",
+    ]
+
+
+def _compared(run: TrainedRun, ours: Verdict) -> str:
+    """The best mapping that ``task=compare`` found for this run, or that it should be asked."""
+    paths = sorted((run.folder / EVALUATION).glob("compare*.json"))
+    found = {name: auc for path in paths for name, auc in _judged_in(path).items() if name != AS_REFRESHED}
+    if not found:
+        return "another mapping: task=compare learns every kind from the same log and judges it"
+    name, auc = max(found.items(), key=lambda one: one[1])
+    if not auc > ours.motion_auc:
+        return f"no other mapping: of those that task=compare judged the best, {name}, has {short_number(auc)}"
+    return f"another mapping: task=compare found {short_number(auc)} with mapping={name}"
+
+
+def _judged_in(path: Path) -> dict[str, float]:
+    """Mapping to motion AUC of a comparison; nothing of a file that is none, since this is only advice."""
+    try:
+        rows = [(str(row["explainer"]), row["motion_auc"]["value"]) for row in read_json(path)["rows"]]
+        learnt = [(name, value) for name, value in rows if name.startswith("ibe:") or name == "baseline:paper"]
+        return {name.partition(":")[2]: float(value) for name, value in learnt if value is not None}
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
+        return {}
+
+
+def _horizons(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> list[str]:
+    """A horizon at which the words tell clearly more: its interval lies above that of the run's own."""
+    told = {row["horizon_steps"]: row["motion_auc"] for row in rows if row["explainer"] == ours}
+    own = told.pop(run.horizon_steps, None)
+    if own is None or own["high"] is None:
+        return []
+    better = {steps: each for steps, each in told.items() if each["low"] is not None and each["low"] > own["high"]}
+    if not better:
+        return []
+    best = max(better, key=lambda steps: float(better[steps]["value"]))
+    return [f"another horizon: mapping.horizon_steps={best} has {short_number(float(better[best]['value']))}"]
+
+
+def lines_of(text: str, steps: Sequence[str]) -> list[str]:
+    """A verdict as it is printed: the text, then what to do."""
+    return [text, *(f"  what to do: {step}" if number == 0 else f"  or {step}" for number, step in enumerate(steps))]

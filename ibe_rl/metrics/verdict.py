@@ -1,0 +1,138 @@
+"""Do the words tell which way it goes? One verdict from the motion AUC, for everything that prints one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as Dict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ibe_rl.ibe import Meaning
+from ibe_rl.task import Task
+
+GOOD, WEAK, REVERSED, UNKNOWN = "good", "weak", "reversed", "unknown"
+WORST_FIRST = (REVERSED, UNKNOWN, WEAK, GOOD)
+CHANCE, GOOD_FROM, WEAK_FROM, REVERSED_BELOW = 0.5, 0.9, 0.6, 0.4
+NO_MEANING = "the meaning of its words is not known"
+NOT_TOLD = "cannot be told"
+NO_BETTER = "no better than chance"
+AN_ECHO = "no clearer than the last instruction echoed"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a motion AUC is worth.
+
+    Attributes:
+        level: one of ``WORST_FIRST``.
+        why: what the level alone does not say: ``NO_MEANING``, ``NOT_TOLD``, ``NO_BETTER``, ``AN_ECHO`` or nothing.
+        motion_auc: of the words; not a number where it cannot be computed.
+        echo_auc: of the last instruction said once more; likewise.
+        interval: ends of the 95 % interval of ``motion_auc``, None if there is none.
+        number: what the number of the instruction is about; empty if there is only one.
+    """
+
+    level: str
+    why: str
+    motion_auc: float
+    echo_auc: float
+    interval: tuple[float, float] | None = None
+    number: str = ""
+
+    @property
+    def figures(self) -> str:
+        """The values in words: ".04, reversed (chance .50, the last instruction echoed .61)"."""
+        if self.why in (NO_MEANING, NOT_TOLD):
+            found = self.why
+        else:
+            low_high = "" if self.interval is None else f" [{', '.join(map(short_number, self.interval))}]"
+            found = f"{short_number(self.motion_auc)}{low_high}, {self.why or self.level}"
+        echo = "" if math.isnan(self.echo_auc) else f", the last instruction echoed {short_number(self.echo_auc)}"
+        return f"{self.number + ' ' if self.number else ''}{found} (chance {short_number(CHANCE)}{echo})"
+
+
+def verdict(
+    auc: float, echo_auc: float, known: bool, interval: tuple[float, float] | None = None, number: str = ""
+) -> Verdict:
+    """Judge a motion AUC.
+
+    Args:
+        auc: of the words; not a number where it never, or always, went one of the two ways.
+        echo_auc: of the last instruction in their place, likewise.
+        known: whether the meaning of the words is known.
+        interval: ends of its 95 % interval, if there is one.
+        number: see ``Verdict``.
+
+    Returns:
+        "unknown" where the meaning is not known, the AUC cannot be computed, lies between .4 and .6, or is not clear
+        of chance; "reversed" below .4; "good" from .9 on if it is clear of the echo; else "weak".
+    """
+    return Verdict(*_level(auc, echo_auc, known, interval or (auc, auc)), auc, echo_auc, interval, number)
+
+
+def _level(auc: float, echo_auc: float, known: bool, interval: tuple[float, float]) -> tuple[str, str]:
+    low, high = interval
+    if not known:
+        return UNKNOWN, NO_MEANING
+    if math.isnan(auc):
+        return UNKNOWN, NOT_TOLD
+    if REVERSED_BELOW <= auc < WEAK_FROM or low <= CHANCE <= high:
+        return UNKNOWN, NO_BETTER
+    if auc < CHANCE:
+        return REVERSED, ""
+    if low <= echo_auc:
+        return WEAK, AN_ECHO
+    return (GOOD if auc >= GOOD_FROM else WEAK), ""
+
+
+def worst(verdicts: Sequence[Verdict]) -> Verdict:
+    """That of the number whose words tell least: a mean over the numbers would hide a reversed one."""
+    return min(verdicts, key=lambda one: WORST_FIRST.index(one.level))
+
+
+def verdicts_of(scores: Sequence[Dict[str, float]], meanings: Sequence[Meaning], task: Task) -> list[Verdict]:
+    """A verdict for each number of the instruction.
+
+    Args:
+        scores: of each number, see ``number_scores``; empty if there are none.
+        meanings: of the vocabulary; empty: all count as known.
+        task: the environment's own.
+    """
+    nothing: list[Dict[str, float]] = [{}] * task.instruction_size
+    return [
+        verdict(
+            each.get("motion_auc", math.nan),
+            each.get("echo_auc", math.nan),
+            not meanings or meanings[number].known,
+            number=name if task.instruction_size > 1 else "",
+        )
+        for number, (each, name) in enumerate(zip(scores or nothing, task.number_names, strict=True))
+    ]
+
+
+def in_one_line(verdicts: Sequence[Verdict]) -> str:
+    """What stands beside the share that went as predicted."""
+    return f"its words tell which way it goes: {'; '.join(one.figures for one in verdicts)}"
+
+
+def wrong_signs(verdicts: Sequence[Verdict], meanings: Sequence[Meaning], task: Task) -> list[str]:
+    """A line for each number whose words are known and yet disagree with what the environment declares.
+
+    Without ``meanings`` nobody has asked what the words mean, so that the words may as well be wrong: none.
+    """
+    if not meanings:
+        return []
+    return [
+        f"env.task.explained=[{name}] says that {name} rises with +1, but in the log +1 asks it to fall: check the sign"
+        for one, name in zip(verdicts, task.number_names, strict=True)
+        if one.level == REVERSED
+    ]
+
+
+def short_number(value: float) -> str:
+    """Two digits without the 0 before the point, as AUCs are written.
+
+    >>> short_number(0.044), short_number(1.0)
+    ('.04', '1.00')
+    """
+    return f"{value:.2f}".removeprefix("0")
