@@ -27,7 +27,7 @@ from torchrl import timeit
 
 from ibe_rl.checkpoint import BETWEEN, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, make_collector, steps_of
+from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, make_collector, refresh_interval, steps_of
 from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.development import figures
@@ -99,7 +99,7 @@ def train(
         begin(parts, state)
     owned.enter_context(resumable(parts, lambda: time.perf_counter() - start))
     agent, log = parts.agent, parts.log
-    often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
+    often = refresh_interval(cfg), cfg.eval_every_frames, cfg.checkpoint_every_frames
     refresh_due, evaluation_due, checkpoint_due = map(Every, often, 3 * [log.frames])
     keeping_due = Rarer(cfg.keep_policy_every_frames, log.frames)
     last = False
