@@ -42,6 +42,7 @@ from ibe_rl.parts import NOBODY, Parts, begin, build, check_parts, resumable, sa
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, how_to_open, recent_mean
 from ibe_rl.resume import State, clear_way, must_fit, take_up
+from ibe_rl.rule_reads import check_dimensions, lead_on
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     RECORDING,
@@ -166,7 +167,7 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     except OSError:
         raise  # the disk's, which everything else writes to as well
     except Exception as error:
-        return skip(parts, error)
+        return skip(cfg, parts, error)
     counts = parts.counts
     counts.refreshes += refresh.taken
     counts.kept += not refresh.taken
@@ -181,11 +182,12 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         real = happened(watched.episode, voice.horizon_steps, voice.mapping, voice.words)
         parts.recorder.watched(frames, watched, said, real)
         parts.classroom.refresh(frames, voice)
+        parts.progress.horizon(refresh)
         parts.progress.refreshed(counts.refreshes, refresh, said[-1].said, row["ibe/came_true"])
     return row
 
 
-def skip(parts: Parts, error: Exception) -> dict[str, float]:
+def skip(cfg: TrainConfig, parts: Parts, error: Exception) -> dict[str, float]:
     """Go on with the vocabulary before, whatever was wrong with a new one."""
     frames, reason = parts.log.frames, str(error)
     if not isinstance(error, TooLittleDataError):
@@ -193,6 +195,8 @@ def skip(parts: Parts, error: Exception) -> dict[str, float]:
         write_atomically(path, lambda stream: stream.write("".join(format_exception(error)).encode()))
         reason = f"it failed ({type(error).__name__}: {' '.join(reason.split())[:200]}), the details are in {path}"
     parts.counts.skipped += 1
+    if parts.development.mapping is None and cfg.instructor.kind != "silent":
+        reason += lead_on(cfg.mapping, parts.counts.skipped)
     parts.recorder.skipped(frames, reason)
     parts.progress.skipped(frames, reason)
     return {"ibe/skipped": parts.counts.skipped}
@@ -236,6 +240,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
         "success_rate": row["eval/success_rate"],
         "return_mean": row["eval/return_mean"],
         "evaluation_episodes": cfg.eval_episodes,
+        "horizon_steps": parts.development.horizon_steps,
         "refreshes": parts.counts.refreshes,
         "refreshes_kept": parts.counts.kept,
         "refreshes_skipped": parts.counts.skipped,
@@ -253,6 +258,8 @@ def main(cfg: TrainConfig) -> None:
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
     env = make_game(cfg.env)
     check_parts(cfg, task_of(env), env.action_space)
+    for note in check_dimensions(cfg.mapping, task_of(env), env):
+        print(note)
     if not task_of(env).judges_success:
         print(f"note: nobody says whether an episode of {cfg.env.id} ended well, so that none counts as a success")
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None

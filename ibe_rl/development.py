@@ -15,7 +15,7 @@ from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, voted
 from ibe_rl.ibe import ClusterMapping, Windows, cut_windows, keep_identity
-from ibe_rl.lessons import check_mapping
+from ibe_rl.lessons import check_mapping, find_steps, settled, steps_of
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import (
     SCORES,
@@ -65,7 +65,7 @@ class Development:
     """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
 
     Args:
-        config: of the mapping.
+        config: of the mapping; a horizon that it does not set is found at the first refresh and stays.
         task: the environment's own names.
         seed: of the clustering and of the probe.
         when_stale: take a new vocabulary only if its ``motion_auc`` on the newest episodes is higher by more than
@@ -98,8 +98,11 @@ class Development:
         Raises:
             TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
         """
-        last = {} if self.mapping is None else {self._config.horizon_steps: self.mapping, **self.spans}
+        found = self._config.horizon_steps is None
+        self._config = settled(self._config, find_steps(log, self._config, self._task, self._seed))
+        last = {} if self.mapping is None else {steps_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last)
+        learnt = replace(learnt, horizon_found=found)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)
@@ -142,6 +145,7 @@ class Development:
             arrays |= {"delta": self.probe.delta, "observations": self.probe.observations}
         return {
             "mapping": None if self.mapping is None else self.mapping.to_dict(),
+            "horizon_steps": self._config.horizon_steps,
             "spans": {steps: each.to_dict() for steps, each in self.spans.items()},
             "calibration": None if self.calibration is None else self.calibration.to_dict(),
             "learnt_at": self._learnt_at,
@@ -155,12 +159,23 @@ class Development:
         if state["mapping"] is None:
             return
         self.mapping = ClusterMapping.from_dict(state["mapping"])
+        self._config = settled(self._config, int(state["horizon_steps"]))
         self.spans = {steps: ClusterMapping.from_dict(each) for steps, each in state["spans"].items()}
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
         self._judged.extend((features, true) for features, true in state["judged"])
         self.probe = Probe(state["delta"], state["observations"])
         self._actions = state["actions"]
+
+    @property
+    def horizon_steps(self) -> int | None:
+        """n; None as long as it has not been found."""
+        return self._config.horizon_steps
+
+    @property
+    def horizons_steps(self) -> list[int]:
+        """All that is explained, n first; empty as long as n has not been found."""
+        return [] if self.horizon_steps is None else [self.horizon_steps, *self._config.spans_steps]
 
     def mapping_of(self, horizon_steps: int) -> ClusterMapping | None:
         """The vocabulary that stands for a span of time, None before the first refresh."""
@@ -169,7 +184,7 @@ class Development:
     def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
         """What the agent speaks with as it is now, after the first refresh."""
         assert self.mapping is not None
-        steps, words = self._config.horizon_steps, self._task.phrases
+        steps, words = steps_of(self._config), self._task.phrases
         return Voice(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
 
     def judge(
@@ -225,7 +240,7 @@ class Development:
         """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
         count = len(log.index)
         episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
-        windows = cut_windows(episodes, self._config.horizon_steps, "clamp")
+        windows = cut_windows(episodes, steps_of(self._config), "clamp")
         return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
 
 
@@ -246,10 +261,11 @@ def check_development(config: TrainConfig, task: Task) -> None:
 def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
     """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
     random = np.random.default_rng(seed)
-    shortest = config.horizon_steps if config.window_end == "drop" else 1  # that a window fits into
+    steps = steps_of(config)
+    shortest = steps if config.window_end == "drop" else 1  # that a window fits into
     long_enough = np.flatnonzero(log.index["steps"] >= shortest)
     episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
-    windows = cut_windows(episodes, config.horizon_steps, config.window_end)
+    windows = cut_windows(episodes, steps, config.window_end)
     rows = random.permutation(len(windows))[:PROBE_WINDOWS]
     places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
     states = np.array([episode.states[step] for episode, step in places])

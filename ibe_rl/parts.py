@@ -148,8 +148,8 @@ def build(
     recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
-    horizons = [cfg.mapping.horizon_steps, *cfg.mapping.spans_steps]
-    predictor = make_predictor(cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed, env, horizons)
+    making = cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed, env
+    predictor = make_predictor(*making, lambda: development.horizons_steps)
     parts = Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),

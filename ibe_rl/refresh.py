@@ -15,7 +15,7 @@ import numpy as np
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, Transition, Windows, phrase
-from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, told_windows
+from ibe_rl.lessons import Lessons, best_windows, fit_mapping, fit_windows, read_lessons, steps_of, told_windows
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.run_folder import read_json, write_json
@@ -67,6 +67,7 @@ class Refresh:
         change: what came of the vocabulary before, None if this is the first.
         scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
         taken: False if the vocabulary before was good enough and stays.
+        horizon_found: True if n was found in the log just now.
     """
 
     frame: int
@@ -83,6 +84,7 @@ class Refresh:
     change: Change | None = None
     scores: Dict[str, float] = field(default_factory=dict)
     taken: bool = True
+    horizon_found: bool = False
 
     @property
     def standing(self) -> ClusterMapping:
@@ -97,7 +99,7 @@ def learn_vocabulary(
 
     Args:
         log: with whole episodes in it.
-        config: see ``MappingConfig``.
+        config: see ``MappingConfig``; its horizon is set or ``settled``.
         task: the environment's own names.
         seed: of the clustering; with the same log it gives the same vocabulary.
         last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
@@ -105,10 +107,10 @@ def learn_vocabulary(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    lessons, last = read_lessons(log, config, seed), last or {}
-    top = best_windows(lessons.best, config, config.horizon_steps)
-    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(config.horizon_steps))
-    others = told_windows(lessons.others, config, config.horizon_steps)
+    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
+    top = best_windows(lessons.best, config, steps)
+    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps))
+    others = told_windows(lessons.others, config, steps)
     contexts = np.array([episode.context for episode in lessons.best])
     return Refresh(
         frame=log.frames,
@@ -173,7 +175,7 @@ def save_refresh(
         path,
         {
             "frame": refresh.frame,
-            "horizon_steps": config.horizon_steps,
+            "horizon_steps": steps_of(config),
             "episodes": episodes | {"by_context": refresh.episodes_by_context},
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,

@@ -2,10 +2,11 @@
 
 from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
 from ibe_rl.ibe.estimator import IBEMapping, check_settings
+from ibe_rl.ibe.horizon import find_horizon, leading_change
 from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Evidence, Meaning
-from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.ibe.space import TooLittleDataError, rule_axes
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase, phrases_of
 
 __all__ = [
@@ -20,9 +21,12 @@ __all__ = [
     "check_settings",
     "cut_windows",
     "delta_states",
+    "find_horizon",
     "keep_identity",
+    "leading_change",
     "normalise",
     "phrase",
     "phrases_of",
+    "rule_axes",
     "top_episodes",
 ]

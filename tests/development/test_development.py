@@ -17,7 +17,7 @@ from ibe_rl.development import Development, figures
 from ibe_rl.ibe import TooLittleDataError, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import VocabularyDrift
-from ibe_rl.refresh import Refresh, learn_vocabulary, load_refresh
+from ibe_rl.refresh import Refresh, learn_vocabulary, load_refresh, save_refresh
 
 
 def names(refresh: Refresh) -> list[int]:
@@ -340,3 +340,34 @@ def test_the_same_seed_gives_the_same(tmp_path: Path):
         assert row == pytest.approx(row_again, abs=0, rel=0, nan_ok=True)
     np.testing.assert_array_equal(probe, same)
     assert (probe != other).any()
+
+
+def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: TrajectoryLog, tmp_path: Path):
+    """A lift that never turns is explained for a fifth of an episode, but at least 5 steps."""
+    obey(log)
+    development = Development(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
+    assert (development.horizon_steps, development.horizons_steps) == (None, [])
+    first = development.refresh(log, stay)
+    assert first.horizon_found
+    assert (development.horizon_steps, development.horizons_steps, list(first.spans)) == (5, [5, 2], [2])
+    assert first.top.horizon_steps == development.voice().horizon_steps == 5
+    for _ in range(20):
+        add(log, 100.0, 1.0, steps=90)
+    second = development.refresh(log, stay)
+    assert not second.horizon_found
+    assert second.top.horizon_steps == development.horizon_steps == 5
+    taken_up = Development(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
+    taken_up.load_state_dict(development.state_dict())
+    assert taken_up.horizons_steps == [5, 2]
+    assert taken_up.refresh(log, stay).mapping.to_dict() == development.refresh(log, stay).mapping.to_dict()
+    path = save_refresh(tmp_path, second, config(horizon_steps=development.horizon_steps), TASK)
+    assert load_refresh(path).horizon_steps == 5
+
+
+def test_a_first_refresh_that_fails_finds_no_horizon_for_good(log: TrajectoryLog):
+    development = Development(config(horizon_steps=None, n_clusters=8, n_init=1), TASK, seed=0)
+    add(log, 1.0, 1.0, steps=3)
+    with pytest.raises(TooLittleDataError), development.all_or_nothing():
+        development.refresh(log, stay)
+    assert development.horizon_steps is None
+    assert Development(config(), TASK, seed=0).horizons_steps == [5]
