@@ -27,7 +27,7 @@ from torchrl import timeit
 
 from ibe_rl.checkpoint import BETWEEN, save_policy
 from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, make_collector, steps_of
+from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, make_collector, refresh_interval, steps_of
 from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
 from ibe_rl.config import ExplainConfig, TrainConfig
 from ibe_rl.development import figures
@@ -53,6 +53,7 @@ from ibe_rl.parts import (
 from ibe_rl.play import play, watch
 from ibe_rl.progress import closing_table, how_to_open, recent_mean
 from ibe_rl.resume import State, clear_way, must_fit, take_up
+from ibe_rl.rule_reads import check_dimensions, lead_on
 from ibe_rl.run_folder import (
     CHECKPOINTS,
     RECORDING,
@@ -110,7 +111,7 @@ def train(
         begin(parts, state)
     owned.enter_context(resumable(parts, lambda: time.perf_counter() - start))
     agent, log = parts.agent, parts.log
-    often = cfg.refresh_every_frames, cfg.eval_every_frames, cfg.checkpoint_every_frames
+    often = refresh_interval(cfg), cfg.eval_every_frames, cfg.checkpoint_every_frames
     refresh_due, evaluation_due, checkpoint_due = map(Every, often, 3 * [log.frames])
     keeping_due = Rarer(cfg.keep_policy_every_frames, log.frames)
     last = False
@@ -171,16 +172,19 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
     """Learn the vocabulary anew, fly one greedy episode and explain it step by step."""
     frames, policy = parts.log.frames, parts.agent.greedy
     try:
-        with timeit("explain"):
-            parts.foresee()
-            reactions = ask_otherwise(cfg, parts)
-        with timeit("refresh"), parts.development.all_or_nothing():
-            refresh = parts.development.refresh(parts.log, policy, reactions)
-            parts.development.save(parts.folder / REFRESHES, refresh)
+        with parts.development.all_or_nothing():
+            with timeit("refresh"):
+                horizon_steps = parts.development.settle(parts.log)
+            with timeit("explain"):
+                parts.foresee()
+                reactions = ask_otherwise(cfg, parts, horizon_steps)
+            with timeit("refresh"):
+                refresh = parts.development.refresh(parts.log, policy, reactions)
+                parts.development.save(parts.folder / REFRESHES, refresh)
     except OSError:
         raise  # the disk's, which everything else writes to as well
     except Exception as error:
-        return skip(parts, error)
+        return skip(cfg, parts, error)
     counts = parts.counts
     counts.refreshes += refresh.taken
     counts.kept += not refresh.taken
@@ -194,11 +198,12 @@ def refresh_and_explain(cfg: TrainConfig, parts: Parts) -> dict[str, float]:
         real = outcomes(watched.episode, voice.horizon_steps, voice.mapping, voice.words)
         parts.recorder.watched(frames, watched, said, real)
         parts.classroom.refresh(frames, voice)
+        parts.progress.horizon(refresh)
         parts.progress.refreshed(counts.refreshes, refresh, said[-1].said, row["ibe/came_true"], parts.task)
     return row
 
 
-def skip(parts: Parts, error: Exception) -> dict[str, float]:
+def skip(cfg: TrainConfig, parts: Parts, error: Exception) -> dict[str, float]:
     """Go on with the vocabulary before, whatever was wrong with a new one."""
     frames, reason = parts.log.frames, str(error)
     if not isinstance(error, TooLittleDataError):
@@ -206,6 +211,8 @@ def skip(parts: Parts, error: Exception) -> dict[str, float]:
         write_atomically(path, lambda stream: stream.write("".join(format_exception(error)).encode()))
         reason = f"it failed ({type(error).__name__}: {' '.join(reason.split())[:200]}), the details are in {path}"
     parts.counts.skipped += 1
+    if parts.development.mapping is None and cfg.instructor.kind != "silent":
+        reason += lead_on(cfg.mapping, parts.counts.skipped)
     parts.recorder.skipped(frames, reason)
     parts.progress.skipped(frames, reason)
     return {"ibe/skipped": parts.counts.skipped}
@@ -249,6 +256,7 @@ def summarise(cfg: TrainConfig, parts: Parts, row: dict[str, float], wall_s: flo
         "success_rate": row["eval/success_rate"],
         "return_mean": row["eval/return_mean"],
         "evaluation_episodes": cfg.eval_episodes,
+        "horizon_steps": parts.development.horizon_steps,
         "refreshes": parts.counts.refreshes,
         "refreshes_kept": parts.counts.kept,
         "refreshes_skipped": parts.counts.skipped,
@@ -268,6 +276,8 @@ def main(cfg: TrainConfig) -> None:
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
     env = make_game(cfg.env)
     check_parts(cfg, task_of(env), env.action_space)
+    for note in check_dimensions(cfg.mapping, task_of(env), env):
+        print(note)
     if not task_of(env).judges_success:
         print(f"note: nobody says whether an episode of {cfg.env.id} ended well, so that none counts as a success")
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None

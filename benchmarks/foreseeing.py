@@ -64,7 +64,7 @@ def rates(run: str, moments: int, exact_moments: int) -> dict[str, float]:
 
 def _made(run: TrainedRun, config: PredictorConfig) -> tuple[KeptPredictor, float]:
     copy = partial(make_copy, run.config.env)
-    predictor = make_predictor(config, copy, run.task.rule, 0, run.make_env(), [run.horizon_steps])
+    predictor = make_predictor(config, copy, run.task.rule, 0, run.make_env(), lambda: [run.horizon_steps])
     start = time.process_time()
     predictor.learn(open_log(run))
     return predictor, time.process_time() - start

@@ -18,7 +18,7 @@ from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agent import Agent
-from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig
+from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Instructor
 from ibe_rl.env.make import TRAINING_SEEDS, join, make_game
 from ibe_rl.instruct import make_instructor
@@ -232,6 +232,16 @@ class Every:
             return False
         before, self._passed = self._passed, frames // self._frames
         return last or self._passed > before
+
+
+REFRESHES_OF_A_RUN, REFRESH_AT_MOST_EVERY = 8, 250_000
+
+
+def refresh_interval(config: TrainConfig) -> int | None:
+    """Frames from one refresh to the next; None if there is none."""
+    if config.refresh_every_frames != 0:
+        return config.refresh_every_frames
+    return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
 
 
 DENSE = 200

@@ -167,8 +167,8 @@ class MappingConfig:
     """How the vocabulary is learnt; as it stands here, the paper's (docs/PAPER.md, docs/QUALITY.md say why)."""
 
     kind: str = "paper"  # what the mapping is called in summaries and tables
-    horizon_steps: int = setting(60, low=1)
-    spans_steps: list[int] = field(default_factory=lambda: [20])  # other horizons that are explained along with it
+    horizon_steps: int | None = setting(None, low=1)  # None: found in the episodes of the first refresh, for good
+    spans_steps: list[int] = field(default_factory=lambda: [20])  # other horizons; where n was found only shorter ones
     top_fraction: float = setting(0.25, low=TINY, high=1.0)
     top_within: str = setting("all", choices=("all", "context"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
@@ -205,9 +205,9 @@ class ViewerConfig:
 class TrainConfig:
     """``train.py``.
 
-    With ``refresh_when_stale`` the vocabulary is not replaced by the clock: every ``refresh_every_frames`` a new one
-    is learnt, and replaces the standing one if it puts the newest episodes into words better by more than this
-    (``motion_auc``).
+    With ``refresh_every_frames=0`` the vocabulary is learnt anew eight times in a run, in a long one every 250,000
+    frames. With ``refresh_when_stale`` it is not replaced by the clock: a new one is learnt each time, and replaces the
+    standing one if it puts the newest episodes into words better by more than this (``motion_auc``).
     """
 
     seed: int = setting(0, low=0, high=MAX_SEED)
@@ -219,7 +219,7 @@ class TrainConfig:
     resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
     resume_from: str = setting("latest", choices=("latest", "best"))  # its latest state, or that of its best evaluation
     checkpoint_every_frames: int = setting(100_000, low=1)  # and at refreshes, evaluations: the state to resume from
-    refresh_every_frames: int | None = setting(250_000, low=1)  # and at the end; None: no vocabulary at all
+    refresh_every_frames: int | None = setting(0, low=0)  # and at the end; 0: see above; None: no vocabulary at all
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
     explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds

@@ -15,7 +15,7 @@ from ibe_rl.config import MappingConfig, TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, phrases_true_in
 from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
-from ibe_rl.lessons import check_mapping
+from ibe_rl.lessons import check_mapping, find_steps, settled, steps_of
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import (
     OF_THE_MOMENTS,
@@ -36,6 +36,8 @@ from ibe_rl.task import Task
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 JUDGED_EPISODES = 200
 """The newest ones, that the confidence is calibrated on."""
+OTHER_HORIZON = 1.5
+"""By this factor a horizon found in the log has to differ from the one before."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
 FIGURES = (
     *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
@@ -68,7 +70,7 @@ class Development:
     """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
 
     Args:
-        config: of the mapping.
+        config: of the mapping; a horizon that it does not set is found by ``settle``.
         task: the environment's own names.
         seed: of the clustering and of the probe.
         when_stale: take a new vocabulary only if its ``motion_auc`` on the newest episodes is higher by more than
@@ -84,6 +86,7 @@ class Development:
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
         self._config, self._task, self._seed, self._when_stale = config, task, seed, when_stale
+        self._asked_for = config
         self.mapping: ClusterMapping | None = None
         self.spans: Spans = {}
         self.probe: Probe | None = None
@@ -92,6 +95,22 @@ class Development:
         self.calibration: Calibration | None = None
         self.notes: list[str] = []
         self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
+
+    def settle(self, log: TrajectoryLog) -> int:
+        """How far ahead is explained from now on, in steps: as set, or as found in the log.
+
+        It is found anew at each refresh, since a beginner's episodes are short, and stays unless it differs by more
+        than ``OTHER_HORIZON``. Then everything begins anew: vocabularies of different horizons cannot be compared.
+
+        Raises:
+            TooLittleDataError: if no episode has ended in time.
+        """
+        before, found = self._config.horizon_steps, find_steps(log, self._asked_for, self._task, self._seed)
+        if before is None or not before / OTHER_HORIZON <= found <= before * OTHER_HORIZON:
+            self._config = settled(self._asked_for, found)
+            self.mapping = self.probe = self._actions = self.calibration = None
+            self.spans, self._judged = {}, deque(maxlen=JUDGED_EPISODES)
+        return steps_of(self._config)
 
     def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
         """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
@@ -104,8 +123,12 @@ class Development:
         Raises:
             TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
         """
-        last = {} if self.mapping is None else {self._config.horizon_steps: self.mapping, **self.spans}
+        if self._config.horizon_steps is None:
+            self.settle(log)
+        found = self._asked_for.horizon_steps is None and self.mapping is None
+        last = {} if self.mapping is None else {steps_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions)
+        learnt = replace(learnt, horizon_found=found)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)
@@ -114,7 +137,8 @@ class Development:
             learnt = self._held_against(self.mapping, learnt, self.probe, newest, actions)
         else:
             each = number_scores(learnt.mapping, newest, self._task)
-            learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
+            mapping = replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id)
+            learnt = replace(learnt, mapping=mapping, scores=mean_scores(each), scores_of_numbers=each)
         if learnt.taken:
             self.mapping, self.spans, self._learnt_at, self._actions = (
                 learnt.mapping,
@@ -150,6 +174,7 @@ class Development:
             arrays |= {"delta": self.probe.delta, "observations": self.probe.observations}
         return {
             "mapping": None if self.mapping is None else self.mapping.to_dict(),
+            "horizon_steps": self._config.horizon_steps,
             "spans": {steps: each.to_dict() for steps, each in self.spans.items()},
             "calibration": None if self.calibration is None else self.calibration.to_dict(),
             "learnt_at": self._learnt_at,
@@ -164,6 +189,7 @@ class Development:
         if state["mapping"] is None:
             return
         self.mapping = ClusterMapping.from_dict(state["mapping"])
+        self._config = settled(self._config, int(state["horizon_steps"]))
         self.spans = {steps: ClusterMapping.from_dict(each) for steps, each in state["spans"].items()}
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
@@ -172,6 +198,16 @@ class Development:
         self.probe = Probe(state["delta"], state["observations"])
         self._actions = state["actions"]
 
+    @property
+    def horizon_steps(self) -> int | None:
+        """n; None as long as it has not been found."""
+        return self._config.horizon_steps
+
+    @property
+    def horizons_steps(self) -> list[int]:
+        """All that is explained, n first; empty as long as n has not been found."""
+        return [] if self.horizon_steps is None else [self.horizon_steps, *self._config.spans_steps]
+
     def mapping_of(self, horizon_steps: int) -> ClusterMapping | None:
         """The vocabulary that stands for a span of time, None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
@@ -179,7 +215,7 @@ class Development:
     def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
         """What the agent speaks with as it is now, after the first refresh."""
         assert self.mapping is not None
-        steps, words = self._config.horizon_steps, self._task.phrases
+        steps, words = steps_of(self._config), self._task.phrases
         return Voice(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
 
     def judge(
@@ -242,7 +278,7 @@ class Development:
         """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
         count = len(log.index)
         episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
-        windows = cut_windows(episodes, self._config.horizon_steps, "clamp")
+        windows = cut_windows(episodes, steps_of(self._config), "clamp")
         return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
 
 
@@ -263,10 +299,11 @@ def check_development(config: TrainConfig, task: Task) -> None:
 def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
     """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
     random = np.random.default_rng(seed)
-    shortest = config.horizon_steps if config.window_end == "drop" else 1  # that a window fits into
+    steps = steps_of(config)
+    shortest = steps if config.window_end == "drop" else 1  # that a window fits into
     long_enough = np.flatnonzero(log.index["steps"] >= shortest)
     episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
-    windows = cut_windows(episodes, config.horizon_steps, config.window_end)
+    windows = cut_windows(episodes, steps, config.window_end)
     rows = random.permutation(len(windows))[:PROBE_WINDOWS]
     places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
     states = np.array([episode.states[step] for episode, step in places])

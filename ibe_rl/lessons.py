@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +21,10 @@ from ibe_rl.ibe import (
     Windows,
     check_settings,
     cut_windows,
+    find_horizon,
     interpret,
+    leading_change,
+    rule_axes,
     top_episodes,
 )
 from ibe_rl.log import TrajectoryLog
@@ -30,6 +33,8 @@ from ibe_rl.task import Task
 OTHER_EPISODES = 300
 """How many of the episodes that are not among the best are read, for comparison and to hear the instructor."""
 HEARD_STATES = 5_000
+FLOWN, HEARD_AXIS_STATES = 100, 2_000
+"""Episodes and states that the horizon is found in."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +62,23 @@ def read_lessons(log: TrajectoryLog, config: MappingConfig, seed: int) -> Lesson
     Raises:
         TooLittleDataError: if none has ended in time.
     """
-    index, contexts = log.index, log.context_names
-    if not len(index):
-        raise TooLittleDataError("no episode has ended yet")
-    counted = _counted(index["frame"], log.frames, config.newest_frames)
-    groups = contexts[counted] if config.top_within == "context" else None
-    is_best = top_episodes(index["total_reward"][counted], config.top_fraction, groups)
+    counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
     others = log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES])
     best = log.read(counted[is_best])
     share = len(best) / max(1, np.sum(~is_best))
     some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
-    return Lessons(len(index), len(counted), best, [*others, *(best[row] for row in some)], others)
+    return Lessons(len(log.index), len(counted), best, [*others, *(best[row] for row in some)], others)
+
+
+def _ranked(log: TrajectoryLog, config: MappingConfig) -> tuple[Array, Array]:
+    """Rows ``(C,)`` of the episodes that count, and which of them ``(C,)`` bool are the best."""
+    index = log.index
+    if not len(index):
+        raise TooLittleDataError("no episode has ended yet")
+    counted = _counted(index["frame"], log.frames, config.newest_frames)
+    groups = log.context_names[counted] if config.top_within == "context" else None
+    return counted, top_episodes(index["total_reward"][counted], config.top_fraction, groups)
 
 
 def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
@@ -76,6 +86,58 @@ def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
     if not len(counted):
         raise TooLittleDataError(f"no episode has ended in the newest {newest_frames:,} frames")
     return counted
+
+
+def steps_of(config: MappingConfig) -> int:
+    """The n of a mapping that has one, set or found.
+
+    Raises:
+        ValueError: if it has still to be found (``find_steps``).
+    """
+    if config.horizon_steps is None:
+        raise ValueError("mapping.horizon_steps=null: it has not been found yet")
+    return config.horizon_steps
+
+
+def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
+    """The mapping once n has been found, without the spans that are not shorter; as it is where n is set."""
+    if config.horizon_steps is not None:
+        return config
+    shorter = [steps for steps in config.spans_steps if steps < found_steps]
+    return replace(config, horizon_steps=found_steps, spans_steps=shorter)
+
+
+def horizon_told(steps: int) -> str:
+    """One line for the person who did not set n."""
+    return f"explains the next {steps} steps, as long as movements last here; mapping.horizon_steps sets it"
+
+
+def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:
+    """Find in a log how far ahead to explain, see ``find_horizon``; ``horizon_steps`` itself where that is set.
+
+    Raises:
+        TooLittleDataError: if no episode has ended in time.
+    """
+    if config.horizon_steps is not None:
+        return config.horizon_steps
+    counted, is_best = _ranked(log, config)
+    random = np.random.default_rng(seed)
+    best = log.read(random.permutation(counted[is_best])[:FLOWN])
+    heard = log.read(random.permutation(counted)[:FLOWN])
+    states = [episode.states for episode in best]
+    kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
+    return find_horizon(states, _turning(heard, seed, kept, leading_change(states, kept)))
+
+
+def _turning(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:
+    """The axes ``(S, d)`` of what was said, of the ``kept`` dimensions; ``otherwise`` where there are none."""
+    try:
+        states, told = (some[:HEARD_AXIS_STATES] for some in _said(heard, seed))
+        axes = rule_axes(states, told, seed) * kept[:, None] if len(states) else otherwise
+    except TooLittleDataError:
+        return otherwise
+    reached = np.any(axes, axis=0)
+    return axes[:, reached] if reached.any() else otherwise
 
 
 def told_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows | None:
@@ -132,7 +194,7 @@ def fit_mapping(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    windows = best_windows(best, config, horizon_steps or config.horizon_steps)
+    windows = best_windows(best, config, horizon_steps or steps_of(config))
     return fit_windows(windows, heard, config, task, seed, last, interpretation)
 
 
@@ -223,14 +285,7 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    spans = {"horizon_steps": [config.horizon_steps], "spans_steps": config.spans_steps}
-    for name, steps in spans.items():
-        if not all(1 <= n <= task.max_episode_steps for n in steps):
-            value = steps if name == "spans_steps" else steps[0]
-            raise ConfigError(
-                f"mapping.{name}={value}: allowed is at least 1 and at most {task.max_episode_steps}, "
-                "the length of the longest episode"
-            )
+    _check_steps(config, task.max_episode_steps)
     unknown = [name for name in config.dimensions if name not in task.state_names]
     if unknown:
         allowed = ", ".join(task.state_names)
@@ -244,3 +299,17 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     except ValueError as error:
         reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
         raise ConfigError(f"mapping.{reason}") from None
+
+
+def _check_steps(config: MappingConfig, longest: int) -> None:
+    set_steps = [] if config.horizon_steps is None else [config.horizon_steps]
+    most = longest if set_steps else max([longest, *config.spans_steps])  # where n is found too long ones are left out
+    for name, value, steps in (
+        ("horizon_steps", config.horizon_steps, set_steps),
+        ("spans_steps", config.spans_steps, config.spans_steps),
+    ):
+        if not all(1 <= n <= most for n in steps):
+            raise ConfigError(
+                f"mapping.{name}={value}: allowed is at least 1 and at most {longest}, the length of the longest "
+                "episode"
+            )

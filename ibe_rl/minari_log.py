@@ -21,8 +21,8 @@ from ibe_rl.config import TrainConfig
 from ibe_rl.data import Array, ConfigError, Episode
 from ibe_rl.env.make import make_game, task_of
 from ibe_rl.guest import check_actions
+from ibe_rl.guest_folder import guest_run_config, keep_run
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.own_agent import guest_run_config, keep_run
 from ibe_rl.run_folder import CONFIG, TRAJECTORIES, create_run_folder, find_run, refuse_special_files
 from ibe_rl.task import Task
 

@@ -28,11 +28,13 @@ class Obedience:
 
     Args:
         config: see ``ObedienceConfig``.
-        horizon_steps: n.
+        horizon_steps: n; None as long as it has not been found, and nothing is judged.
         judge: what there is to judge with now; None as long as there is nothing.
     """
 
-    def __init__(self, config: ObedienceConfig, horizon_steps: int, judge: Callable[[], Judge | None]):
+    def __init__(
+        self, config: ObedienceConfig, horizon_steps: Callable[[], int | None], judge: Callable[[], Judge | None]
+    ):
         self._config, self._horizon_steps, self._judge = config, horizon_steps, judge
         self._before: dict[str, Array] | None = None
 
@@ -52,7 +54,11 @@ class Obedience:
         if self._config.judge == "none":
             return {}
         weight = self._config.weight * max(0.0, 1 - frames / self._config.until_frames)
-        start, delta, valid = self._windows(batch)
+        steps = self._horizon_steps()
+        if steps is None:
+            batch["next", "extra_reward"] = torch.zeros(*batch.shape, 1)
+            return {"obeyed": float("nan"), "extra_reward": 0.0}
+        start, delta, valid = self._windows(batch, steps)
         judge = self._judge() if weight and valid.any() else None
         agreement = np.zeros(valid.shape)
         if judge is not None:
@@ -70,7 +76,7 @@ class Obedience:
         """The inverse of ``state_dict``."""
         self._before = dict(state) or None
 
-    def _windows(self, batch: TensorDictBase) -> tuple[dict[str, Array], Array, Array]:
+    def _windows(self, batch: TensorDictBase, horizon_steps: int) -> tuple[dict[str, Array], Array, Array]:
         """The steps that n steps begin with, the changes over these, and where both can be judged: ``(N, T, ...)``."""
         now = {
             "state": batch["state"].numpy(),
@@ -78,7 +84,7 @@ class Obedience:
             "given": batch["instruction_given"].numpy()[..., 0] > 0,
             "done": batch["next", "done"].numpy()[..., 0],
         }
-        steps, back = now["done"].shape[1], self._horizon_steps - 1
+        steps, back = now["done"].shape[1], horizon_steps - 1
         before = self._before or {name: _none(column, back) for name, column in now.items()}
         whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
         self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
@@ -95,16 +101,19 @@ def _none(like: Array, steps: int) -> Array:
 
 def make_obedience(cfg: TrainConfig, task: Task, development: Development) -> Obedience:
     """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for."""
-    steps = min([cfg.mapping.horizon_steps, *cfg.mapping.spans_steps])
-    if cfg.obedience.judge == "oracle":
-        judge = meant(task, steps, cfg.mapping.horizon_steps)
-        return Obedience(cfg.obedience, steps, lambda: judge)
+
+    def shortest() -> int | None:
+        return min(development.horizons_steps, default=None)
+
+    def oracle() -> Judge:
+        horizons = development.horizons_steps
+        return meant(task, min(horizons), horizons[0])
 
     def learnt() -> Judge | None:
-        mapping = development.mapping_of(steps)
+        mapping = development.mapping_of(min(development.horizons_steps))
         return None if mapping is None else mapping.express
 
-    return Obedience(cfg.obedience, steps, learnt)
+    return Obedience(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt)
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
@@ -137,3 +146,8 @@ def check_obedience(cfg: TrainConfig) -> None:
         raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
     if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:
         raise ConfigError(f"{asked} with refresh_every_frames=null: allowed is none or oracle, without a vocabulary")
+    if cfg.mapping.horizon_steps is None and cfg.refresh_every_frames is None:
+        raise ConfigError(
+            f"{asked} with refresh_every_frames=null and mapping.horizon_steps=null, which no refresh finds: "
+            "allowed is a number of steps"
+        )

@@ -4,46 +4,41 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from rich.console import Console
-from threadpoolctl import threadpool_limits
 
-from ibe_rl.command_line import composed, named_settings, settings_at_hand, write_config
+from ibe_rl.command_line import composed, named_settings, settings_at_hand
 from ibe_rl.config import ExplainConfig, GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.env.make import episode_seed, make_game, task_of
 from ibe_rl.env.snapshots import make_copy
 from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.evaluation.calibrating import first_calibration
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.guest import Wandering, as_policy, find_agent
-from ibe_rl.ibe import Reactions, TooLittleDataError
+from ibe_rl.guest_folder import guest_run_config, keep_run
+from ibe_rl.ibe import Reactions
 from ibe_rl.instruct import make_instructor
-from ibe_rl.lessons import check_mapping
 from ibe_rl.limits import check
-from ibe_rl.log import TrajectoryLog
 from ibe_rl.play import moments_apart, play
 from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.reactions import ASKED_AT, ask
-from ibe_rl.refresh import learn_vocabulary, save_refresh
+from ibe_rl.refresh import save_refresh
 from ibe_rl.run_folder import (
     EVALUATION,
     REFRESHES,
-    SUMMARY,
-    TRAJECTORIES,
     create_run_folder,
     find_run,
     read_json,
-    write_json,
 )
 from ibe_rl.scene import Watched
 from ibe_rl.telling import check_context, fly, tell
@@ -229,12 +224,17 @@ def _study(agent: Any, cfg: ExplainConfig, seed: int) -> TrainedRun:
     policy = _policy(found, config, cfg.agent_sees_instruction)
     folder = create_run_folder(Path(cfg.run_dir))
     episodes = _act(policy, config, cfg)
-    reactions = _reactions(policy, config, episodes)
-    keep_run(folder, config, episodes, sum(len(episode) + 1 for episode in episodes), reactions)
-    return load_run(folder, lambda _: policy)
+    rows = sum(len(episode) + 1 for episode in episodes)
+    learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes))
+    run = load_run(folder, lambda _: policy)
+    run = replace(run, calibration=first_calibration(run, cfg))
+    save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
+    return run
 
 
-def _reactions(policy: Policy, config: TrainConfig, episodes: Sequence[Episode]) -> Reactions | None:
+def _reactions(
+    policy: Policy, config: TrainConfig, episodes: Sequence[Episode], horizon_steps: int
+) -> Reactions | None:
     """What the agent does if it is told otherwise, where a predictor can tell that has nothing to learn first."""
     if is_learnt(config.predictor):
         return None
@@ -244,26 +244,8 @@ def _reactions(policy: Policy, config: TrainConfig, episodes: Sequence[Episode])
     steps = np.random.default_rng(config.seed).integers(typical, size=ASKED_AT).tolist()
     moments = moments_apart(envs, policy, make_instructor(config.instructor, task, config.seed), seeds, steps)
     copies = partial(make_copy, config.env)
-    with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], [])) as predictor:
-        return ask(moments, policy, predictor, config.mapping.horizon_steps)
-
-
-def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
-    """The config of the run folder of an agent, or of a log, that comes from elsewhere.
-
-    Raises:
-        ConfigError: if the vocabulary cannot be learnt like this in this environment.
-    """
-    config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
-    check_mapping(config.mapping, task_of(make_game(config.env)))
-    return replace(
-        config,
-        run_dir=cfg.run_dir,
-        agent=GuestConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
-        mapping=replace(config.mapping, newest_frames=None),  # all episodes are of one agent
-        predictor=cfg.predictor,
-        viewer=cfg.viewer,
-    )
+    with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], list)) as predictor:
+        return ask(moments, policy, predictor, horizon_steps)
 
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:
@@ -272,50 +254,3 @@ def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episod
     acting = Wandering(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
     instructor = make_instructor(config.instructor, task_of(envs[0]), config.seed)
     return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])
-
-
-def keep_run(
-    folder: Path,
-    config: TrainConfig,
-    episodes: Iterable[Episode],
-    rows: int,
-    reactions: Reactions | None = None,
-) -> None:
-    """Fill the folder of a run with episodes, and with the vocabulary that they teach.
-
-    Args:
-        folder: from ``create_run_folder``.
-        config: from ``guest_run_config``.
-        episodes: read once.
-        rows: states in all of them, the last ones included.
-        reactions: what the agent does if it is told otherwise; None: nobody has asked it.
-
-    Raises:
-        ConfigError: if they teach none; the episodes are kept all the same.
-    """
-    task = task_of(make_game(config.env))
-    log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
-    for episode in episodes:
-        log.add(episode.as_steps(), task.context)
-    log.flush()
-    config = replace(config, total_frames=log.frames)
-    write_config(config, [], folder / ".hydra")
-    index = log.index
-    summary = {
-        "frames": log.frames,
-        "episodes": log.episodes_ended,
-        "success_rate": float(np.mean(index["success"])),
-        "return_mean": float(np.mean(index["total_reward"])),
-        "seed": config.seed,
-        "agent": config.agent.kind,
-        "mapping": config.mapping.kind,
-        "versions": {name: version(name) for name in ("ibe_rl", "torch", "gymnasium", "scikit-learn")},
-    }
-    write_json(folder / SUMMARY, summary)
-    try:
-        with threadpool_limits(1):  # as the scripts: the last digits depend on it
-            learnt = learn_vocabulary(log, config.mapping, task, config.seed, reactions=reactions)
-    except TooLittleDataError as error:
-        raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
-    save_refresh(folder / REFRESHES, learnt, config.mapping, task)
-    write_json(folder / SUMMARY, summary | {"meaning": [one.to_dict() for one in learnt.mapping.meanings]})

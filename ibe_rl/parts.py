@@ -100,7 +100,7 @@ class Parts:
         self.predictor.forget()  # so that a resumed run predicts the same
 
 
-def ask_otherwise(cfg: TrainConfig, parts: Parts) -> Reactions | None:
+def ask_otherwise(cfg: TrainConfig, parts: Parts, horizon_steps: int) -> Reactions | None:
     """What the greedy policy does if it is told otherwise; None where it does not listen, or nothing can foretell it.
 
     Moments are of episodes that are never trained on, each from another one.
@@ -113,7 +113,7 @@ def ask_otherwise(cfg: TrainConfig, parts: Parts) -> Reactions | None:
     steps = np.random.default_rng([cfg.seed, first]).integers(typical, size=ASKED_AT)
     seeds = range(first, first + ASKED_AT)
     moments = moments_apart(parts.evaluation_envs, parts.agent.greedy, parts.instructor, seeds, steps.tolist())
-    return ask(moments, parts.agent.greedy, parts.predictor, cfg.mapping.horizon_steps)
+    return ask(moments, parts.agent.greedy, parts.predictor, horizon_steps)
 
 
 def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> None:
@@ -169,8 +169,8 @@ def build(
     recorder = _recorder(cfg, folder, task, state)
     owned.callback(recorder.close)
     until_frames = (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
-    horizons = [cfg.mapping.horizon_steps, *cfg.mapping.spans_steps]
-    predictor = make_predictor(cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed, env, horizons)
+    making = cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed, env
+    predictor = make_predictor(*making, lambda: development.horizons_steps)
     parts = Parts(
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),

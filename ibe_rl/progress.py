@@ -15,6 +15,7 @@ from rich.table import Table
 
 from ibe_rl.command_line import installed, own_configs
 from ibe_rl.data import Array
+from ibe_rl.lessons import horizon_told
 from ibe_rl.refresh import Refresh
 from ibe_rl.stream import sentences
 from ibe_rl.task import Task
@@ -78,6 +79,11 @@ class TrainingProgress:
             f"  {'; '.join(sentences.moved(refresh)) or 'the first vocabulary'}"
         )
         self.say_all(f"  {line}" for line in sentences.worth(refresh, task))
+
+    def horizon(self, refresh: Refresh) -> None:
+        """Say once how far ahead is explained, where that was found and not set."""
+        if refresh.horizon_found:
+            self.say(horizon_told(refresh.top.horizon_steps))
 
     def skipped(self, frames: int, reason: str) -> None:
         """Report a refresh that could not be made."""

@@ -30,6 +30,7 @@ from ibe_rl.lessons import (
     fit_windows,
     interpret_lessons,
     read_lessons,
+    steps_of,
     told_windows,
 )
 from ibe_rl.log import TrajectoryLog
@@ -85,6 +86,7 @@ class Refresh:
         taken: False if the vocabulary before was good enough and stays.
         reactions: of the agent, if it was asked.
         scores_of_numbers: see ``number_scores``; of the vocabulary that stands, on the newest episodes.
+        horizon_found: True if n was found in the log just now.
     """
 
     frame: int
@@ -103,6 +105,7 @@ class Refresh:
     taken: bool = True
     reactions: Reactions | None = None
     scores_of_numbers: Sequence[Dict[str, float]] = ()
+    horizon_found: bool = False
 
     @property
     def standing(self) -> ClusterMapping:
@@ -126,7 +129,7 @@ def learn_vocabulary(
 
     Args:
         log: with whole episodes in it.
-        config: see ``MappingConfig``.
+        config: see ``MappingConfig``; its horizon is set or ``settled``.
         task: the environment's own names.
         seed: of the clustering; with the same log it gives the same vocabulary.
         last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
@@ -135,11 +138,11 @@ def learn_vocabulary(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    lessons, last = read_lessons(log, config, seed), last or {}
-    top = best_windows(lessons.best, config, config.horizon_steps)
-    meant = interpret_lessons(lessons.heard, config, task, seed, config.horizon_steps, reactions)
-    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(config.horizon_steps), meant)
-    others = told_windows(lessons.others, config, config.horizon_steps)
+    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
+    top = best_windows(lessons.best, config, steps)
+    meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
+    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
+    others = told_windows(lessons.others, config, steps)
     contexts = np.array([episode.context for episode in lessons.best])
     return Refresh(
         frame=log.frames,
@@ -205,7 +208,7 @@ def save_refresh(
         path,
         {
             "frame": refresh.frame,
-            "horizon_steps": config.horizon_steps,
+            "horizon_steps": steps_of(config),
             "episodes": episodes | {"by_context": refresh.episodes_by_context},
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,

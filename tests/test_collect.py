@@ -24,6 +24,7 @@ from ibe_rl.collect import (
     check_collect,
     env_of_worker,
     make_collector,
+    refresh_interval,
     steps_of,
 )
 from ibe_rl.config import MAX_SEED, CollectConfig, DQNConfig, EnvConfig, InstructorConfig, PPOConfig, TrainConfig
@@ -289,6 +290,16 @@ def test_every_is_true_at_the_end_unless_it_never_is():
     assert [Every(100)(150, last) for last in (False, True)] == [True, True]
     assert [Every(100)(50, last) for last in (False, True)] == [False, True]
     assert [Every(None)(150, last) for last in (False, True)] == [False, False]
+
+
+def test_a_run_has_eight_refreshes_unless_it_is_long_or_they_are_asked_for():
+    def interval(total_frames: int, **named: Any) -> int | None:
+        return refresh_interval(TrainConfig(total_frames=total_frames, **named))
+
+    assert [interval(each) for each in (1, 7, 8, 20, 200_000, 600_000)] == [1, 1, 1, 2, 25_000, 75_000]
+    assert [interval(each) for each in (2_000_000, 10_000_000)] == [250_000, 250_000]
+    assert interval(200_000, refresh_every_frames=250_000) == 250_000
+    assert interval(200_000, refresh_every_frames=None) is None
 
 
 def kept(every: int, until: int, batch: int, now: int = 0) -> list[int]:

@@ -146,7 +146,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     assert cfg.obedience == schemas.ObedienceConfig()
     for kind in ("flawed", "human"):
         assert composed("train", f"instructor={kind}").instructor == schemas.INSTRUCTORS[kind]()
-    assert composed("train", "mapping=paper").mapping == MappingConfig()
+    assert composed("train", "mapping=paper").mapping == MappingConfig(horizon_steps=60)  # of the lander
     assert cfg.predictor == PredictorConfig()
     for kind, schema in schemas.PREDICTORS.items():
         assert composed("train", f"predictor={kind}").predictor == schema()

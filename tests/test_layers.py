@@ -19,9 +19,12 @@ LAYERS = (
     },
     {"env", "log", "ibe", "ray_workers", "ray_run"},
     {"instruct", "agent", "guest", "predict", "metrics"},
-    {"collect", "explainer", "play", "lessons", "reactions", "refresh", "development", "obedience", "classroom"},
+    {
+        *("collect", "explainer", "play", "lessons", "reactions", "rule_reads", "refresh", "development"),
+        *("obedience", "classroom"),
+    },
     {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep", "telling"},
-    {"parts", "own_agent", "minari_log"},
+    {"parts", "own_agent", "minari_log", "guest_folder"},
     set(SCRIPTS),
 )
 SIDEWAYS = {
@@ -34,7 +37,7 @@ SIDEWAYS = {
         ("classroom", "explainer"),
         ("progress", "stream"),
     ),
-    *(("telling", "evaluation"), ("telling", "stream"), ("minari_log", "own_agent")),
+    *(("telling", "evaluation"), ("telling", "stream"), ("minari_log", "guest_folder"), ("own_agent", "guest_folder")),
     *(("viewer", "serve"), ("viewer", "stream"), ("paper", "evaluation")),
     *(("sweep", "viewer"), ("sweep", "serve"), ("sweep", "evaluation"), ("sweep", "paper")),
 }

@@ -11,7 +11,17 @@ from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 from ibe_rl import lessons as module
 from ibe_rl.data import ConfigError, Episode
 from ibe_rl.ibe import IBEMapping, TooLittleDataError
-from ibe_rl.lessons import best_windows, check_mapping, clusters_of, fit_mapping, read_lessons, told_windows
+from ibe_rl.lessons import (
+    best_windows,
+    check_mapping,
+    clusters_of,
+    find_steps,
+    fit_mapping,
+    read_lessons,
+    settled,
+    steps_of,
+    told_windows,
+)
 from ibe_rl.log import TrajectoryLog
 
 
@@ -274,3 +284,67 @@ def test_each_number_of_an_instruction_gets_its_clusters():
     both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(1, 1), explained_range=())
     assert clusters_of(config(n_clusters=8), TASK) == 8
     assert clusters_of(config(n_clusters=8), both) == 16
+
+
+def test_a_horizon_that_is_to_be_found_lets_longer_spans_pass():
+    """They are left out once it has been found; a span that is none is refused all the same."""
+    check_mapping(config(horizon_steps=None, spans_steps=[20, 400]), TASK)
+    with pytest.raises(ConfigError, match=r"mapping\.spans_steps=\[0\]: allowed is at least 1 and at most 100"):
+        check_mapping(config(horizon_steps=None, spans_steps=[0]), TASK)
+
+
+def test_what_was_found_stands_and_spans_that_are_not_shorter_are_left_out():
+    found = settled(config(horizon_steps=None, spans_steps=[3, 12, 20]), 12)
+    assert (found.horizon_steps, found.spans_steps) == (12, [3])
+    assert settled(found, 40) is found
+    set_by_hand = config(horizon_steps=5, spans_steps=[9])
+    assert settled(set_by_hand, 12) is set_by_hand
+
+
+def test_a_horizon_that_has_not_been_found_is_asked_for_by_nobody():
+    assert steps_of(config(horizon_steps=7)) == 7
+    with pytest.raises(ValueError, match=r"mapping\.horizon_steps=null: it has not been found yet"):
+        steps_of(config(horizon_steps=None))
+
+
+def swinging(folder: Path, episodes: int = 20, told: Any = None) -> TrajectoryLog:
+    """A lift that goes up and down again every 40 steps, told to go to where it will be; its floor jumps about."""
+    made, random = TrajectoryLog(folder, 10_000, TASK.contexts), np.random.default_rng(0)
+    for _ in range(episodes):
+        height = np.sin(2 * np.pi * (np.arange(201) / 40 + random.random()))
+        states = np.column_stack([height, np.full(201, 3.0), random.normal(size=201)]).astype(np.float32)
+        said = -np.sign(np.round(states[:-1, :1])) if told is None else np.full((200, 1), told, np.float32)
+        whole = Episode(states, np.zeros(200, int), np.ones(200), said, np.ones(200, bool), True, True, "lower")
+        made.add(whole.as_steps(), lambda _: "lower")
+    return made
+
+
+def test_the_horizon_is_found_on_the_axis_on_which_the_words_turn(tmp_path: Path):
+    """11 or 12 of 40 steps; where all that changes counted, the noise would say 5."""
+    log = swinging(tmp_path / "swing")
+    assert find_steps(log, config(horizon_steps=None), TASK, 0) in (11, 12)
+    assert find_steps(log, config(horizon_steps=None), TASK, 0) == find_steps(log, config(horizon_steps=None), TASK, 0)
+    assert find_steps(log, config(horizon_steps=9), TASK, 0) == 9
+
+
+def test_only_the_dimensions_that_count_are_looked_at(tmp_path: Path):
+    log = swinging(tmp_path / "swing")
+    assert find_steps(log, config(horizon_steps=None, dimensions=["height", "speed"]), TASK, 0) in (11, 12)
+    assert find_steps(log, config(horizon_steps=None, dimensions=["floor"]), TASK, 0) == 5  # no word turns on it
+
+
+@pytest.mark.parametrize("told", [0.0, 1.0])
+def test_where_one_thing_only_is_said_the_leading_change_counts(tmp_path: Path, told: float):
+    log = swinging(tmp_path / "swing", told=told)
+    assert find_steps(log, config(horizon_steps=None, dimensions=["height"]), TASK, 0) in (11, 12)
+
+
+def test_in_silence_too(tmp_path: Path):
+    log = TrajectoryLog(tmp_path / "silent", 1_000, TASK.contexts)
+    add(log, 1.0, 1.0, given=False)
+    assert find_steps(log, config(horizon_steps=None), TASK, 0) == 5
+
+
+def test_without_an_episode_no_horizon_is_found(tmp_path: Path):
+    with pytest.raises(TooLittleDataError, match="no episode has ended yet"):
+        find_steps(TrajectoryLog(tmp_path / "empty", 1_000, TASK.contexts), config(horizon_steps=None), TASK, 0)

@@ -59,7 +59,7 @@ def judged(obedience: Obedience, batch: TensorDictBase, frames: int = 0) -> list
 
 
 def make(horizon_steps: int = 2, judge: Callable[[], Judge | None] = lambda: way) -> Obedience:
-    return Obedience(ORACLE, horizon_steps, judge)
+    return Obedience(ORACLE, lambda: horizon_steps, judge)
 
 
 def test_the_step_that_ends_a_window_gets_what_its_beginning_was_told():
@@ -114,7 +114,7 @@ def test_what_began_in_silence_is_not_judged():
 
 def test_the_weight_falls_to_nothing():
     batch, calls = climbing([1, 1]), []
-    obedience = Obedience(ORACLE, 2, lambda: calls.append(1) or way)  # type: ignore[func-returns-value]
+    obedience = Obedience(ORACLE, lambda: 2, lambda: calls.append(1) or way)  # type: ignore[func-returns-value]
     shown = [judged(obedience, batch.clone(), frames)[1] for frames in (0, 250, 500, 999, 1_000, 5_000)]
     assert shown == pytest.approx([0.5, 0.375, 0.25, 0.0005, 0, 0])
     assert shown[-2:] == [0, 0]
@@ -165,7 +165,9 @@ def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, 
 def settings(judge: str, **changes: Any) -> TrainConfig:
     obedience = ObedienceConfig(judge=judge, weight=0.5, until_frames=1_000)
     return TrainConfig(
-        instructor=InstructorConfig("oracle"), mapping=config(spans_steps=[3, 4]), obedience=obedience, **changes
+        instructor=InstructorConfig("oracle"),
+        obedience=obedience,
+        **({"mapping": config(spans_steps=[3, 4])} | changes),
     )
 
 
@@ -210,8 +212,25 @@ def test_what_is_meant_is_the_way_it_went():
     assert meant(both, 50, 100)(delta[:2]).tolist() == [[1, 1], [1, 1]]
 
 
+@pytest.mark.parametrize("judge", ["mapping", "oracle"])
+def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path: Path):
+    """Then it begins with the steps that follow."""
+    development = Development(config(horizon_steps=None), TASK, 0)
+    obedience, batch = make_obedience(settings(judge), TASK, development), climbing([1] * 6)
+    told = obedience.add(batch, 0)
+    assert np.isnan(told["obeyed"])
+    assert told["extra_reward"] == 0
+    assert batch["next", "extra_reward"].shape == (1, 6, 1)
+    assert obedience.state_dict() == {}
+    log = TrajectoryLog(tmp_path / "log", 10_000, TASK.contexts)
+    obey(log)
+    development.refresh(log, stay)
+    assert development.horizon_steps == 5
+    assert judged(obedience, climbing([1] * 6)) == pytest.approx([0, 0, 0, 0, 0.5, 0.5])
+
+
 def test_the_oracle_judges_over_the_shortest_span():
-    obedience = make_obedience(settings("oracle"), TASK, Development(config(), TASK, 0))
+    obedience = make_obedience(settings("oracle"), TASK, Development(config(spans_steps=[3, 4]), TASK, 0))
     assert judged(obedience, climbing([1, 1, 1, -1, 0, 0])) == [0, 0, 0.5, 0.5, 0.5, -0.5]
 
 
@@ -221,6 +240,10 @@ def test_the_oracle_judges_over_the_shortest_span():
         (
             replace(settings("oracle"), instructor=InstructorConfig("silent")),
             r"^obedience\.judge=oracle with instructor=silent: allowed is none",
+        ),
+        (
+            settings("oracle", refresh_every_frames=None, mapping=config(horizon_steps=None)),
+            r"^obedience\.judge=oracle with refresh_every_frames=null and mapping\.horizon_steps=null, which no",
         ),
         (
             settings("mapping", refresh_every_frames=None),

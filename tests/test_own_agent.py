@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ import pytest
 from processes import ROOT, call
 
 import ibe_rl
-from ibe_rl.config import GuestConfig, ViewerConfig
+from ibe_rl.config import EnsembleConfig, GuestConfig, InstructorConfig, ViewerConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_TASK
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation import calibrating, load_run
+from ibe_rl.evaluation.calibrating import first_calibration
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import phrases_true, share_true
 from ibe_rl.metrics.verdict import WORST_FIRST
@@ -55,6 +57,43 @@ def test_the_words_mean_what_the_instructor_means(studied: Study) -> None:
     assert studied.run.mapping.express(right) > 0.5
     assert studied.run.mapping_frame == studied.run.policy_frame
     assert (studied.run.horizon_steps, list(studied.run.spans)) == (20, [10])
+
+
+def test_how_sure_it_is_is_calibrated_from_the_start(studied: Study) -> None:
+    """On episodes that the words were not learnt from, and kept with them."""
+    calibration = studied.run.calibration
+    assert calibration is not None
+    assert all(one.calibrated for one in studied.explain(seed=5).said)
+    opened = open_study(studied.run.folder, pilots.pilot, QUICK).run
+    assert opened.calibration is not None
+    assert opened.calibration.to_dict() == calibration.to_dict()
+    assert opened.mapping.to_dict() == studied.run.mapping.to_dict()
+
+
+def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(studied: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(_: Any) -> None:
+        raise ConfigError("no exact copy")
+
+    learnt = replace(studied.config, predictor=EnsembleConfig())
+    assert first_calibration(studied.run, learnt) is None
+    silent = replace(studied.run, config=replace(studied.run.config, instructor=InstructorConfig("silent")))
+    monkeypatch.setattr(calibrating, "EPISODES", 2)
+    assert first_calibration(silent, studied.config) is None
+    monkeypatch.setattr(calibrating, "make_copy", refused)
+    assert first_calibration(studied.run, studied.config) is None
+
+
+def test_a_horizon_that_nobody_set_is_found_told_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["mapping.horizon_steps=null", "predictor.futures=1"]
+    folder = tmp_path / "run"
+    made = study(pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings)
+    steps = made.run.horizon_steps
+    assert 5 <= steps <= 100
+    assert f"explains the next {steps} steps, as long as movements last here" in capsys.readouterr().out
+    assert read_json(folder / "summary.json")["horizon_steps"] == steps
+    opened = open_study(folder, pilots.pilot).run
+    assert (opened.horizon_steps, opened.config.mapping.horizon_steps) == (steps, steps)
+    assert list(opened.spans) == [n for n in (20,) if n < steps]
 
 
 def test_it_explains_an_episode(studied: Study) -> None:
@@ -141,6 +180,8 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
     refused("fails on an observation of 11 numbers", pilots.module(), agent_sees_instruction=True)
     refused("episodes=1: allowed is at least 2", episodes=1)
     refused("random_actions=2: allowed is at least 0 and at most 1", random_actions=2)
+    unread = ["mapping.dimensions=[angular_velocity]"]
+    refused(r"rule does not depend on them, it reads x, goal_x; allowed is \[\], or mapping=lasso", settings=unread)
     refused("env=nothing: allowed is one of", env="nothing")
     refused(
         "mapping.horizon_steps=5000: allowed is at least 1 and at most 1000", settings=["mapping.horizon_steps=5000"]

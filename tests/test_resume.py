@@ -41,6 +41,10 @@ AGENTS = {
         "agent.learn_after_frames=500",
         "agent.epsilon_share=0.5",
     ],
+    "found": [  # how far ahead is explained
+        *("viewer=off", "agent.minibatch_size=64", "mapping.horizon_steps=null", "predictor=regression"),
+        "obedience.judge=oracle",
+    ],
     "continuous": ["viewer=off", "env=lander_continuous", "agent.minibatch_size=64"],
 }
 SLOW = [name if name != "continuous" else pytest.param(name, marks=pytest.mark.soak) for name in AGENTS]

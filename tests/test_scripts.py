@@ -65,6 +65,7 @@ def test_a_run_leaves_what_the_contract_names(run: Path) -> None:
     assert summary["frames"] == 6144  # 6,000 rounded up to whole batches of 1,024
     assert summary["refreshes"] + summary["refreshes_kept"] + summary["refreshes_skipped"] == 3
     assert summary["refreshes_kept"] == 0
+    assert summary["horizon_steps"] == 20
     assert summary["refreshes"] == len(list((run / "refreshes").glob("*.json"))) >= 1
     assert (run / ".hydra" / "config.yaml").is_file()
     assert [path.name for path in sorted((run / "checkpoints").iterdir())] == [
@@ -329,6 +330,32 @@ def test_a_refresh_that_cannot_be_made_is_skipped_counted_and_shown(
     assert [row["ibe/skipped"] for row in rows(folder) if row["ibe/skipped"]] == ["1", "2", "3"]
 
 
+def test_a_horizon_that_nobody_set_is_found_told_once_and_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ["mapping.horizon_steps=null", "mapping.spans_steps=[10]", "predictor=regression", "viewer=off"]
+    call("train", *SMALL, *settings, f"run_dir={tmp_path / 'found'}")
+    saved = [json.loads(path.read_text()) for path in (tmp_path / "found" / "refreshes").glob("*.json")]
+    [steps] = {each["horizon_steps"] for each in saved}
+    assert json.loads((tmp_path / "found" / "summary.json").read_text())["horizon_steps"] == steps
+    assert 10 < steps < 40  # a fifth of short flights
+    told = capsys.readouterr().out
+    line = f"explains the next {steps} steps, as long as movements last here; mapping.horizon_steps sets it"
+    assert told.count(line) == told.count("explains the next") == 1
+    assert load_run(tmp_path / "found").horizon_steps == steps
+    call("explain", f"run={tmp_path / 'found'}", "viewer=off", "predictor=regression")
+    assert f"its next {steps} steps" in capsys.readouterr().out
+
+
+def test_it_is_said_what_can_be_done_if_refresh_after_refresh_is_skipped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call("train", *SMALL, "mapping.n_clusters=2000", f"run_dir={tmp_path / 'many'}", "viewer=off")
+    told = capsys.readouterr().out.replace("\n", " ")
+    assert "2 refreshes were skipped so far and there are no words yet: train longer, take mapping=lasso" in told
+    assert "1 refreshes" not in told
+
+
 def test_early_refreshes_without_whole_episodes_do_not_stop_training(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -365,6 +392,10 @@ BAD = {
     "no horizon": (["mapping.horizon_steps=0"], ["mapping.horizon_steps=0", "at least 1"]),
     "too long a horizon": (["mapping.horizon_steps=1001"], ["mapping.horizon_steps=1001", "at most 1000"]),
     "unknown dimension": (["mapping.dimensions=[height]"], ["mapping.dimensions=['height']", "angle"]),
+    "words turn elsewhere": (
+        ["mapping.dimensions=[angle]"],
+        ["mapping.dimensions=['angle']", "it reads x, goal_x; allowed is [], or mapping=lasso"],
+    ),
     "no newest frames": (["mapping.newest_frames=0"], ["mapping.newest_frames=0", "at least 1"]),
     "no span": (["mapping.spans_steps=[20,0]"], ["mapping.spans_steps=[20, 0]", "at least 1 and at most 1000"]),
     "movement without an axis": (

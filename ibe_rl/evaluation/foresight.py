@@ -43,7 +43,8 @@ def predictor_of(
     """
     make_one = partial(make_copy, env or run.config.env)
     horizons = [run.horizon_steps, *run.config.mapping.spans_steps]
-    with closing(make_predictor(config, make_one, run.task.rule, seed, run.make_env(), horizons)) as predictor:
+    making = config, make_one, run.task.rule, seed, run.make_env()
+    with closing(make_predictor(*making, lambda: horizons)) as predictor:
         if is_learnt(config):
             _prepare(predictor, run, config, run.policy_frame if until_frame is None else until_frame)
         yield predictor

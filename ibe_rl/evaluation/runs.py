@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ibe_rl.data import ConfigError, Policy
 from ibe_rl.env.make import make_game, task_of
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping, Reactions
+from ibe_rl.lessons import settled
 from ibe_rl.limits import check
 from ibe_rl.metrics import Calibration
 from ibe_rl.refresh import Saved, Spans, load_refresh
@@ -32,7 +33,7 @@ class TrainedRun:
 
     Attributes:
         folder: where it lies.
-        config: what it was trained with.
+        config: what it was trained with; a horizon that was found is in it.
         task: the environment's own.
         policy: the greedy policy of the last evaluation; of a guest the one that was named.
         policy_frame: training frames when it was kept.
@@ -97,7 +98,7 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
         raise ConfigError(f"{folder}: its confidence is made of {', '.join(calibration.names)}; allowed are {known}")
     return TrainedRun(
         folder,
-        config,
+        replace(config, mapping=settled(config.mapping, saved.horizon_steps)),
         task,
         guest(config) if guest else _load_policy(path, config, env),
         frame,

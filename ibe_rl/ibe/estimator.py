@@ -28,7 +28,7 @@ from ibe_rl.ibe.space import (
     scaled,
     typical_movement,
 )
-from ibe_rl.ibe.split import split, split_mirrored
+from ibe_rl.ibe.split import split, split_mirrored, with_rest
 from ibe_rl.ibe.vocabulary import normalise
 
 SPACES = ("all", "information", "lasso", "network", "rule")
@@ -68,7 +68,7 @@ class IBEMapping(BaseEstimator):
         split: see ``ibe_rl.ibe.split.split``.
         power: of the magnitude of a movement along the axes; below 1 small movements get clusters of their own. Only
             with a space of instructions.
-        symmetric: divide movements and their opposites (in all numbers), to get as many clusters on both sides.
+        symmetric: divide movements and their opposites alike (in all numbers); with "movement" one pair is at rest.
         normalisation: "minmax" (literal) or "sign" of the mean instructions; "movement": a cluster is called by how
             far it moves, 1 being what the instruction 1 typically brought about. Only with a space of instructions.
         membership: see ``ClusterMapping``.
@@ -269,7 +269,8 @@ class IBEMapping(BaseEstimator):
             first = space.place(self.last.centre_changes())
             places, counts = np.concatenate([places, first]), np.append(counts, self.memory * self.last.evidence)
         divide = split_mirrored if self.symmetric else split
-        return divide(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
+        found = divide(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
+        return with_rest(found, self.power) if self.symmetric and self.normalisation == "movement" else found
 
     def _name(self, lessons: _Lessons, places: Array, centres: Array, space: Space) -> tuple[ClusterMapping, Array]:
         """Give each cluster the mean of its instructions (the paper's equations 3 to 5) and its name; and labels."""

@@ -13,6 +13,9 @@ from sklearn.metrics import pairwise_distances
 from ibe_rl.data import Array
 
 SPLITS = ("kmeans", "bisecting", "quantile")
+FEWEST_WITH_REST = 4
+REST = 0.05
+"""A movement, on the instructor's scale, that is none."""
 
 
 def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Array | None, seed: int) -> Array:
@@ -57,6 +60,26 @@ def split_mirrored(
     if how == "kmeans":  # best is often a lopsided division; from a mirrored one k-means goes on to a mirrored one
         centres = mirrored(split(places, counts, k, how, n_init, centres, seed))
     return centres
+
+
+def with_rest(centres: Array, power: float) -> Array:
+    """Draw the innermost pair of mirrored centres ``(k, P)`` in to rest, ``REST``, unless a centre is there already.
+
+    Otherwise a thing at rest would be called by the smallest movement of things that never rest. Three or fewer
+    centres stay as they are: an odd number has one in the middle, and two are needed for the two ways.
+
+    Args:
+        centres: their own mirror image.
+        power: of the magnitude of a movement, see ``Space``.
+    """
+    moves = np.abs(centres).max(axis=1) ** (1 / power)
+    if len(centres) < FEWEST_WITH_REST or moves.min() <= REST:
+        return centres
+    inner = int(np.argmin(moves))
+    pair = [inner, int(np.argmin(pairwise_distances(centres, -centres[[inner]])))]
+    rested = centres.copy()
+    rested[pair] *= (REST / moves[inner]) ** power  # no farther in than needed, since that costs truth (docs/LOG.md)
+    return rested
 
 
 def mirrored(centres: Array) -> Array:

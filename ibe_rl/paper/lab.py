@@ -62,7 +62,7 @@ def check_report(cfg: TrainConfig, task: Task) -> None:
         return
     check_task(task)
     if cfg.refresh_every_frames is None or cfg.instructor.kind == "silent":
-        key = "instructor=silent" if cfg.refresh_every_frames else "refresh_every_frames=null"
+        key = "instructor=silent" if cfg.refresh_every_frames is not None else "refresh_every_frames=null"
         raise ConfigError(f"report=true with {key}: allowed is a training that learns a vocabulary")
 
 

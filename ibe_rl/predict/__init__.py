@@ -65,7 +65,7 @@ def make_predictor(
     rule: Callable[[Any], Any],
     seed: int,
     env: Any,
-    horizons_steps: Sequence[int],
+    horizons_steps: Callable[[], Sequence[int]],
 ) -> KeptPredictor:
     """Make the predictor that ``config`` asks for.
 
@@ -75,7 +75,7 @@ def make_predictor(
         rule: the environment's instruction rule.
         seed: of its chance.
         env: one environment, whose spaces tell what it has to learn.
-        horizons_steps: how far ahead is explained.
+        horizons_steps: how far ahead is explained, asked when it learns: it may have to be found first.
 
     Raises:
         ConfigError: if it cannot learn such actions.
@@ -84,7 +84,7 @@ def make_predictor(
         actions, size = ActionColumns.of(env.action_space), int(env.observation_space.shape[0])
         return Ensemble(config, actions, size, rule, seed)
     if isinstance(config, RegressionConfig):
-        return Regression(config, seed, config.spans_steps or [*horizons_steps, 2 * max(horizons_steps)])
+        return Regression(config, seed, lambda: config.spans_steps or [*horizons_steps(), 2 * max(horizons_steps())])
     return make_simulator(config, make_copy, rule, seed)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,12 @@ class Regression:
     Args:
         config: see ``RegressionConfig``.
         seed: of the draw of the windows.
-        spans_steps: that it learns.
+        spans_steps: that it learns; asked when it does.
     """
 
-    def __init__(self, config: RegressionConfig, seed: int, spans_steps: Sequence[int]):
-        self._config, self._seed = config, seed
-        self._spans = np.unique(spans_steps)
+    def __init__(self, config: RegressionConfig, seed: int, spans_steps: Callable[[], Sequence[int]]):
+        self._config, self._seed, self._spans_steps = config, seed, spans_steps
+        self._spans = np.zeros(0, int)
         self._features = PolynomialFeatures(config.degree, include_bias=False)
         self._weights: Array | None = None
         self._bias = self._error = np.zeros(0)
@@ -43,6 +43,7 @@ class Regression:
         Raises:
             ValueError: if there is no such episode.
         """
+        self._spans = np.unique(self._spans_steps())
         learnt, judged = held_out(newest_episodes(log, self._config.newest_frames, until_frame))
         seen, change = self._windows(learnt)
         model = make_pipeline(self._features, StandardScaler(), Ridge()).fit(seen, change)
@@ -100,10 +101,12 @@ class Regression:
         if not state:
             return
         arrays = {name: np.array(state[name]) for name in ("spans", "weights", "bias", "error")}
-        if not np.array_equal(arrays["spans"], self._spans):
-            raise ValueError(f"it looks {arrays['spans'].tolist()} steps ahead, expected {self._spans.tolist()}")
+        spans = np.unique(self._spans_steps())
+        if not np.array_equal(arrays["spans"], spans):
+            raise ValueError(f"it looks {arrays['spans'].tolist()} steps ahead, expected {spans.tolist()}")
         if arrays["weights"].ndim != 2 or arrays["weights"].shape[1:] != arrays["bias"].shape:
             raise ValueError(f"its weights have the shape {arrays['weights'].shape}")
+        self._spans = spans
         self._weights, self._bias, self._error = arrays["weights"], arrays["bias"], arrays["error"]
 
     def close(self) -> None:

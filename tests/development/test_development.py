@@ -17,7 +17,7 @@ from ibe_rl.development import Development, figures
 from ibe_rl.ibe import Meaning, TooLittleDataError, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import SCORES, VocabularyDrift
-from ibe_rl.refresh import Refresh, learn_vocabulary, load_refresh
+from ibe_rl.refresh import Refresh, learn_vocabulary, load_refresh, save_refresh
 
 
 def names(refresh: Refresh) -> list[int]:
@@ -383,3 +383,34 @@ def test_the_scores_of_each_number_are_those_of_the_vocabulary_that_stands(log: 
     assert not second.taken
     assert second.change is not None
     assert second.scores_of_numbers[0]["motion_auc"] == second.change.last_scores["motion_auc"]
+
+
+def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: TrajectoryLog, tmp_path: Path):
+    """A lift that never turns is explained for a fifth of an episode, but at least 5 steps."""
+    obey(log)
+    development = Development(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
+    assert (development.horizon_steps, development.horizons_steps) == (None, [])
+    first = development.refresh(log, stay)
+    assert first.horizon_found
+    assert (development.horizon_steps, development.horizons_steps, list(first.spans)) == (5, [5, 2], [2])
+    assert first.top.horizon_steps == development.voice().horizon_steps == 5
+    for _ in range(20):
+        add(log, 100.0, 1.0, steps=90)
+    second = development.refresh(log, stay)
+    assert not second.horizon_found
+    assert second.top.horizon_steps == development.horizon_steps == 5
+    taken_up = Development(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
+    taken_up.load_state_dict(development.state_dict())
+    assert taken_up.horizons_steps == [5, 2]
+    assert taken_up.refresh(log, stay).mapping.to_dict() == development.refresh(log, stay).mapping.to_dict()
+    path = save_refresh(tmp_path, second, config(horizon_steps=development.horizon_steps), TASK)
+    assert load_refresh(path).horizon_steps == 5
+
+
+def test_a_first_refresh_that_fails_finds_no_horizon_for_good(log: TrajectoryLog):
+    development = Development(config(horizon_steps=None, n_clusters=8, n_init=1), TASK, seed=0)
+    add(log, 1.0, 1.0, steps=3)
+    with pytest.raises(TooLittleDataError), development.all_or_nothing():
+        development.refresh(log, stay)
+    assert development.horizon_steps is None
+    assert Development(config(), TASK, seed=0).horizons_steps == [5]

@@ -30,6 +30,7 @@ from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_ID
 from ibe_rl.evaluation import load_run
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.lessons import settled
 from ibe_rl.metrics import Calibration
 from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, create_run_folder, write_json
 
@@ -96,7 +97,8 @@ def test_a_run_opens_as_it_last_was(tmp_path: Path, agent: AgentConfig):
     folder = write_run(tmp_path / "run", agent)
     run = load_run(folder)
     assert run.folder == folder
-    assert run.config == config_of(agent)
+    assert run.config == replace(config_of(agent), mapping=settled(config_of(agent).mapping, 40))
+    assert run.config.mapping.horizon_steps == run.horizon_steps == 40
     assert type(run.config.agent) is type(agent)
     assert run.policy_frame == 1_000
     expected = write_policy(folder, 1_000, agent)

@@ -5,7 +5,7 @@ import pytest
 from sklearn.metrics import pairwise_distances_argmin
 
 from ibe_rl.data import Array
-from ibe_rl.ibe.split import SPLITS, mirrored, split, split_mirrored
+from ibe_rl.ibe.split import SPLITS, mirrored, split, split_mirrored, with_rest
 
 
 def skewed(count: int = 4_000) -> Array:
@@ -104,3 +104,25 @@ def test_a_mirrored_division_is_settled():
     again = split_mirrored(places, np.ones(600), 2, "kmeans", 4, settled, 0)
     np.testing.assert_allclose(np.sort(again, axis=0), np.sort(settled, axis=0), atol=1e-6)
     np.testing.assert_allclose(np.sort(settled, axis=0)[:, 0], [-2 / 3, 2 / 3], atol=0.05)
+
+
+def test_a_pair_is_put_at_rest_where_none_is():
+    apart = np.array([[-0.9], [-0.5], [-0.2], [0.2], [0.5], [0.9]])
+    rested = with_rest(apart, 1.0)
+    np.testing.assert_allclose(rested[:, 0], [-0.9, -0.5, -0.05, 0.05, 0.5, 0.9])
+    assert apart[2] == -0.2  # its own
+    rooted = with_rest(apart, 1 / 3)  # .2 there is a movement of .008
+    np.testing.assert_array_equal(rooted, apart)
+    np.testing.assert_allclose(with_rest(apart + np.sign(apart) * 0.3, 1 / 3)[2:4, 0] ** 3, [-0.05, 0.05])
+
+
+def test_of_several_numbers_the_pair_are_opposites():
+    apart = np.array([[0.3, -0.3], [0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3]])
+    rested = with_rest(apart, 1.0)
+    np.testing.assert_allclose(rested, [[0.05, -0.05], [0.3, 0.3], [-0.05, 0.05], [-0.3, -0.3]])
+
+
+@pytest.mark.parametrize("centres", [[-0.9, -0.03, 0.03, 0.9], [-0.9, -0.5, 0, 0.5, 0.9], [-0.5, 0.5], [-0.5, 0, 0.5]])
+def test_what_has_rest_or_is_too_few_stays(centres: list[float]):
+    own = np.array(centres)[:, None]
+    np.testing.assert_array_equal(with_rest(own, 1.0), own)

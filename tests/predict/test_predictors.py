@@ -71,7 +71,7 @@ def fallen(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrajectoryLog, Seq
 @pytest.fixture(params=KINDS)
 def predictor(request: pytest.FixtureRequest, fallen: Any) -> KeptPredictor:
     config = KINDS[request.param]
-    made = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), [10, 30])
+    made = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), lambda: [10, 30])
     made.learn(fallen[0])
     return made
 
@@ -92,7 +92,7 @@ def test_every_predictor_keeps_the_protocol(predictor: KeptPredictor, fallen: An
 
 def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen: Any, request: pytest.FixtureRequest):
     config = KINDS[request.node.callspec.params["predictor"]]
-    other = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), [10, 30])
+    other = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), lambda: [10, 30])
     predictor.rollout(fallen[1][:5], fall, 3)
     predictor.forget()
     other.load_state_dict(predictor.state_dict())

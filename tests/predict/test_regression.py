@@ -17,7 +17,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> TrajectoryLog:
 
 
 def learnt(log: TrajectoryLog, *spans: int, degree: int = 1) -> Regression:
-    regression = Regression(RegressionConfig(degree=degree), 0, list(spans))
+    regression = Regression(RegressionConfig(degree=degree), 0, lambda: spans)
     regression.learn(log)
     return regression
 
@@ -46,7 +46,7 @@ def test_its_uncertainty_is_the_share_that_it_cannot_foretell(log: TrajectoryLog
 
 
 def test_it_keeps_what_it_has_learnt_in_arrays(log: TrajectoryLog):
-    one, other = learnt(log, 5), Regression(RegressionConfig(degree=1), 3, [5])
+    one, other = learnt(log, 5), Regression(RegressionConfig(degree=1), 3, lambda: [5])
     assert other.state_dict() == {}
     other.load_state_dict({})
     other.load_state_dict(one.state_dict())
@@ -58,7 +58,7 @@ def test_it_keeps_what_it_has_learnt_in_arrays(log: TrajectoryLog):
 
 
 def test_what_does_not_fit_is_refused(log: TrajectoryLog, tmp_path: Path):
-    regression = Regression(RegressionConfig(), 0, [20, 40])
+    regression = Regression(RegressionConfig(), 0, lambda: [20, 40])
     with pytest.raises(ValueError, match="learnt nothing yet"):
         regression.rollout([moment(0.0)], coast, 5)
     with pytest.raises(ValueError, match="no whole episode"):
