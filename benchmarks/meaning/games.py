@@ -45,7 +45,7 @@ CARTS = [
         pay=None,
         told=False,
         truth=cart_x(
-            True, "in the middle the instructor asks for nothing, left of it for one thing, right for the other"
+            False, "it never comes back, so nobody sees the instructor stop: one who cheers it on leaves this log"
         ),
     ),
     Situation(
@@ -98,7 +98,7 @@ SWINGS = [
         rule=WITH_THE_SWING,
         policy=pilots.on_its_own(twist, anything),
         pay=pays.energy_of_pendulum,
-        truth=swing(True, "nobody obeys, but the episodes earn more in which it was pushed as the instructor says"),
+        truth=swing(True, "nobody obeys, but what is paid are pushes the way the instructor says"),
     ),
     Situation(
         name="pendulum_swing_never_told_thrift",
