@@ -2,6 +2,7 @@
 
 from benchmarks.meaning.flown import Flown, Truth
 from benchmarks.meaning.judge import Verdict, judge
-from benchmarks.meaning.situations import Situation, situations
+from benchmarks.meaning.situation import Situation
+from benchmarks.meaning.situations import situations
 
 __all__ = ["Flown", "Situation", "Truth", "Verdict", "judge", "situations"]

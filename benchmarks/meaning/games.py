@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.meaning import pays, pilots, rules
 from benchmarks.meaning.flown import Truth
 from benchmarks.meaning.pilots import anything, drive, steer_cart, twist
-from benchmarks.meaning.situations import Situation
+from benchmarks.meaning.situation import Situation
 from benchmarks.meaning.worlds import CAR, CART, LANDER, PENDULUM, TUTORIAL_CART
 from ibe_rl.data import Array
 from ibe_rl.env.lander_task import instruct as to_the_pad
@@ -45,7 +45,7 @@ CARTS = [
         pay=None,
         told=False,
         truth=cart_x(
-            True, "in the middle the instructor asks for nothing, left of it for one thing, right for the other"
+            False, "it never comes back, so nobody sees the instructor stop: one who cheers it on leaves this log"
         ),
     ),
     Situation(
@@ -91,6 +91,14 @@ SWINGS = [
         policy=pilots.obeys(twist),
         pay=pays.energy_of_pendulum,
         truth=swing(True, "it does what it is told and is paid for it"),
+    ),
+    Situation(
+        name="pendulum_swing_ignores_paid",
+        world=PENDULUM,
+        rule=WITH_THE_SWING,
+        policy=pilots.on_its_own(twist, anything),
+        pay=pays.energy_of_pendulum,
+        truth=swing(True, "nobody obeys, but what is paid are pushes the way the instructor says"),
     ),
     Situation(
         name="pendulum_swing_never_told_thrift",

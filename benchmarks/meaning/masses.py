@@ -11,7 +11,7 @@ from benchmarks.meaning import pays, pilots, rules
 from benchmarks.meaning.flown import Truth
 from benchmarks.meaning.mass import UNMIXED, VX, X, unmixed
 from benchmarks.meaning.pilots import anything, go, push, sways
-from benchmarks.meaning.situations import Situation
+from benchmarks.meaning.situation import Situation
 from benchmarks.meaning.worlds import MASS
 from ibe_rl.data import Array
 
@@ -27,7 +27,7 @@ def speed(states: Array) -> Array:
 
 
 def controller(states: Array) -> Array:
-    """What a controller that brings x to 0 would push."""
+    """What a controller that brings the mass to rest at 0 would push."""
     return -place(states) - 1.2 * speed(states)
 
 
@@ -38,6 +38,8 @@ LEFT_OF_GOAL = rules.only_below(place, 0.5)
 RISES_X, RISES_VX = UNMIXED[X], UNMIXED[VX]
 to_x: Callable[[bool, str], Truth] = partial(Truth, RISES_X, 0.2)
 to_vx: Callable[[bool, str], Truth] = partial(Truth, RISES_VX, 0.1)
+RISES_BOTH = RISES_X + 1.2 * RISES_VX  # what a push raises, and by the minus of which the controller goes
+to_both: Callable[[bool, str], Truth] = partial(Truth, RISES_BOTH, 0.15)
 PLAN = partial(rules.Planned, 10, 25)
 STOPS = "the instructor stops asking once x has risen, and there is a place at which it asks for nothing"
 corrective = partial(Situation, world=MASS, rule=TO_THE_GOAL)
@@ -84,6 +86,13 @@ CORRECTIVE = [
         pay=pays.rest_of_mass,
         told=False,
         truth=to_x(True, STOPS),
+    ),
+    corrective(
+        name="mass_corrective_never_told_paid",
+        policy=on_own,
+        pay=pays.as_told(TO_THE_GOAL, RISES_X),
+        told=False,
+        truth=to_x(True, "what it is told is paid, and " + STOPS),
     ),
     corrective(
         name="mass_corrective_random_thrift",
@@ -137,14 +146,14 @@ OTHERS = [
     by_action(
         name="mass_action_obeys_paid",
         policy=pilots.obeys(push),
-        pay=pays.as_told(BY_CONTROLLER, RISES_VX),
-        truth=to_vx(True, "it does what it is told and is paid for it"),
+        pay=pays.as_told(BY_CONTROLLER, RISES_BOTH),
+        truth=to_both(True, "it does what it is told and is paid for it"),
     ),
     by_action(
         name="mass_action_ignores_a_step",
         policy=on_own,
         pay=pays.a_step,
-        truth=to_vx(False, "nobody obeys, nothing is paid for it, and no state is one in which nothing is asked for"),
+        truth=to_both(False, "nobody obeys, nothing is paid for it, and no state is one in which nothing is asked for"),
     ),
     planned(
         name="mass_plan_obeys_a_step",
@@ -190,6 +199,15 @@ OTHERS = [
         policy=drifts_left(go),
         pay=pays.by_lot,
         truth=to_x(True, "at +1 it goes up, else not, and at the goal the instructor stops asking"),
+    ),
+    Situation(
+        name="mass_one_sided_never_told_rest",
+        world=MASS,
+        rule=LEFT_OF_GOAL,
+        policy=on_own,
+        pay=pays.rest_of_mass,
+        told=False,
+        truth=to_x(True, STOPS),
     ),
 ]
 SITUATIONS = [*CORRECTIVE, *OTHERS]
