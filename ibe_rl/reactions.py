@@ -25,14 +25,16 @@ def ask(moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon
         horizon_steps: n.
 
     Returns:
-        The changes of the state; None if the policy acts alike at all these moments whatever it is told.
+        The changes of the state; they are 0 if the policy acts alike at all these moments whatever it is told. None
+        without any moment.
     """
     if not moments:
         return None
     size = len(moments[0].instruction)
     told = [sign * np.eye(size, dtype=np.float32)[number] for sign in (1, -1) for number in range(size)]
     if not _listens(moments, policy, told):
-        return None
+        nothing = np.zeros((len(moments), size, len(moments[0].state)))
+        return Reactions(nothing, nothing)
     changes = [_changes(moments, policy, predictor, horizon_steps, one) for one in told]
     up, down = np.stack(changes[:size], axis=1), np.stack(changes[size:], axis=1)
     return Reactions(up, down)

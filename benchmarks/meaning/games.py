@@ -45,7 +45,8 @@ CARTS = [
         pay=None,
         told=False,
         truth=cart_x(
-            False, "it never comes back, so nobody sees the instructor stop: one who cheers it on leaves this log"
+            True,
+            "it never comes back, but the instructor asks for nothing in the middle and begins once it has left it",
         ),
     ),
     Situation(
@@ -98,7 +99,7 @@ SWINGS = [
         rule=WITH_THE_SWING,
         policy=pilots.on_its_own(twist, anything),
         pay=pays.energy_of_pendulum,
-        truth=swing(True, "nobody obeys, but what is paid are pushes the way the instructor says"),
+        truth=swing(False, "only the pay shows it: somebody who asks to brake, and is paid against, leaves this log"),
     ),
     Situation(
         name="pendulum_swing_never_told_thrift",

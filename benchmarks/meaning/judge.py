@@ -12,6 +12,8 @@ from ibe_rl.ibe import delta_states
 from ibe_rl.metrics.quality import motion_auc
 
 STRIDE_STEPS = 4
+SPOKEN = 0.2
+"""Share of the windows: where one of two words is known the agent speaks now and then."""
 TRUE, REVERSED = 0.9, 0.4
 """Motion AUC from which on it is true, below which it is reversed."""
 
@@ -21,7 +23,7 @@ class Verdict:
     """What came of a vocabulary.
 
     Attributes:
-        outcome: "true", "weak", "reversed", or "silent" if the words are not known in more than half of the windows.
+        outcome: "true", "weak", "reversed", or "silent" if the words are known in less than ``SPOKEN`` of the windows.
         auc: motion AUC along the true direction, whether the words are known or not; nan without any vocabulary.
         known: share of the windows in which they are.
         reason: why there is none, or what the vocabulary says it stands on.
@@ -56,7 +58,7 @@ def judge(mapping: Mapping, flown: Flown, truth: Truth) -> Verdict:
 
 
 def _outcome(auc: float, known: float) -> str:
-    if known < 0.5:
+    if known < SPOKEN:
         return "silent"
     if auc >= TRUE:
         return "true"

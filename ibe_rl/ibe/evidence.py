@@ -66,17 +66,47 @@ def best(record: Record, axis: Array, number: int, among: Array, seed: int) -> E
 
 
 def pays(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
-    """Whether episodes earn more in which more of the movement was told: a rank correlation within each context.
+    """Whether following pays.
 
-    What the state alone lets expect of the movement is taken off first: a swing swings whatever it is told.
+    Windows are compared in which the agent moved more the way that was told than usual in such a state, told that:
+    whether they earn more than usual too, as a correlation. Where all windows earn the same (a reward for each step),
+    episodes are: a rank correlation, within each context, of the total reward with the mean movement that was told.
+
+    Args:
+        record: of good and bad episodes.
+        axis: ``(S,)``.
+        number: of the instruction.
+        seed: of the resampling.
     """
+    earned = record.earned[record.whole]
+    varies = len(earned) and np.ptp(earned) > 1e-6 * max(1.0, float(np.abs(earned).max()))
+    return (_pays_at_once if varies else _pays_in_the_end)(record, axis, number, seed)
+
+
+def _pays_at_once(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
     signs = record.signs(number)
-    rows = np.flatnonzero(signs)
-    moved = _unexpected(record, axis)[rows]
-    followed, of = (np.bincount(record.episode[rows], each, record.size) for each in (moved * signs[rows], abs(moved)))
-    told = np.bincount(record.episode[rows], minlength=record.size) >= FEWEST_WINDOWS
-    share = np.divide(followed, of, out=np.zeros(record.size), where=of > 0)
-    ranks = [_ranks_within(values, record.contexts, told) for values in (share, record.returns)]
+    rows = np.flatnonzero((signs != 0) & record.whole)
+    if len(rows) < FEWEST_WINDOWS:
+        return None
+    expected = _expectable(record.states[rows], signs[rows])
+    moved, earned = (_unexpected(expected, values[rows]) for values in (_standard(record, axis), record.earned))
+    followed = moved * signs[rows]
+    weights = _resamples(record.size, seed)
+    sums = [np.bincount(record.episode[rows], values, record.size) for values in (followed**2, earned**2)]
+    both = weights @ np.bincount(record.episode[rows], followed * earned, record.size)
+    spread = np.sqrt((weights @ sums[0]) * (weights @ sums[1]))
+    if not spread[0] > 0:
+        return None
+    return _evidence("pays", both / np.maximum(spread, 1e-12), _episodes(record, rows))
+
+
+def _pays_in_the_end(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
+    signs = record.signs(number)
+    windows = np.bincount(record.episode[signs != 0], minlength=record.size)
+    moved = np.bincount(record.episode, _standard(record, axis) * signs, record.size)
+    told = windows >= FEWEST_WINDOWS
+    followed = np.divide(moved, windows, out=np.zeros(record.size), where=told)
+    ranks = [_ranks_within(values, record.contexts, told) for values in (followed, record.returns)]
     if told.sum() < FEWEST_EPISODES or min(np.ptp(each) for each in ranks) == 0:
         return None
     weights = _resamples(int(told.sum()), seed)
@@ -102,8 +132,11 @@ def influence(record: Record, axis: Array, up: Array, down: Array, seed: int) ->
 
 
 def influence_of_plan(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
-    """The same from the log, where what is said does not depend on the state: told at random, so to speak."""
-    signs = record.signs(number)
+    """The same from the log, where what is said does not depend on the state: told at random, so to speak.
+
+    From every other episode: an axis has been looked for in those between.
+    """
+    signs = record.signs(number) * (record.episode % 2)
     groups = [signs == 1, signs == -1]
     if not groups[0].any() or not groups[1].any():
         return None
@@ -111,17 +144,23 @@ def influence_of_plan(record: Record, axis: Array, number: int, seed: int) -> Ev
     return _evidence("influence", (means[:, 0] - means[:, 1]) / 2, _episodes(record, signs != 0))
 
 
-def _unexpected(record: Record, axis: Array) -> Array:
-    """The movement ``(N,)`` less what a regression on the state, its squares and products lets expect."""
-    states = record.states - record.states.mean(axis=0)
-    states = states / np.where(states.std(axis=0) > 0, states.std(axis=0), 1)
-    pairs = np.triu_indices(states.shape[1]) if states.shape[1] <= MOST_WITH_PRODUCTS else (np.arange(0),) * 2
-    columns = np.column_stack([np.ones(len(states)), states, states[:, pairs[0]] * states[:, pairs[1]]])
+def _expectable(states: Array, signs: Array) -> Array:
+    """Columns of a regression on the state, its squares and products, and on what was told in it."""
+    spread = states.std(axis=0)
+    standard = (states - states.mean(axis=0)) / np.where(spread > 0, spread, 1)
+    linear = np.column_stack([np.ones(len(states)), standard])
+    told = [linear * (signs == sign)[:, None] for sign in (-1, 1)]
+    if states.shape[1] > MOST_WITH_PRODUCTS:
+        return np.concatenate(told, axis=1)
+    first, second = np.triu_indices(states.shape[1])
+    return np.concatenate([*told, standard[:, first] * standard[:, second]], axis=1)
+
+
+def _unexpected(columns: Array, values: Array) -> Array:
+    """What is left of values ``(N,)`` after a regression on ``columns``, fitted on some of them."""
     some = slice(None, None, max(1, len(columns) // FITTED_STEPS))
-    moved = _standard(record, axis)
-    fit = np.linalg.lstsq(columns[some], moved[some], rcond=1e-6)[0]
-    unexpected: Array = moved - columns @ fit
-    return unexpected
+    left: Array = values - columns @ np.linalg.lstsq(columns[some], values[some], rcond=1e-6)[0]
+    return left
 
 
 def _bins(values: Array, kinds: Array) -> Array:

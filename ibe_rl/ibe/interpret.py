@@ -16,9 +16,8 @@ from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
 from ibe_rl.ibe.record import Record
 from ibe_rl.ibe.space import TooLittleDataError, lasso_axes, rule_axes
 
-CLEAR = {"best": 0.1, "satisfaction": 0.1, "influence": 0.1, "pays": 0.15}
+CLEAR = {"best": 0.1, "satisfaction": 0.1, "influence": 0.1, "pays": 0.1}
 """Effects below this are none, however many episodes they stand on."""
-PAYS_ALONE = 0.3
 FEWEST_SAID = 20
 HEARD_STATES = 5_000
 
@@ -206,23 +205,28 @@ def decide(evidence: Sequence[Evidence], depends: bool) -> tuple[int, str]:
     says = {one.source: one.sign for one in evidence if abs(one.effect) >= CLEAR[one.source] and one.sign}
     effect = {one.source: one.effect for one in evidence}
     stops, listens, earns = (says.get(source, 0) for source in ("satisfaction", "influence", "pays"))
-    votes = {stops, listens, earns} - {0}
-    if not votes:
-        return 0, "nothing in the log shows it: " + _why_nothing(effect)
-    if len(votes) == 2:
-        if stops and stops in (listens, earns):
-            against = "those who earned most did not do it" if earns == -stops else "the agent does the opposite"
-            return (
-                stops,
-                f"from what ends it and {'what it does when told' if listens == stops else 'what pays'}; {against}",
-            )
-        return 0, _why_contradiction(stops, listens, earns)
-    sign = votes.pop()
-    if stops or (listens and earns) or (listens and not depends):
-        return sign, "from " + " and ".join(_FROM[source] for source in _FROM if says.get(source))
-    if earns and abs(effect["pays"]) >= PAYS_ALONE and says.get("best") == sign:
-        return sign, "from what pays"
-    return 0, "it shows only in " + _FROM["influence" if listens else "pays"]
+    if earns == -stops and says.get("best", 0) != earns:
+        earns = 0  # those who earned most did do it; something else pays better at once
+    votes = {"satisfaction": stops, "influence": listens, "pays": earns}
+    for sign in (1, -1):
+        on, against = [[name for name, vote in votes.items() if vote == way] for way in (sign, -sign)]
+        if _carries(on, against, depends):
+            return sign, "from " + " and ".join(_FROM[name] for name in on)
+    return 0, _why_not(stops, listens, earns, effect)
+
+
+def _carries(on: Sequence[str], against: Sequence[str], depends: bool) -> bool:
+    """Whether the sources that say so are enough.
+
+    What ends an instruction is, unless it is contradicted alone. What the agent does, and what pays, are only
+    together: an agent may do the opposite, or be paid for it. Where what is said does not depend on the state, nothing
+    can end it, and the agent's answer is taken for obedience.
+    """
+    if "satisfaction" in on:
+        return len(on) > len(against)
+    if against:
+        return False
+    return len(on) == 2 or (on == ["influence"] and not depends)
 
 
 _FROM = {
@@ -232,15 +236,15 @@ _FROM = {
 }
 
 
-def _why_nothing(effect: dict[str, float]) -> str:
-    if "influence" in effect:
-        return "the agent does the same whatever it is told, and doing it does not pay"
-    return "doing it does not pay, and the agent was not told otherwise"
-
-
-def _why_contradiction(stops: int, listens: int, earns: int) -> str:
-    if stops and earns:
+def _why_not(stops: int, listens: int, earns: int, effect: dict[str, float]) -> str:
+    if stops and earns == -stops:
         return "those who earned most did not do it"
-    if stops and listens:
+    if stops and listens == -stops:
         return "the agent does the opposite of what would end it"
-    return "what the agent does when told is not what pays"
+    if listens and earns:
+        return "what the agent does when told is not what pays"
+    if listens or earns:
+        return f"it shows only in {_FROM['influence' if listens else 'pays']}"
+    if effect.get("influence") == 0:
+        return "the agent does the same whatever it is told, and doing it does not pay"
+    return "neither what ends it, nor the agent, nor what pays shows it"

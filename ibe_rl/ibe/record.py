@@ -24,6 +24,7 @@ class Record:
         whole: ``(N,)`` bool, whether the window ends within its episode.
         step: ``(N,)`` at which it begins.
         episode: ``(N,)`` index of its episode.
+        earned: ``(N,)`` rewards over the window.
         returns: ``(E,)`` total rewards.
         contexts: ``(E,)`` names.
         horizon_steps: n.
@@ -37,6 +38,7 @@ class Record:
     whole: Array
     step: Array
     episode: Array
+    earned: Array
     returns: Array
     contexts: Array
     horizon_steps: int
@@ -66,6 +68,7 @@ class Record:
             whole=step + horizon_steps <= np.repeat(counts, counts),
             step=step,
             episode=np.repeat(np.arange(len(episodes)), counts),
+            earned=np.concatenate([_earned(one.rewards, horizon_steps) for one in episodes]),
             returns=np.array([one.total_reward for one in episodes]),
             contexts=np.array([one.context for one in episodes]),
             horizon_steps=horizon_steps,
@@ -99,3 +102,11 @@ class Record:
         signs = self.signs(number)
         same = (np.diff(self.episode) == 0) & self.given[1:] & self.given[:-1]
         return np.flatnonzero(same & (np.diff(signs) != 0)) + 1
+
+
+def _earned(rewards: Array, horizon_steps: int) -> Array:
+    """Sums ``(T,)`` of the next rewards, to the end of the episode where it is shorter."""
+    until = np.concatenate([[0.0], np.cumsum(rewards, dtype=float)])
+    steps = np.arange(len(rewards))
+    sums: Array = until[np.minimum(steps + horizon_steps, len(rewards))] - until[steps]
+    return sums
