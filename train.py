@@ -14,7 +14,7 @@ python train.py --cfg job                        every setting
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from importlib.metadata import version
 from pathlib import Path
@@ -22,7 +22,6 @@ from traceback import format_exception
 from typing import Any
 
 import numpy as np
-from tensordict import TensorDictBase
 from torchrl import timeit
 
 from ibe_rl.checkpoint import BETWEEN, save_policy
@@ -64,12 +63,11 @@ from ibe_rl.run_folder import (
     write_atomically,
     write_json,
 )
-from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation, page
+from ibe_rl.serve.relay import News, choose_ports, page, serve_live
 from ibe_rl.signals import StopRequest
 from ibe_rl.stream import set_back
 
 WATCH_SEED = EVALUATION_SEED + 50_000
-News = Callable[[], list[str]]
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
 
 
@@ -147,14 +145,6 @@ def train(
             with timeit("checkpoint"):
                 save_state(parts, whole_state(parts, time.perf_counter() - start))  # to resume from
     return finish(cfg, parts, row, lambda: time.perf_counter() - start, stopped=bool(stop))
-
-
-def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
-    """Count the time spent waiting for each batch under ``name``."""
-    while True:
-        with timeit(name):
-            batch = next(endless)
-        yield batch
 
 
 def training_row(log: TrajectoryLog, losses: dict[str, float]) -> dict[str, float]:
@@ -291,7 +281,7 @@ def main(cfg: TrainConfig) -> None:
                     set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
-            live = serve(folder / RECORDING, ports, owned) if ports else list
+            live = serve_live(folder / RECORDING, ports, owned, print) if ports else list
             classroom = open_classroom(cfg, env, lesson_port, folder, page(ports) if ports else None)
             owned.callback(classroom.close)
             summary = train(cfg, folder, stop, owned, live, classroom, state)
@@ -301,17 +291,6 @@ def main(cfg: TrainConfig) -> None:
         reproduce(ExplainConfig(run=str(folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer))
     if stop and is_sweep():
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
-
-
-def serve(recording: Path, ports: Ports, owned: ExitStack) -> News:
-    """Start the process that serves the recording while it grows; without it training goes on all the same."""
-    try:
-        relay = owned.enter_context(Relay(recording, ports))
-    except RuntimeError as reason:
-        print(f"warning: no live view, the recording is written all the same: {reason}")
-        return list
-    print(invitation(ports))
-    return relay.news
 
 
 if __name__ == "__main__":

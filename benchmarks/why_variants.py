@@ -10,8 +10,9 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array
+from ibe_rl.fitting import fit_windows
 from ibe_rl.ibe import ClusterMapping, Windows
-from ibe_rl.lessons import Lessons, best_windows, fit_windows, read_lessons
+from ibe_rl.lessons import Lessons, best_windows, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.task import Task
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ibe_rl.config import MappingConfig, TrainConfig
-from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy, observe
+from ibe_rl.data import Array, ConfigError, Episode, Explanation, Policy
 from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, phrases_true_in
+from ibe_rl.fitting import check_mapping
 from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
-from ibe_rl.lessons import check_mapping, find_steps, settled, steps_of
+from ibe_rl.lessons import find_steps, settled, steps_of
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import (
     OF_THE_MOMENTS,
@@ -29,11 +30,10 @@ from ibe_rl.metrics import (
     vocabulary_drift,
     wrong_signs,
 )
+from ibe_rl.probe import Probe, draw_probe
 from ibe_rl.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
-from ibe_rl.run_folder import write_atomically
 from ibe_rl.task import Task
 
-PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 JUDGED_EPISODES = 200
 """The newest ones, that the confidence is calibrated on."""
 OTHER_HORIZON = 1.5
@@ -47,23 +47,6 @@ FIGURES = (
     *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
 )
 """What ``figures`` and ``Development.judge`` can tell of a refresh; columns of metrics.csv."""
-
-
-@dataclass(frozen=True)
-class Probe:
-    """What is the same at every refresh, so that only what is held against it can have moved.
-
-    Attributes:
-        delta: ``(P, S)`` changes of the state, for the vocabulary.
-        observations: ``(P, O)`` what the policy read where they began, for the policy.
-    """
-
-    delta: Array
-    observations: Array
-
-    def save(self, path: Path) -> None:
-        """Write both as ``.npz``, without pickles."""
-        write_atomically(path, lambda stream: np.savez(stream, delta=self.delta, observations=self.observations))
 
 
 class Development:
@@ -294,22 +277,6 @@ def check_development(config: TrainConfig, task: Task) -> None:
             f"refresh_when_stale={config.refresh_when_stale:g}: allowed is null with refresh_every_frames=null, "
             "when no vocabulary is looked at"
         )
-
-
-def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
-    """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
-    random = np.random.default_rng(seed)
-    steps = steps_of(config)
-    shortest = steps if config.window_end == "drop" else 1  # that a window fits into
-    long_enough = np.flatnonzero(log.index["steps"] >= shortest)
-    episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
-    windows = cut_windows(episodes, steps, config.window_end)
-    rows = random.permutation(len(windows))[:PROBE_WINDOWS]
-    places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
-    states = np.array([episode.states[step] for episode, step in places])
-    instructions = np.array([episode.instructions[step] for episode, step in places])
-    given = np.array([[episode.given[step]] for episode, step in places])
-    return Probe(windows.delta[rows], observe(states, instructions, given))
 
 
 def figures(refresh: Refresh) -> dict[str, float]:

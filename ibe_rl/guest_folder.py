@@ -16,8 +16,9 @@ from ibe_rl.command_line import composed, write_config
 from ibe_rl.config import ExplainConfig, GuestConfig, TrainConfig
 from ibe_rl.data import ConfigError, Episode
 from ibe_rl.env.make import make_game, task_of
+from ibe_rl.fitting import check_mapping
 from ibe_rl.ibe import Reactions, TooLittleDataError
-from ibe_rl.lessons import check_mapping, find_steps, horizon_told, settled, steps_of
+from ibe_rl.lessons import find_steps, horizon_told, settled, steps_of
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.refresh import Refresh, learn_vocabulary, save_refresh
 from ibe_rl.rule_reads import check_dimensions

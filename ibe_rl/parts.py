@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from tensordict import TensorDictBase
 from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
@@ -270,3 +271,11 @@ def times(counts: Counts) -> Mapping[str, float]:
     """Seconds spent so far, in earlier sittings too, by what they were spent on."""
     seconds = timeit.todict(percall=False)
     return {name: seconds.get(name, 0.0) + counts.times_s.get(name, 0.0) for name in TIMES}
+
+
+def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
+    """Count the time spent waiting for each batch under ``name``."""
+    while True:
+        with timeit(name):
+            batch = next(endless)
+        yield batch

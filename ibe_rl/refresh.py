@@ -14,6 +14,7 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array
+from ibe_rl.fitting import fit_mapping, fit_windows, interpret_lessons
 from ibe_rl.ibe import (
     ClusterMapping,
     Interpretation,
@@ -23,16 +24,7 @@ from ibe_rl.ibe import (
     Windows,
     phrase,
 )
-from ibe_rl.lessons import (
-    Lessons,
-    best_windows,
-    fit_mapping,
-    fit_windows,
-    interpret_lessons,
-    read_lessons,
-    steps_of,
-    told_windows,
-)
+from ibe_rl.lessons import Lessons, best_windows, read_lessons, steps_of, told_windows
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
 from ibe_rl.run_folder import read_json, write_json

@@ -32,8 +32,8 @@ from ibe_rl.config_store import register
 from ibe_rl.data import ConfigError
 from ibe_rl.development import check_development
 from ibe_rl.env.lander_task import LANDER_TASK
+from ibe_rl.fitting import PASSED_ON, check_mapping
 from ibe_rl.ibe import IBEMapping
-from ibe_rl.lessons import PASSED_ON, check_mapping
 from ibe_rl.limits import check
 from ibe_rl.task_config import FUNCTIONS
 

@@ -20,7 +20,8 @@ LAYERS = (
     {"env", "log", "ibe", "ray_workers", "ray_run"},
     {"instruct", "agent", "guest", "predict", "metrics"},
     {
-        *("collect", "explainer", "play", "lessons", "reactions", "rule_reads", "refresh", "development"),
+        *("collect", "explainer", "play", "lessons", "fitting", "reactions", "rule_reads", "probe"),
+        *("refresh", "development"),
         *("obedience", "classroom"),
     },
     {"progress", "stream", "serve", "viewer", "evaluation", "paper", "sweep", "telling"},
@@ -29,7 +30,8 @@ LAYERS = (
 )
 SIDEWAYS = {
     ("ray_run", "ray_workers"),
-    *(("refresh", "lessons"), ("development", "lessons")),
+    *(("refresh", "lessons"), ("development", "lessons"), ("fitting", "lessons"), ("probe", "lessons")),
+    *(("refresh", "fitting"), ("development", "fitting"), ("development", "probe")),
     *(
         ("development", "refresh"),
         ("development", "explainer"),

@@ -10,18 +10,9 @@ from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 
 from ibe_rl import lessons as module
 from ibe_rl.data import ConfigError, Episode
+from ibe_rl.fitting import check_mapping, clusters_of, fit_mapping
 from ibe_rl.ibe import IBEMapping, TooLittleDataError
-from ibe_rl.lessons import (
-    best_windows,
-    check_mapping,
-    clusters_of,
-    find_steps,
-    fit_mapping,
-    read_lessons,
-    settled,
-    steps_of,
-    told_windows,
-)
+from ibe_rl.lessons import best_windows, find_steps, read_lessons, settled, steps_of, told_windows
 from ibe_rl.log import TrajectoryLog
 
 

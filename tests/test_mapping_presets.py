@@ -15,8 +15,8 @@ from omegaconf import OmegaConf
 from ibe_rl.config import MappingConfig
 from ibe_rl.config_store import register
 from ibe_rl.data import Array, Episode, Mapping
+from ibe_rl.fitting import fit_mapping
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.lessons import fit_mapping
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 PRESETS = sorted(path.stem for path in (CONFIGS / "mapping").glob("*.yaml"))

@@ -14,16 +14,9 @@ from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
-from ibe_rl.lessons import (
-    Lessons,
-    best_windows,
-    check_mapping,
-    clusters_of,
-    fit_mapping,
-    interpret_lessons,
-    read_lessons,
-)
+from ibe_rl.lessons import Lessons, best_windows, read_lessons
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.run_folder import TRAJECTORIES
 from ibe_rl.task import Task

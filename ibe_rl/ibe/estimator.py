@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator
-from sklearn.metrics import pairwise_distances, pairwise_distances_argmin
+from sklearn.metrics import pairwise_distances_argmin
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
 from ibe_rl.data import Array, read_only
 from ibe_rl.ibe.interpret import Interpretation
-from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
 from ibe_rl.ibe.meaning import Meaning
+from ibe_rl.ibe.settings import OF_INSTRUCTIONS, check_settings
 from ibe_rl.ibe.space import (
     Space,
     TooLittleDataError,
@@ -30,11 +31,6 @@ from ibe_rl.ibe.space import (
 )
 from ibe_rl.ibe.split import split, split_mirrored, with_rest
 from ibe_rl.ibe.vocabulary import normalise
-
-SPACES = ("all", "information", "lasso", "network", "rule")
-OF_INSTRUCTIONS = ("lasso", "network", "rule")
-"""Spaces with an axis for each number of the instruction; 1 on it is what the instruction 1 typically brought about."""
-
 
 SMALLEST_UNIT = 0.5
 """Of the mean movement under an instruction: what +1 brings about counts as no less, where little is followed."""
@@ -295,65 +291,16 @@ class IBEMapping(BaseEstimator):
             mean_instructions=means[order],
             expressions=expressions[order],
             sizes=sizes[order],
-            purities=_purities(labels, sizes, lessons.instruction)[order],
+            purities=purities_of(labels, sizes, lessons.instruction)[order],
             evidence=evidence[order],
             ids=np.arange(k),
             membership=self.membership,
-            width=_gap(centres),
+            width=gap_between(centres),
             meanings=self._meanings(lessons),
         )
         return named, np.argsort(order)[labels]
 
 
-def check_settings(estimator: Any) -> None:
-    """Refuse settings of an ``IBEMapping`` that do not exist or that nothing would read.
-
-    Raises:
-        ValueError: naming the setting, its value and what is allowed.
-    """
-    e, ours = estimator, estimator.space in OF_INSTRUCTIONS
-    refused = [
-        (e.n_clusters < 2, f"n_clusters={e.n_clusters}: at least 2"),
-        (not 0 <= e.memory < 1, f"memory={e.memory}: at least 0 and below 1"),
-        (e.space not in SPACES, f"space={e.space!r}: choose one of {', '.join(SPACES)}"),
-        (not ours and e.power != 1, f"power={e.power:g}: allowed is 1 with space={e.space}"),
-        (e.space == "network" and e.power != 1, f"power={e.power:g}: allowed is 1 with space={e.space}"),
-        (min([1, *e.hidden]) < 1, f"hidden={[*e.hidden]}: each at least 1"),
-        (not e.power > 0, f"power={e.power:g}: above 0"),
-        (
-            not ours and e.normalisation == "movement",
-            f"normalisation=movement: allowed are minmax, sign with space={e.space}",
-        ),
-        (not ours and e.membership == "direct", f"membership=direct: allowed are hard, soft with space={e.space}"),
-        (not ours and e.split == "quantile", f"split=quantile: allowed are kmeans, bisecting with space={e.space}"),
-        (e.space == "network" and e.last is not None, "last: allowed is None with space=network, which has no centres"),
-        (e.split != "kmeans" and e.last is not None, f"last: allowed is None with split={e.split}, which starts anew"),
-    ]
-    for wrong, reason in refused:
-        if wrong:
-            raise ValueError(reason)
-
-
 def _columns(instruction: Array) -> Array:
     instruction = np.asarray(instruction, float)
     return instruction[:, None] if instruction.ndim == 1 else instruction
-
-
-def _gap(centres: Array) -> float:
-    """Median distance from a centre to the nearest other one; 1 where all are one."""
-    apart = pairwise_distances(centres)
-    np.fill_diagonal(apart, np.inf)
-    return float(np.median(apart.min(axis=1))) or 1.0
-
-
-def _purities(labels: Array, sizes: Array, instruction: Array) -> Array:
-    """Share ``(k,)`` of each cluster's windows with its most frequent instruction; 0 for an empty cluster."""
-    kinds = np.zeros(len(labels), dtype=np.int64)
-    for column in instruction.T:
-        values, rank = np.unique(column, return_inverse=True)
-        kinds = kinds * len(values) + rank
-    kinds = np.unique(kinds, return_inverse=True)[1]
-    count = kinds.max() + 1
-    table = np.bincount(labels * count + kinds, minlength=len(sizes) * count).reshape(len(sizes), count)
-    most: Array = table.max(axis=1) / np.maximum(sizes, 1)
-    return most

@@ -118,3 +118,23 @@ class ClusterMapping:
 
 
 _ARRAYS = ("centres", "mean_instructions", "expressions", "sizes", "purities", "evidence", "ids")
+
+
+def gap_between(centres: Array) -> float:
+    """Median distance from a centre to the nearest other one; 1 where all are one."""
+    apart = pairwise_distances(centres)
+    np.fill_diagonal(apart, np.inf)
+    return float(np.median(apart.min(axis=1))) or 1.0
+
+
+def purities_of(labels: Array, sizes: Array, instruction: Array) -> Array:
+    """Share ``(k,)`` of each cluster's windows with its most frequent instruction; 0 for an empty cluster."""
+    kinds = np.zeros(len(labels), dtype=np.int64)
+    for column in instruction.T:
+        values, rank = np.unique(column, return_inverse=True)
+        kinds = kinds * len(values) + rank
+    kinds = np.unique(kinds, return_inverse=True)[1]
+    count = kinds.max() + 1
+    table = np.bincount(labels * count + kinds, minlength=len(sizes) * count).reshape(len(sizes), count)
+    most: Array = table.max(axis=1) / np.maximum(sizes, 1)
+    return most

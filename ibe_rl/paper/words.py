@@ -11,8 +11,8 @@ import numpy as np
 
 from ibe_rl.config import MappingConfig
 from ibe_rl.data import Array, Episode
+from ibe_rl.fitting import fit_mapping
 from ibe_rl.ibe import ClusterMapping, cut_windows, top_episodes
-from ibe_rl.lessons import fit_mapping
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
 from ibe_rl.task import Phrases, Task
 

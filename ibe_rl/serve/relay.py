@@ -14,7 +14,8 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +30,8 @@ GRPC_PORT, WEB_PORT = 9876, 9090
 CHUNK_BYTES = 1 << 18
 DRAIN_S = 2.0
 """How long the rest of the recording may take to reach the server once the relay is asked to end."""
+News = Callable[[], list[str]]
+"""What there is to say of the live view, each line once."""
 LOG = "viewer.log"
 SAYS = "relay: "
 """What a line of ``LOG`` begins with that the trainer is to pass on."""
@@ -243,6 +246,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.add_argument(number, type=int, required=True)
     asked = parser.parse_args(arguments)
     return relay(asked.recording, Ports(asked.grpc_port, asked.web_port), _Stop(asked.parent))
+
+
+def serve_live(recording: Path, ports: Ports, owned: ExitStack, say: Callable[[str], None]) -> News:
+    """Start the process that serves the recording while it grows; without it training goes on all the same."""
+    try:
+        relay = owned.enter_context(Relay(recording, ports))
+    except RuntimeError as reason:
+        say(f"warning: no live view, the recording is written all the same: {reason}")
+        return list
+    say(invitation(ports))
+    return relay.news
 
 
 if __name__ == "__main__":

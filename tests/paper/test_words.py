@@ -11,8 +11,8 @@ from by_hand import better_half, on_a_line, two_floors
 from rides import TASK, ride
 
 from ibe_rl.data import Episode
+from ibe_rl.fitting import fit_mapping
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, normalise
-from ibe_rl.lessons import fit_mapping
 from ibe_rl.paper import words
 from ibe_rl.paper.words import (
     MINMAX,
