@@ -46,6 +46,7 @@ from ibe_rl.parts import (
     check_parts,
     resumable,
     save_state,
+    timed,
     times,
     whole_state,
 )

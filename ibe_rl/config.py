@@ -180,6 +180,7 @@ class MappingConfig:
     symmetric: bool = False  # as many clusters on both sides
     normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
     membership: str = setting("hard", choices=("hard", "soft", "direct"))
+    meaning: str = setting("tested", choices=("tested", "assumed"))  # assumed: words mean what the best did, untested
     weigh_followed: bool = False  # windows count by how well the instruction was followed
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions that count; empty: all
     hidden: list[int] = field(default_factory=lambda: [32, 32])  # of space=network

@@ -123,12 +123,8 @@ class Development:
             mapping = replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id)
             learnt = replace(learnt, mapping=mapping, scores=mean_scores(each), scores_of_numbers=each)
         if learnt.taken:
-            self.mapping, self.spans, self._learnt_at, self._actions = (
-                learnt.mapping,
-                learnt.spans,
-                learnt.frame,
-                actions,
-            )
+            self.mapping, self.spans = learnt.mapping, learnt.spans
+            self._learnt_at, self._actions = learnt.frame, actions
             self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
         self.notes = wrong_signs(learnt.verdicts(self._task), learnt.standing.meanings, self._task)
         return learnt
@@ -213,9 +209,8 @@ class Development:
             every_steps: something new was said once in so many steps.
 
         Returns:
-            Columns of metrics.csv: how much went as predicted, how often the agent did not know, and how much of what
-            the vocabulary before would have said went as predicted; what has no known meaning does not count, and if
-            nothing has, that is not a number.
+            Columns of metrics.csv: how much of what has a known meaning went as predicted (nan without any), how often
+            the agent did not know, and how much would have gone as predicted by the vocabulary before.
         """
         new = said[::every_steps]
         true = phrases_true(episode, said, refresh.standing, self._task.phrases)[::every_steps]

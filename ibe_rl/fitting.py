@@ -75,8 +75,8 @@ def interpret_lessons(
     seed: int,
     horizon_steps: int,
     reactions: Reactions | None = None,
-) -> Interpretation:
-    """Find out which way the words are meant.
+) -> Interpretation | None:
+    """Find out which way the words are meant; None with ``meaning=assumed``.
 
     Args:
         heard: good and bad episodes.
@@ -86,6 +86,8 @@ def interpret_lessons(
         horizon_steps: n.
         reactions: of the agent, if it is told.
     """
+    if config.meaning == "assumed":
+        return None
     return interpret(
         heard,
         horizon_steps,

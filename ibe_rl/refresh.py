@@ -153,7 +153,7 @@ def learn_vocabulary(
 
 
 def _learn_spans(
-    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation
+    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
 ) -> dict[int, ClusterMapping]:
     """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
     found = {}

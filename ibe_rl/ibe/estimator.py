@@ -15,7 +15,8 @@ from sklearn.utils.validation import check_is_fitted
 from ibe_rl.data import Array, read_only
 from ibe_rl.ibe.interpret import Interpretation
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
-from ibe_rl.ibe.meaning import Meaning
+from ibe_rl.ibe.meaning import Meaning, UnknownMeaningWarning
+from ibe_rl.ibe.movement import movement_of_one
 from ibe_rl.ibe.settings import OF_INSTRUCTIONS, check_settings
 from ibe_rl.ibe.space import (
     Space,
@@ -27,17 +28,9 @@ from ibe_rl.ibe.space import (
     network,
     rule_axes,
     scaled,
-    typical_movement,
 )
 from ibe_rl.ibe.split import split, split_mirrored, with_rest
 from ibe_rl.ibe.vocabulary import normalise
-
-SMALLEST_UNIT = 0.5
-"""Of the mean movement under an instruction: what +1 brings about counts as no less, where little is followed."""
-
-
-class UnknownMeaningWarning(UserWarning):
-    """What an instruction asks for cannot be told from the log."""
 
 
 class _Lessons(NamedTuple):
@@ -233,24 +226,14 @@ class IBEMapping(BaseEstimator):
 
     def _unit(self, lessons: _Lessons, axes: Array) -> Array:
         """How far along the axes ``(S, d)`` the instruction 1 moves; what ``last`` took it for counts as remembered."""
-        moved = self._brought_about(lessons, axes)
+        meanings = self._meanings(lessons) if self.space == "rule" else ()
+        moved = movement_of_one(lessons.delta @ axes, lessons.instruction, lessons.weight, meanings)
         if self.last is None:
             return moved
         new, d = self._new_share(len(lessons.delta)), len(moved)
         before = np.diag(self.last.space.change_at(np.eye(d)) @ axes)
         same_way = before * moved > 0  # once the instruction means the opposite, the past says nothing
         return np.where(same_way, new * moved + (1 - new) * before, moved)
-
-    def _brought_about(self, lessons: _Lessons, axes: Array) -> Array:
-        """How far ``(d,)`` one unit of instruction moved; at least so far as its meaning is known, see above."""
-        places = lessons.delta @ axes
-        moved = typical_movement(places, lessons.instruction, lessons.weight)
-        meanings = self._meanings(lessons) if self.space == "rule" else ()
-        if not meanings:
-            return moved
-        weight = lessons.weight[:, None] * (lessons.instruction != 0)
-        least = SMALLEST_UNIT * (weight * np.abs(places)).sum(axis=0) / weight.sum(axis=0)
-        return np.where([one.known for one in meanings], np.maximum(moved, least), moved)
 
     def _new_share(self, windows: int) -> float:
         assert self.last is not None

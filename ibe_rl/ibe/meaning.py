@@ -14,6 +14,10 @@ SOURCES = ("best", "satisfaction", "influence", "pays")
 """What tells which movement an instruction asks for, see ``Evidence``."""
 
 
+class UnknownMeaningWarning(UserWarning):
+    """What an instruction asks for cannot be told from the log."""
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What one source says about one number of the instruction.

@@ -264,21 +264,3 @@ def network(delta: Array, instruction: Array, kept: Array, hidden: Sequence[int]
 def _check_enough(delta: Array) -> None:
     if len(delta) < FEWEST_WINDOWS:
         raise TooLittleDataError(f"{len(delta)} windows are too few for a regression, which needs {FEWEST_WINDOWS}")
-
-
-def typical_movement(places: Array, instruction: Array, weight: Array) -> Array:
-    """How far one unit of instruction moved, along each axis: least squares through no movement without instruction.
-
-    Args:
-        places: ``(W, d)`` changes along the axes.
-        instruction: ``(W, d)``.
-        weight: ``(W,)`` of each window.
-
-    Raises:
-        TooLittleDataError: if an axis had no instruction but 0, or its instructions moved nothing.
-    """
-    squares = weight @ instruction**2
-    moved = np.divide(weight @ (places * instruction), squares, out=np.zeros_like(squares), where=squares > 0)
-    if not np.all(np.abs(moved) > 0):
-        raise TooLittleDataError("in the best episodes no instruction but 0 has moved anything yet")
-    return moved

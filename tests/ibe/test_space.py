@@ -17,7 +17,6 @@ from ibe_rl.ibe.space import (
     rule_axes,
     scaled,
     signed_power,
-    typical_movement,
 )
 
 X, GOAL = 2, 4
@@ -150,21 +149,6 @@ def test_a_network_does_not_see_what_is_left_out():
     space = network(delta, np.sign(delta[:, :1]), np.array([True, False, True]), [8], 0)
     np.testing.assert_array_equal(space.place(delta), space.place(delta * [1, -1_000, 1]))
     assert (space.place(delta) != space.place(delta * [1, 1, -1])).any()
-
-
-def test_a_typical_movement_is_what_one_unit_of_instruction_brought_about():
-    """Told 1 and -1 it went 2 and -4 (3 on average), told 0 anywhere; along the second axis against it."""
-    places, told = np.array([[2.0, -1], [-4, 1], [9, 9]]), np.array([[1.0, 1], [-1, -1], [0, 0]])
-    np.testing.assert_allclose(typical_movement(places, told, np.ones(3)), [3, -1])
-    np.testing.assert_allclose(typical_movement(places, told, np.array([3, 1, 1])), [2.5, -1])
-    half = np.array([[0.5], [-0.5]])
-    np.testing.assert_allclose(typical_movement(half, half, np.ones(2)), [1])
-
-
-@pytest.mark.parametrize(("moved", "told"), [(1.0, 0.0), (0.0, 1.0)])
-def test_if_no_instruction_moved_anything_nothing_is_typical(moved: float, told: float):
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything yet"):
-        typical_movement(np.full((3, 1), moved), np.full((3, 1), told), np.ones(3))
 
 
 def test_a_place_is_a_change_shifted_and_scaled():
