@@ -120,8 +120,9 @@ class Development:
             learnt = self._held_against(self.mapping, learnt, self.probe, newest, actions)
         else:
             each = number_scores(learnt.mapping, newest, self._task)
-            mapping = replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id)
-            learnt = replace(learnt, mapping=mapping, scores=mean_scores(each), scores_of_numbers=each)
+            if self._next_id:  # after another horizon; a number is never given twice
+                learnt = replace(learnt, mapping=replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id))
+            learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
         if learnt.taken:
             self.mapping, self.spans = learnt.mapping, learnt.spans
             self._learnt_at, self._actions = learnt.frame, actions

@@ -85,7 +85,9 @@ class Obedience:
             "done": batch["next", "done"].numpy()[..., 0],
         }
         steps, back = now["done"].shape[1], horizon_steps - 1
-        before = self._before or {name: _none(column, back) for name, column in now.items()}
+        before = self._before
+        if before is None or before["done"].shape[1] != back:  # it begins, or a horizon has been found anew
+            before = {name: _none(column, back) for name, column in now.items()}
         whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
         self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
         start = {name: column[:, :steps] for name, column in whole.items()}
@@ -111,7 +113,9 @@ def make_obedience(cfg: TrainConfig, task: Task, development: Development) -> Ob
 
     def learnt() -> Judge | None:
         mapping = development.mapping_of(min(development.horizons_steps))
-        return None if mapping is None else mapping.express
+        if mapping is None or not all(one.known for one in mapping.meanings):
+            return None
+        return mapping.express
 
     return Obedience(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt)
 

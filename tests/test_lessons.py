@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 
+from ibe_rl import fitting
 from ibe_rl import lessons as module
 from ibe_rl.data import ConfigError, Episode
 from ibe_rl.fitting import check_mapping, clusters_of, fit_mapping
@@ -176,7 +177,7 @@ def test_the_horizon_is_the_configs_unless_another_is_given(log: TrajectoryLog):
 
 def test_a_vocabulary_starts_where_the_last_one_ended(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     last, starts = fit(log), []
-    monkeypatch.setattr(module, "IBEMapping", lambda **settings: starts.append(settings) or IBEMapping(**settings))
+    monkeypatch.setattr(fitting, "IBEMapping", lambda **settings: starts.append(settings) or IBEMapping(**settings))
     again = fit(log, last, memory=0.0)
     fit(log, last, memory=0.5)
     fit(log, last, memory=None)
@@ -189,7 +190,7 @@ def test_a_vocabulary_starts_where_the_last_one_ended(log: TrajectoryLog, monkey
 
 def test_every_setting_of_the_estimator_is_the_configs(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     given: list[Any] = []
-    monkeypatch.setattr(module, "IBEMapping", lambda **settings: given.append(settings) or IBEMapping(**settings))
+    monkeypatch.setattr(fitting, "IBEMapping", lambda **settings: given.append(settings) or IBEMapping(**settings))
     changes = {
         "n_clusters": 2, "space": "lasso", "split": "bisecting", "power": 0.5, "symmetric": True,
         "normalisation": "movement", "membership": "soft", "weigh_followed": True, "hidden": [7], "n_init": 3,
@@ -203,13 +204,13 @@ def test_every_setting_of_the_estimator_is_the_configs(log: TrajectoryLog, monke
 def test_only_what_was_said_is_heard(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     add(log, 1000, 1.0, given=False)
     episodes = log.read(range(9))
-    states, told = module._said(episodes, 0)
+    states, told = module.said_in(episodes, 0)
     assert states.shape == (8 * STEPS, 3)
     assert told.shape == (8 * STEPS, 1)
     assert np.bincount(told[:, 0].astype(int) + 1).tolist() == [2 * STEPS, 4 * STEPS, 2 * STEPS]
     np.testing.assert_array_equal(states[:, 1], told[:, 0])  # the speed is as told: rows belong together
     monkeypatch.setattr(module, "HEARD_STATES", 10)
-    assert len(module._said(episodes, 0)[0]) == 10
+    assert len(module.said_in(episodes, 0)[0]) == 10
 
 
 def test_more_clusters_than_windows_are_too_little(log: TrajectoryLog):

@@ -99,7 +99,7 @@ def test_a_wrong_sign_in_the_log_is_named_whatever_the_episode_says(tmp_path: Pa
 
 def test_words_without_a_known_meaning_are_not_said(tmp_path: Path) -> None:
     lines = printed(run_of(says(-1, 0, 1, positive=False, reason="nobody did it"), tmp_path), watched())
-    assert "it is known what “going down” means, but I cannot tell what “going up” means: nobody did it" in lines
+    assert "“going down”: +1 asks for a movement, nobody did it, but I cannot tell what “going up” means" in lines
     [row] = [line.split() for line in lines if CANNOT_TELL in line and line.split()[0].startswith("0")]
     assert row[-3:] == ["-", "-", "-"]  # number, sure, as predicted
     assert "% of what it said (at 78% of the moments) about" in lines[-1]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.data import Array, Episode, read_only
 from ibe_rl.ibe.delta import top_episodes
-from ibe_rl.ibe.evidence import best, influence, influence_of_plan, pays, satisfaction
+from ibe_rl.ibe.evidence import FEWEST_EPISODES, best, influence, influence_of_plan, pays, satisfaction
 from ibe_rl.ibe.meaning import Evidence, Meaning
 from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
 from ibe_rl.ibe.record import Record
@@ -140,7 +140,10 @@ class _Log:
         if not np.any(chosen.axis):
             return chosen.axis, Meaning.unknown("what is said does not depend on what counts", record.size)
         sides = [bool(chosen.sign) and int((signs == side).sum()) >= FEWEST_SAID for side in (-1, 1)]
-        meaning = Meaning(sides[0], sides[1], chosen.reason, chosen.evidence, record.size)
+        rises = chosen.axis * record.delta.std(axis=0)
+        direction = tuple((rises / (np.abs(rises).max() or 1.0)).tolist())
+        reason = chosen.reason if record.size >= FEWEST_EPISODES else f"{record.size} episodes are too few to tell"
+        meaning = Meaning(sides[0], sides[1], reason, chosen.evidence, record.size, direction)
         return (-chosen.axis, meaning.turned()) if chosen.sign < 0 else (chosen.axis, meaning)
 
     def _chosen(self, number: int) -> _Candidate:

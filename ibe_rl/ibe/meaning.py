@@ -55,6 +55,9 @@ class Meaning:
         reason: one line in plain words: on what it stands, or why it cannot be told.
         evidence: of each source that could be asked.
         episodes: that were looked at.
+        direction: ``S`` numbers, for each state dimension how far +1 asks it to rise, in standard deviations of its
+            movement, the largest being 1 or -1; empty where no axis was found. As the best episodes moved, if it is not
+            known.
     """
 
     negative: bool = True
@@ -62,6 +65,7 @@ class Meaning:
     reason: str = ""
     evidence: tuple[Evidence, ...] = ()
     episodes: int = 0
+    direction: tuple[float, ...] = ()
 
     @classmethod
     def unknown(cls, reason: str, episodes: int, evidence: tuple[Evidence, ...] = ()) -> Self:
@@ -78,15 +82,19 @@ class Meaning:
 
         They are known only if these episodes moved the way that is meant.
         """
-        followed = next((one.effect for one in self.evidence if one.source == "best"), 0.0)
-        if not self.known or followed > 0:
+        followed = self.effect_of("best")
+        if not self.known or (followed is not None and followed.effect > 0):
             return self
         return replace(self, negative=False, positive=False, reason="the best episodes did the opposite")
 
     def turned(self) -> Meaning:
         """The same along the opposite of the axis."""
         other = [replace(one, effect=-one.effect, low=-one.high, high=-one.low) for one in self.evidence]
-        return replace(self, evidence=tuple(other))
+        return replace(self, evidence=tuple(other), direction=tuple(-each for each in self.direction))
+
+    def effect_of(self, source: str) -> Evidence | None:
+        """What a source says; None if it could not be asked."""
+        return next((one for one in self.evidence if one.source == source), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -102,7 +110,10 @@ class Meaning:
         try:
             evidence = tuple(_evidence(each) for each in values["evidence"])
             sides = bool(values["negative"]), bool(values["positive"])
-            return cls(*sides, str(values["reason"]), evidence, int(values["episodes"]))
+            direction = tuple(float(each) for each in values.get("direction", ()))
+            if not np.isfinite(direction).all():
+                raise ValueError("not all of its numbers are finite")
+            return cls(*sides, str(values["reason"]), evidence, int(values["episodes"]), direction)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the meaning is damaged: {error}") from None
 

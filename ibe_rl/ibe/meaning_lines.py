@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.task import Phrases, Task
 
+MUCH = 0.4
+"""Dimensions that +1 asks to move by less of the most are not named."""
+PAYS = {1: "following pays", 0: "whether following pays is not clear", -1: "following does not pay"}
 NOBODY_ASKED = "nobody has looked into what its words mean"
 
 
@@ -22,22 +25,40 @@ def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
     """
     if not meanings:
         return [NOBODY_ASKED]
-    return [_line(meaning, words) for meaning, words in zip(meanings, task.phrases, strict=True)]
+    return [_line(meaning, words, task) for meaning, words in zip(meanings, task.phrases, strict=True)]
 
 
-def _line(meaning: Meaning, words: Phrases) -> str:
+def _line(meaning: Meaning, words: Phrases, task: Task) -> str:
     sides = {_plain(words.positive): meaning.positive, _plain(words.negative): meaning.negative}
     known = [side for side, is_known in sides.items() if is_known]
     if not known:
-        return f"I cannot tell what {_quoted(_plain(words.positive))} means{_because(meaning)}"
-    told = f"it is known what {' and '.join(map(_quoted, known))} {'means' if len(known) == 1 else 'mean'}"
+        because = f": {meaning.reason}" if meaning.reason else ""
+        return f"I cannot tell what {_quoted(_plain(words.positive))} means{because}{_facts(meaning)}"
+    told = f"{' and '.join(map(_quoted, known))}: +1 asks {_asked(meaning, task)}"
     unknown = [side for side, is_known in sides.items() if not is_known]
     but = f", but I cannot tell what {_quoted(unknown[0])} means" if unknown else ""
-    return f"{told}{but}{_because(meaning)}"
+    because = f", {meaning.reason}" if meaning.reason else ""
+    return f"{told}{because}{but}{_facts(meaning)}"
 
 
-def _because(meaning: Meaning) -> str:
-    return f": {meaning.reason}" if meaning.reason else ""
+def _asked(meaning: Meaning, task: Task) -> str:
+    """Which dimensions +1 asks to rise and to fall, those that count most."""
+    named = [(name, each) for name, each in zip(task.state_names, meaning.direction, strict=False) if abs(each) >= MUCH]
+    ways = {"rise": [name for name, each in named if each > 0], "fall": [name for name, each in named if each < 0]}
+    return " and ".join(f"{', '.join(names)} to {way}" for way, names in ways.items() if names) or "for a movement"
+
+
+def _facts(meaning: Meaning) -> str:
+    """Whether it is followed, and whether that pays: the paper's assumption, tested."""
+    best, pays = meaning.effect_of("best"), meaning.effect_of("pays")
+    parts = []
+    if best is not None:
+        parts.append(f"the best episodes followed it by {best.effect:+.2f} standard deviations")
+    if pays is not None:
+        parts.append(PAYS[pays.sign])
+    if meaning.episodes:
+        parts.append(f"{meaning.episodes} episodes")
+    return f" ({'; '.join(parts)})" if parts else ""
 
 
 def _plain(template: str) -> str:

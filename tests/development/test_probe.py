@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 
-from ibe_rl import development as module
+from ibe_rl import probe as module
 from ibe_rl.data import Array, observe
 from ibe_rl.development import Development, Probe, draw_probe
 from ibe_rl.log import TrajectoryLog

@@ -7,25 +7,44 @@ from dataclasses import replace
 import pytest
 from by_hand import TASK, WORDS
 
-from ibe_rl.ibe import Meaning, meaning_lines, positive_phrase
+from ibe_rl.ibe import Evidence, Meaning, meaning_lines, positive_phrase
 from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
 
-WHY = "those who earned most did not do it (412 episodes)"
+WHY = "those who earned most did not do it"
 UP, DOWN = "“going up”", "“going down”"
+RISES = (1.0, 0.1, -0.5)
+BEST, PAYS = Evidence("best", 1.234, 1.0, 1.5, 40), Evidence("pays", -0.3, -0.4, -0.2, 40)
 
 
 @pytest.mark.parametrize(
     ("meaning", "line"),
     [
-        (Meaning(reason=WHY), f"it is known what {UP} and {DOWN} mean: {WHY}"),
-        (Meaning(), f"it is known what {UP} and {DOWN} mean"),
+        (Meaning(), f"{UP} and {DOWN}: +1 asks for a movement"),
+        (
+            Meaning(reason="from what ends it", direction=RISES),
+            f"{UP} and {DOWN}: +1 asks height to rise and floor to fall, from what ends it",
+        ),
         (Meaning(False, False, WHY), f"I cannot tell what {UP} means: {WHY}"),
-        (Meaning(True, False, WHY), f"it is known what {DOWN} means, but I cannot tell what {UP} means: {WHY}"),
-        (Meaning(False, True, WHY), f"it is known what {UP} means, but I cannot tell what {DOWN} means: {WHY}"),
+        (
+            Meaning(False, False, WHY, (BEST, PAYS), 412),
+            f"I cannot tell what {UP} means: {WHY} (the best episodes followed it by +1.23 standard deviations; "
+            "following does not pay; 412 episodes)",
+        ),
+        (Meaning(True, False), f"{DOWN}: +1 asks for a movement, but I cannot tell what {UP} means"),
+        (Meaning(False, True), f"{UP}: +1 asks for a movement, but I cannot tell what {DOWN} means"),
     ],
 )
 def test_a_line_says_which_words_are_known_and_why(meaning: Meaning, line: str) -> None:
     assert meaning_lines((meaning,), TASK) == [line]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "told"),
+    [(0.1, 0.3, "following pays"), (-0.1, 0.1, "whether following pays is not clear")],
+)
+def test_whether_following_pays_is_said(low: float, high: float, told: str) -> None:
+    [line] = meaning_lines((Meaning(evidence=(Evidence("pays", 0.0, low, high, 9),)),), TASK)
+    assert line.endswith(f" ({told})")
 
 
 def test_each_number_has_its_line() -> None:
