@@ -66,11 +66,9 @@ def best(record: Record, axis: Array, number: int, among: Array, seed: int) -> E
 
 
 def pays(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
-    """Whether following pays.
+    """Whether episodes earn more in which the movement that was told was larger.
 
-    Windows are compared in which the agent moved more the way that was told than usual in such a state, told that:
-    whether they earn more than usual too, as a correlation. Where all windows earn the same (a reward for each step),
-    episodes are: a rank correlation, within each context, of the total reward with the mean movement that was told.
+    A rank correlation, within each context, of the total reward with the mean movement the way that was told.
 
     Args:
         record: of good and bad episodes.
@@ -78,41 +76,33 @@ def pays(record: Record, axis: Array, number: int, seed: int) -> Evidence | None
         number: of the instruction.
         seed: of the resampling.
     """
-    earned = record.earned[record.whole]
-    varies = len(earned) and np.ptp(earned) > 1e-6 * max(1.0, float(np.abs(earned).max()))
-    return (_pays_at_once if varies else _pays_in_the_end)(record, axis, number, seed)
-
-
-def _pays_at_once(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
-    signs = record.signs(number)
-    rows = np.flatnonzero((signs != 0) & record.whole)
-    if len(rows) < FEWEST_WINDOWS:
-        return None
-    expected = _expectable(record.states[rows], signs[rows])
-    moved, earned = (_unexpected(expected, values[rows]) for values in (_standard(record, axis), record.earned))
-    followed = moved * signs[rows]
-    weights = _resamples(record.size, seed)
-    sums = [np.bincount(record.episode[rows], values, record.size) for values in (followed**2, earned**2)]
-    both = weights @ np.bincount(record.episode[rows], followed * earned, record.size)
-    spread = np.sqrt((weights @ sums[0]) * (weights @ sums[1]))
-    if not spread[0] > 0:
-        return None
-    return _evidence("pays", both / np.maximum(spread, 1e-12), _episodes(record, rows))
-
-
-def _pays_in_the_end(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
     signs = record.signs(number)
     windows = np.bincount(record.episode[signs != 0], minlength=record.size)
     moved = np.bincount(record.episode, _standard(record, axis) * signs, record.size)
     told = windows >= FEWEST_WINDOWS
     followed = np.divide(moved, windows, out=np.zeros(record.size), where=told)
-    ranks = [_ranks_within(values, record.contexts, told) for values in (followed, record.returns)]
-    if told.sum() < FEWEST_EPISODES or min(np.ptp(each) for each in ranks) == 0:
+    first, second = (_ranks_within(values, record.contexts, told)[told] for values in (followed, record.returns))
+    if told.sum() < FEWEST_EPISODES or min(np.ptp(first), np.ptp(second)) == 0:
         return None
-    weights = _resamples(int(told.sum()), seed)
-    first, second = (each[told] for each in ranks)
-    spread = np.sqrt((weights @ first**2) * (weights @ second**2))
-    return _evidence("pays", (weights @ (first * second)) / np.maximum(spread, 1e-12), int(told.sum()))
+    return _evidence("pays", _correlation(first, second, np.arange(len(first)), len(first), seed), len(first))
+
+
+def pays_at_once(record: Record, axis: Array, number: int, seed: int) -> Evidence | None:
+    """Whether windows earn more in which the agent moved more the way that was told than usual in such a state.
+
+    A correlation of what was not to be expected of both, from the state and from what was told in it: how much an agent
+    moves, and what a swing does by itself, do not count. None where all windows earn the same, as with a reward for
+    each step. The rest is as in ``pays``.
+    """
+    signs = record.signs(number)
+    rows = np.flatnonzero((signs != 0) & record.whole)
+    earned = record.earned[rows]
+    if len(rows) < FEWEST_WINDOWS or np.ptp(earned) <= 1e-6 * max(1.0, float(np.abs(earned).max())):
+        return None
+    expected = _expectable(record.states[rows], signs[rows])
+    moved, earned = (_unexpected(expected, values[rows]) for values in (_standard(record, axis), record.earned))
+    both = _correlation(moved * signs[rows], earned, record.episode[rows], record.size, seed)
+    return _evidence("pays_at_once", both, _episodes(record, rows))
 
 
 def influence(record: Record, axis: Array, up: Array, down: Array, seed: int) -> Evidence | None:
@@ -142,6 +132,14 @@ def influence_of_plan(record: Record, axis: Array, number: int, seed: int) -> Ev
         return None
     means = _means(record, _standard(record, axis), groups, seed)
     return _evidence("influence", (means[:, 0] - means[:, 1]) / 2, _episodes(record, signs != 0))
+
+
+def _correlation(first: Array, second: Array, episode: Array, count: int, seed: int) -> Array:
+    """Of two columns ``(N,)`` about 0, on every resample ``(R,)`` of episodes; nan where one is constant."""
+    weights = _resamples(count, seed)
+    squares = [weights @ np.bincount(episode, values**2, count) for values in (first, second)]
+    both, spread = weights @ np.bincount(episode, first * second, count), np.sqrt(squares[0] * squares[1])
+    return np.divide(both, spread, out=np.full(len(both), np.nan), where=spread > 0)
 
 
 def _expectable(states: Array, signs: Array) -> Array:

@@ -10,13 +10,21 @@ import numpy as np
 
 from ibe_rl.data import Array, Episode, read_only
 from ibe_rl.ibe.delta import top_episodes
-from ibe_rl.ibe.evidence import FEWEST_EPISODES, best, influence, influence_of_plan, pays, satisfaction
+from ibe_rl.ibe.evidence import (
+    FEWEST_EPISODES,
+    best,
+    influence,
+    influence_of_plan,
+    pays,
+    pays_at_once,
+    satisfaction,
+)
 from ibe_rl.ibe.meaning import Evidence, Meaning
 from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
 from ibe_rl.ibe.record import Record
 from ibe_rl.ibe.space import TooLittleDataError, lasso_axes, rule_axes
 
-CLEAR = {"best": 0.1, "satisfaction": 0.1, "influence": 0.1, "pays": 0.1}
+CLEAR = {"best": 0.1, "satisfaction": 0.1, "influence": 0.1, "pays": 0.1, "pays_at_once": 0.1}
 """Effects below this are none, however many episodes they stand on."""
 FEWEST_SAID = 20
 HEARD_STATES = 5_000
@@ -182,6 +190,7 @@ class _Log:
             satisfaction(record, axis, number, seed) if is_place else None,
             self._influence(axis, number, depends),
             pays(record, axis, number, seed),
+            pays_at_once(record, axis, number, seed),
         )
         evidence = tuple(one for one in found if one)
         sign, reason = decide(evidence, depends)
@@ -207,7 +216,9 @@ def decide(evidence: Sequence[Evidence], depends: bool) -> tuple[int, str]:
     """
     says = {one.source: one.sign for one in evidence if abs(one.effect) >= CLEAR[one.source] and one.sign}
     effect = {one.source: one.effect for one in evidence}
-    stops, listens, earns = (says.get(source, 0) for source in ("satisfaction", "influence", "pays"))
+    at_once = "pays_at_once" in effect  # else all windows earn the same
+    stops, listens = (says.get(source, 0) for source in ("satisfaction", "influence"))
+    earns = says.get("pays_at_once" if at_once else "pays", 0)
     if earns == -stops and says.get("best", 0) != earns:
         earns = 0  # those who earned most did do it; something else pays better at once
     votes = {"satisfaction": stops, "influence": listens, "pays": earns}

@@ -10,9 +10,6 @@ import numpy as np
 
 from ibe_rl.data import Array
 
-SOURCES = ("best", "satisfaction", "influence", "pays")
-"""What tells which movement an instruction asks for, see ``Evidence``."""
-
 
 class UnknownMeaningWarning(UserWarning):
     """What an instruction asks for cannot be told from the log."""
@@ -25,10 +22,11 @@ class Evidence:
     Attributes:
         source: "best": how the best episodes moved under the instruction (the paper's); "satisfaction": after which
             movement the instructor stops asking for it; "influence": what the agent does if it is told otherwise in
-            the same state; "pays": whether episodes earn more in which the movement was larger.
+            the same state; "pays": whether episodes earn more in which the movement was larger; "pays_at_once": whether
+            moments do in which it was larger than usual there.
         effect: how far +1 is followed along the instructor's axis, in standard deviations of the movement (for "pays"
-            a rank correlation); above 0 the axis points the way that +1 asks for.
-        low: lower end of its 95 % interval.
+            and "pays_at_once" a correlation); above 0 the axis points the way that +1 asks for.
+        low: lower end of its 99 % interval.
         high: upper end.
         episodes: that it stands on.
     """
