@@ -13,7 +13,7 @@ RESAMPLES, INTERVAL = 400, (0.5, 99.5)
 """Bootstrap over whole episodes; percent. Eighty logs are judged by four sources each: 95 % would err too often."""
 BINS = 10
 """Of similar places."""
-FITTED_STEPS, MOST_WITH_PRODUCTS = 5_000, 12
+FITTED_STEPS, MOST_WITH_PRODUCTS = 2_500, 12
 """A regression on the state sees so many steps; with more dimensions it has no squares and products."""
 FEWEST_EPISODES, FEWEST_WINDOWS = 8, 5
 """With fewer episodes a source says nothing; an episode with fewer windows does not say what it was told."""
@@ -100,7 +100,7 @@ def pays_at_once(record: Record, axis: Array, number: int, seed: int) -> Evidenc
     if len(rows) < FEWEST_WINDOWS or np.ptp(earned) <= 1e-6 * max(1.0, float(np.abs(earned).max())):
         return None
     expected = _expectable(record.states[rows], signs[rows])
-    moved, earned = (_unexpected(expected, values[rows]) for values in (_standard(record, axis), record.earned))
+    moved, earned = _unexpected(expected, np.column_stack([_standard(record, axis)[rows], earned])).T
     both = _correlation(moved * signs[rows], earned, record.episode[rows], record.size, seed)
     return _evidence("pays_at_once", both, _episodes(record, rows))
 
@@ -155,7 +155,7 @@ def _expectable(states: Array, signs: Array) -> Array:
 
 
 def _unexpected(columns: Array, values: Array) -> Array:
-    """What is left of values ``(N,)`` after a regression on ``columns``, fitted on some of them."""
+    """What is left of values ``(N, 2)`` after a regression on ``columns``, fitted on some of them."""
     some = slice(None, None, max(1, len(columns) // FITTED_STEPS))
     left: Array = values - columns @ np.linalg.lstsq(columns[some], values[some], rcond=1e-6)[0]
     return left

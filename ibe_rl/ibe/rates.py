@@ -13,11 +13,11 @@ from sklearn.tree import DecisionTreeClassifier
 from ibe_rl.data import Array
 from ibe_rl.ibe.record import Record
 
-MOST_STEPS, MOST_PRODUCTS = 4_000, 400
+MOST_STEPS, MOST_PRODUCTS = 2_500, 400
 A_RATE = 0.95
 """Share of the variance of a quantity that one step of the state must tell for it to be a rate of change."""
 FEWEST_ONSETS = 10
-MOST_TOLD = 2_000
+MOST_TOLD = 1_500
 DEPENDS, EXACTLY, BETTER, AT_ONSETS = 0.2, 0.95, 0.02, 0.5
 """What part of what is not said most often the state must tell, and from which share on no plan is told so well; by how
 much the step must tell more; how often, against what was said before, the state must tell what is said at a change."""
