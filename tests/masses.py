@@ -16,29 +16,29 @@ Rule = Callable[[Array, int, int], float]
 """State, step and episode, to the instruction."""
 
 
-def obeys(state: Array, told: float, chance: np.random.Generator) -> float:
+def obeys(_state: Array, told: float, chance: np.random.Generator) -> float:
     return told + chance.normal()
 
 
-def opposes(state: Array, told: float, chance: np.random.Generator) -> float:
+def opposes(_state: Array, told: float, chance: np.random.Generator) -> float:
     return -told + chance.normal()
 
 
-def ignores(state: Array, told: float, chance: np.random.Generator) -> float:
+def ignores(_state: Array, _told: float, chance: np.random.Generator) -> float:
     return float(chance.normal())
 
 
-def to_the_middle(state: Array, step: int, episode: int) -> float:
+def to_the_middle(state: Array, _step: int, _episode: int) -> float:
     """+1 asks to the right: as long as the goal at 0 lies there, up to a dead band."""
     return float(-np.sign(state[0]) * (abs(state[0]) > BAND))
 
 
-def speed_up(state: Array, step: int, episode: int) -> float:
+def speed_up(state: Array, _step: int, _episode: int) -> float:
     """+1 asks for more speed, as long as it is below 0."""
     return float(-np.sign(state[1]) * (abs(state[1]) > 0.1))
 
 
-def planned(state: Array, step: int, episode: int) -> float:
+def planned(_state: Array, step: int, episode: int) -> float:
     """+1 asks to the right, for ten steps at a time, whatever the state is; another plan in each episode."""
     return float(np.random.default_rng((episode, step // 10)).integers(-1, 2))
 

@@ -92,7 +92,7 @@ def _half(signs: Array, episode: Array) -> Array | None:
 
 
 def _teller(columns: Array, signs: Array, fit_on: Array, score_on: Array) -> tuple[Any, float]:
-    """What tells better what was said, a linear model or a tree, and the share that it tells of steps it has not seen."""
+    """What tells better what was said, a linear model or a tree, and the share that it tells of unseen steps."""
     models = (
         make_pipeline(StandardScaler(), LogisticRegression(C=1_000, max_iter=300)),
         DecisionTreeClassifier(max_depth=8, min_samples_leaf=5, random_state=0),

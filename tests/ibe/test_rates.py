@@ -99,7 +99,7 @@ def test_a_plan_does_not_whoever_follows_it(agent: object, seed: int) -> None:
     assert not depends_on_state(record(agent, planned, seed=seed), 0, seed)
 
 
-def same_plan(state: Array, step: int, episode: int) -> float:
+def same_plan(_state: Array, step: int, _episode: int) -> float:
     return float(np.sign(step - 20))
 
 
@@ -122,7 +122,7 @@ def test_a_single_episode_is_enough_to_see_a_rule() -> None:
 def test_a_word_that_was_said_once_tells_no_rule(number: int) -> None:
     """Whichever part of the log it falls into."""
 
-    def once(state: Array, step: int, episode: int) -> float:
+    def once(_state: Array, step: int, episode: int) -> float:
         return float((step, episode) == (number, number))
 
     assert not depends_on_state(record(ignores, once), 0, 0)
@@ -131,7 +131,7 @@ def test_a_word_that_was_said_once_tells_no_rule(number: int) -> None:
 def test_a_word_that_is_not_in_the_sample_tells_no_rule() -> None:
     """One step of 4,000, of which every other one is looked at."""
 
-    def once(state: Array, step: int, episode: int) -> float:
+    def once(_state: Array, step: int, episode: int) -> float:
         return float((step, episode) == (0, 0))
 
     logs = [record(ignores, once, episodes=100, seed=seed) for seed in range(3)]
