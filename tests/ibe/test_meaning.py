@@ -40,9 +40,14 @@ def test_what_is_unknown_has_a_reason() -> None:
 def test_words_called_by_what_the_best_were_told_need_the_best_to_have_followed() -> None:
     followed = Meaning(True, False, "seen", (ENDS, BEST), 30)
     assert followed.as_the_best_did() is followed
-    for others in ((ENDS, replace(BEST, effect=-0.5)), (ENDS, replace(BEST, effect=0.0)), (ENDS,)):
+    for others in ((ENDS, replace(BEST, effect=-0.5)), (ENDS, replace(BEST, effect=0.0))):
         found = replace(followed, evidence=others).as_the_best_did()
         assert found == Meaning(False, False, "the best episodes did the opposite", others, 30)
+
+
+def test_too_few_of_the_best_say_nothing_of_them() -> None:
+    found = Meaning(True, True, "seen", (ENDS,), 9).as_the_best_did()
+    assert found == Meaning(False, False, "too few of the best episodes were told anything", (ENDS,), 9)
 
 
 def test_what_is_unknown_anyway_keeps_its_reason() -> None:
