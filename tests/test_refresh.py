@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import STEPS, TASK, WORDS, better_half, two_floors
+from by_hand import STEPS, TASK, WORDS, better_half, obey, two_floors
 
 from ibe_rl import refresh as module
-from ibe_rl.ibe import Meaning, Reactions, Transition
+from ibe_rl.ibe import Reactions, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.refresh import Change, Refresh, learn_vocabulary, load_refresh, save_refresh
@@ -291,17 +291,14 @@ def test_reactions_come_back_from_the_file(log: TrajectoryLog, tmp_path: Path):
 
 
 def test_reactions_are_evidence_of_what_the_words_mean(log: TrajectoryLog):
-    """In the log it goes where it is told; whoever would go the other way now knows none of these words."""
-
-    def meaning(reactions: Reactions | None) -> Meaning:
-        [one] = learn_vocabulary(log, better_half(), TASK, 0, reactions=reactions).mapping.meanings
-        return one
+    for _ in range(4):
+        obey(log)
 
     def influence(reactions: Reactions | None) -> list[int]:
-        return [one.sign for one in meaning(reactions).evidence if one.source == "influence"]
+        [meaning] = learn_vocabulary(log, better_half(), TASK, 0, reactions=reactions).mapping.meanings
+        return [one.sign for one in meaning.evidence if one.source == "influence"]
 
     assert influence(None) == []
     assert influence(answers(0.0)) == [0]
-    assert influence(answers()) == [1]
-    assert meaning(answers()).reason == "from what the agent does when told otherwise"
-    assert meaning(answers(-5.0)).reason == "the best episodes did the opposite"
+    [obeys], [opposes] = influence(answers()), influence(answers(-5.0))
+    assert obeys == -opposes != 0
