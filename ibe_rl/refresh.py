@@ -267,7 +267,8 @@ def load_refresh(path: Path) -> Saved:
         spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
         mapping = ClusterMapping.from_dict(saved["mapping"])
         calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
-        reactions = Reactions.from_dict(saved["reactions"]) if saved.get("reactions") else None
+        asked = saved.get("reactions")  # which files of earlier versions have not
+        reactions = None if asked is None else Reactions.from_dict(asked)
         frame, scores = int(saved["frame"]), _scores_of(saved, mapping)
         return Saved(mapping, int(saved["horizon_steps"]), frame, spans, calibration, reactions, scores)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:

@@ -13,6 +13,7 @@ import pytest
 from processes import ROOT, call
 
 import ibe_rl
+from ibe_rl import own_agent
 from ibe_rl.config import EnsembleConfig, GuestConfig, InstructorConfig, ViewerConfig
 from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_TASK
@@ -22,6 +23,7 @@ from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import phrases_true, share_true
 from ibe_rl.metrics.verdict import WORST_FIRST
 from ibe_rl.own_agent import Study, open_study, study
+from ibe_rl.reactions import ASKED_AT
 from ibe_rl.run_folder import read_json
 
 QUICK = ["mapping.horizon_steps=20", "mapping.spans_steps=[10]", "predictor.futures=1", "viewer=off"]
@@ -57,6 +59,28 @@ def test_the_words_mean_what_the_instructor_means(studied: Study) -> None:
     assert studied.run.mapping.express(right) > 0.5
     assert studied.run.mapping_frame == studied.run.policy_frame
     assert (studied.run.horizon_steps, list(studied.run.spans)) == (20, [10])
+
+
+def test_an_agent_that_reads_no_instruction_does_not_react_to_one(studied: Study) -> None:
+    reactions = studied.run.reactions
+    assert reactions is not None
+    count, *shape = reactions.up.shape
+    assert shape == [1, 9]
+    assert 1 <= count <= ASKED_AT
+    assert not reactions.up.any()
+    assert not reactions.down.any()
+
+
+def test_an_agent_that_obeys_reacts_where_nothing_has_to_be_learnt_first(studied: Study) -> None:
+    episodes = TrajectoryLog.open(studied.run.folder / "trajectories").read(range(3))
+    config = studied.run.config
+    reactions = own_agent._reactions(pilots.obedient, config, episodes, 20)
+    assert reactions is not None
+    assert (reactions.up[:, 0, 0] - reactions.down[:, 0, 0]).mean() > 0.01  # an engine to the right, or to the left
+    again = own_agent._reactions(pilots.obedient, config, episodes, 20)
+    assert again is not None
+    np.testing.assert_array_equal(again.up, reactions.up)
+    assert own_agent._reactions(pilots.obedient, replace(config, predictor=EnsembleConfig()), episodes, 20) is None
 
 
 def test_how_sure_it_is_is_calibrated_from_the_start(studied: Study) -> None:

@@ -11,7 +11,7 @@ from ibe_rl.data import Array, Episode
 from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.instruct import make_instructor
-from ibe_rl.play import play, play_moments, watch
+from ibe_rl.play import moments_apart, play, play_moments, watch
 from ibe_rl.task import Phrases, Task
 
 
@@ -184,3 +184,53 @@ def test_moments_are_kept_with_each_episode(at_once: int):
             np.testing.assert_array_equal(moment.state, episode.states[t])
             np.testing.assert_array_equal(moment.instruction, episode.instructions[t])
             assert abs(moment.snapshot.bodies[0, 0] - 10 * (episode.states[t, 0] + 1)) < 1e-4
+
+
+def apart(seeds: list[int], steps: list[int], at_once: int = 4) -> list[Any]:
+    instructor = make_instructor(InstructorConfig("oracle"), LANDER_TASK)
+    return moments_apart(make(at_once), swing, instructor, seeds, steps)
+
+
+def test_moments_of_several_episodes_are_those_of_playing_them():
+    steps = [0, 30, 5, 30]
+    for seed, step, moment in zip([7, 3, 11, 7], steps, apart([7, 3, 11, 7], steps), strict=True):
+        [episode] = fly([seed], 1)
+        np.testing.assert_array_equal(moment.state, episode.states[step])
+        np.testing.assert_array_equal(moment.instruction, episode.instructions[step])
+        assert moment.given is True
+        assert abs(moment.snapshot.bodies[0, 0] - 10 * (episode.states[step, 0] + 1)) < 1e-4
+
+
+def test_an_episode_that_is_over_has_no_moment():
+    """The last step has one, and there is none after it."""
+    [last] = [len(episode) - 1 for episode in fly([7], 1)]
+    [moment, other] = apart([7, 3], [last, 2])
+    np.testing.assert_array_equal(moment.state, fly([7], 1)[0].states[last])
+    [only] = apart([7, 3], [last + 1, 2])
+    np.testing.assert_array_equal(only.state, other.state)
+
+
+def test_without_episodes_there_are_no_moments():
+    assert apart([], []) == []
+
+
+def test_an_environment_that_has_stopped_is_not_stepped_again():
+    """Nobody goes on once all moments are taken."""
+    instructor = Row()
+    found = moments_apart(make(3), swing, instructor, [7, 3, 11], [0, 2, 1])
+    assert len(found) == 3
+    assert instructor.resets == [3]
+    assert instructor.counts == [3, 3, 3]
+    assert instructor.asked == 1 + 3 + 2
+
+
+def test_moments_of_a_game_that_cannot_be_stopped_have_no_snapshot():
+    class Unstoppable(Counter):
+        snapshot = property()  # it has none
+
+    instructor = make_instructor(InstructorConfig("oracle"), Counter.task)
+    stay = lambda observations: np.zeros(len(observations), int)  # noqa: E731
+    [stopped] = moments_apart([Counter()], stay, instructor, [4], [2])
+    [other] = moments_apart([Unstoppable()], stay, instructor, [4], [2])
+    assert (stopped.snapshot, other.snapshot) == (2, None)
+    assert stopped.state.tolist() == other.state.tolist() == [2]

@@ -1,16 +1,17 @@
 """A vocabulary is learnt from the best episodes of a log made by hand, and comes back from its file."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import STEPS, TASK, WORDS, better_half, two_floors
+from by_hand import STEPS, TASK, WORDS, better_half, obey, two_floors
 
 from ibe_rl import refresh as module
-from ibe_rl.ibe import Transition
+from ibe_rl.ibe import Reactions, Transition
 from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import Calibration, VocabularyDrift
 from ibe_rl.refresh import Change, Refresh, learn_vocabulary, load_refresh, save_refresh
@@ -218,6 +219,11 @@ def damaged(saved: dict[str, Any]) -> dict[str, str]:
         "other shapes": saved | {"mapping": mapping | {"sizes": [1]}},
         "flat centres": saved | {"mapping": mapping | {"centres": [1, 2, 3]}},
         "no frame": saved | {"frame": None},
+        "reactions of nothing": saved | {"reactions": {}},
+        "reactions are a list": saved | {"reactions": [1]},
+        "reactions one way only": saved | {"reactions": {"up": [[[1]]]}},
+        "reactions of other shapes": saved | {"reactions": {"up": [[[1]]], "down": [[[1, 2]]]}},
+        "endless reactions": saved | {"reactions": {"up": [[[math.inf]]], "down": [[[1]]]}},
     }
     return {name: json.dumps(value) for name, value in values.items()} | {
         "empty": "",
@@ -259,3 +265,40 @@ def test_scores_that_cannot_be_told_come_back_so(log: TrajectoryLog, tmp_path: P
     learnt = replace(learn_vocabulary(log, better_half(), TASK, 0), scores_of_numbers=[{"motion_auc": float("nan")}])
     [read] = load_refresh(save_refresh(tmp_path, learnt, better_half(), TASK)).scores_of_numbers
     assert np.isnan(read["motion_auc"])
+
+
+def answers(up: float = 5.0) -> Reactions:
+    """At twelve moments it goes up when told so and down when told so, more or less."""
+    went = np.zeros((12, 1, 3))
+    went[:, 0, 0] = up + np.linspace(-0.1, 0.1, 12)
+    return Reactions(went, -went)
+
+
+def test_reactions_come_back_from_the_file(log: TrajectoryLog, tmp_path: Path):
+    learnt = learn_vocabulary(log, better_half(), TASK, 0, reactions=answers())
+    assert learnt.reactions is not None
+    path = save_refresh(tmp_path, learnt, better_half(), TASK)
+    read = load_refresh(path).reactions
+    assert read is not None
+    np.testing.assert_array_equal(read.up, answers().up)
+    np.testing.assert_array_equal(read.down, answers().down)
+    unasked = learn_vocabulary(log, better_half(), TASK, 0)
+    assert unasked.reactions is None
+    assert load_refresh(save_refresh(tmp_path, unasked, better_half(), TASK)).reactions is None
+    earlier = {key: value for key, value in json.loads(path.read_text()).items() if key != "reactions"}
+    path.write_text(json.dumps(earlier))
+    assert load_refresh(path).reactions is None
+
+
+def test_reactions_are_evidence_of_what_the_words_mean(log: TrajectoryLog):
+    for _ in range(4):
+        obey(log)
+
+    def influence(reactions: Reactions | None) -> list[int]:
+        [meaning] = learn_vocabulary(log, better_half(), TASK, 0, reactions=reactions).mapping.meanings
+        return [one.sign for one in meaning.evidence if one.source == "influence"]
+
+    assert influence(None) == []
+    assert influence(answers(0.0)) == [0]
+    [obeys], [opposes] = influence(answers()), influence(answers(-5.0))
+    assert obeys == -opposes != 0

@@ -139,11 +139,10 @@ def _check_vocabulary(folder: Path, horizon_steps: int, mapping: ClusterMapping,
 
 
 def _reactions(folder: Path, saved: Saved, task: Task) -> Reactions | None:
-    size = task.instruction_size, len(task.state_names)
-    if saved.reactions is not None and saved.reactions.up.shape[1:] != size:
-        raise ConfigError(
-            f"{folder}: its agent's reactions have the shape {saved.reactions.up.shape}, not (.., {size})"
-        )
+    numbers, dimensions = task.instruction_size, len(task.state_names)
+    if saved.reactions is not None and saved.reactions.up.shape[1:] != (numbers, dimensions):
+        found = saved.reactions.up.shape
+        raise ConfigError(f"{folder}: its agent's reactions have the shape {found}, not (.., {numbers}, {dimensions})")
     return saved.reactions
 
 

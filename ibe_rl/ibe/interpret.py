@@ -62,7 +62,7 @@ class Reactions:
         """
         try:
             return cls(np.asarray(values["up"], float), np.asarray(values["down"], float))
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, OverflowError) as error:
             raise ValueError(f"the reactions are damaged: {error}") from None
 
 

@@ -80,10 +80,11 @@ class Meaning:
 
         They are known only if these episodes moved the way that is meant.
         """
-        followed = self.effect_of("best")
-        if not self.known or (followed is not None and followed.effect > 0):
+        best = self.effect_of("best")
+        if not self.known or (best is not None and best.effect > 0):
             return self
-        return replace(self, negative=False, positive=False, reason="the best episodes did the opposite")
+        reason = "the best episodes did the opposite" if best else "too few of the best episodes were told anything"
+        return replace(self, negative=False, positive=False, reason=reason)
 
     def turned(self) -> Meaning:
         """The same along the opposite of the axis."""

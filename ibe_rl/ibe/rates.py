@@ -59,13 +59,18 @@ def depends_on_state(record: Record, number: int, seed: int) -> bool:
     """Whether what is said is decided by the state, and not by a plan in time that the agent may follow.
 
     Who follows a plan ends up in states that tell what was said, but not at the steps at which the plan changes. A
-    plan that is the same in every episode is told better by the step than by the state.
+    plan that is the same in every episode is told better by the step than by the state. What is said too rarely to be
+    told from one half of the steps in the other one does not depend on anything.
     """
     signs = record.signs(number)
     rows = np.random.default_rng(seed).permutation(np.flatnonzero(record.given))[:MOST_TOLD]
+    fitted = _half(signs[rows], record.episode[rows])
+    if fitted is None:
+        return False
     most = np.unique(signs[rows], return_counts=True)[1].max() / len(rows)
     places = record.step[:, None], record.states
-    (_, told_by_step), (model, told_by_state) = (_teller(columns, signs, record, rows) for columns in places)
+    halves = rows[fitted], rows[~fitted]
+    (_, told_by_step), (model, told_by_state) = (_teller(columns, signs, *halves) for columns in places)
     if told_by_step > told_by_state + BETTER or told_by_state < most + DEPENDS * (1 - most):
         return False
     onsets = record.onsets(number)[:MOST_STEPS]
@@ -75,17 +80,25 @@ def depends_on_state(record: Record, number: int, seed: int) -> bool:
     return bool(np.mean(told == signs[onsets]) >= AT_ONSETS * np.mean(told == signs[onsets - 1]))
 
 
-def _teller(columns: Array, signs: Array, record: Record, rows: Array) -> tuple[Any, float]:
-    """What tells better what was said, a linear model or a tree, and the share that it tells in other episodes."""
-    odd = record.episode[rows] % 2 == 1
-    if len(np.unique(signs[rows[odd]])) < 2 or odd.all():
-        odd = np.arange(len(rows)) % 2 == 1
+def _half(signs: Array, episode: Array) -> Array | None:
+    """Which steps ``(N,)`` bool to fit on: those of every other episode, or else every other one.
+
+    None if in either case one half is told the same throughout.
+    """
+    for odd in (episode % 2 == 1, np.arange(len(signs)) % 2 == 1):
+        if min(len(np.unique(signs[half])) for half in (odd, ~odd)) > 1:
+            return odd
+    return None
+
+
+def _teller(columns: Array, signs: Array, fit_on: Array, score_on: Array) -> tuple[Any, float]:
+    """What tells better what was said, a linear model or a tree, and the share that it tells of unseen steps."""
     models = (
         make_pipeline(StandardScaler(), LogisticRegression(C=1_000, max_iter=300)),
         DecisionTreeClassifier(max_depth=8, min_samples_leaf=5, random_state=0),
     )
-    fitted = [model.fit(columns[rows[odd]], signs[rows[odd]]) for model in models]
-    scored = [(model, float(model.score(columns[rows[~odd]], signs[rows[~odd]]))) for model in fitted]
+    fitted = [model.fit(columns[fit_on], signs[fit_on]) for model in models]
+    scored = [(model, float(model.score(columns[score_on], signs[score_on]))) for model in fitted]
     return max(scored, key=lambda pair: pair[1])
 
 

@@ -29,7 +29,7 @@ from ibe_rl.config import (
 from ibe_rl.data import ConfigError
 from ibe_rl.env import LANDER_ID
 from ibe_rl.evaluation import load_run
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe import ClusterMapping, Reactions
 from ibe_rl.lessons import settled
 from ibe_rl.metrics import Calibration
 from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, create_run_folder, write_json
@@ -66,11 +66,13 @@ def write_mapping(
     frame: int,
     mapping: ClusterMapping,
     calibration: Calibration | None = None,
+    reactions: Reactions | None = None,
     **spans: ClusterMapping,
 ) -> None:
     other = [{"horizon_steps": int(name.removeprefix("n")), "mapping": each.to_dict()} for name, each in spans.items()]
     values = {"frame": frame, "horizon_steps": 40, "mapping": mapping.to_dict(), "spans": other}
     values["calibration"] = calibration and calibration.to_dict()
+    values["reactions"] = reactions and reactions.to_dict()
     write_json(folder / REFRESHES / f"{frame:012d}.json", values)
 
 
@@ -121,6 +123,24 @@ def test_the_vocabularies_of_other_spans_come_with_it(folder: Path):
     run = load_run(folder)
     assert run.mapping.expressions[0, 0] == -0.4
     assert {n: each.expressions[0, 0] for n, each in run.spans.items()} == {20: -0.5, 120: -0.6}
+
+
+def test_what_its_agent_did_when_told_otherwise_comes_with_it(folder: Path):
+    assert load_run(folder).reactions is None
+    asked = Reactions(np.ones((12, 1, 9)), np.zeros((12, 1, 9)))
+    write_mapping(folder, 960, mapping_of(-0.4), reactions=asked)
+    read = load_run(folder).reactions
+    assert read is not None
+    np.testing.assert_array_equal(read.up, asked.up)
+    np.testing.assert_array_equal(read.down, asked.down)
+
+
+@pytest.mark.parametrize("shape", [(12, 1, 8), (12, 2, 9)])
+def test_reactions_of_another_shape_are_refused(folder: Path, shape: tuple[int, ...]):
+    write_mapping(folder, 960, mapping_of(-0.4), reactions=Reactions(np.ones(shape), np.ones(shape)))
+    message = rf"its agent's reactions have the shape {re.escape(str(shape))}, not \(\.\., 1, 9\)"
+    with pytest.raises(ConfigError, match=message):
+        load_run(folder)
 
 
 def sure(intercept: float) -> Calibration:
