@@ -109,7 +109,7 @@ class Meaning:
         try:
             evidence = tuple(_evidence(each) for each in values["evidence"])
             sides = bool(values["negative"]), bool(values["positive"])
-            direction = tuple(float(each) for each in values.get("direction", ()))
+            direction = tuple(float(each) for each in values["direction"])
             if not np.isfinite(direction).all():
                 raise ValueError("not all of its numbers are finite")
             return cls(*sides, str(values["reason"]), evidence, int(values["episodes"]), direction)

@@ -11,7 +11,7 @@ from masses import Agent, Rule, fly, ignores, obeys, opposes, planned, seen_as, 
 
 from ibe_rl.data import Array, Episode
 from ibe_rl.ibe import Evidence
-from ibe_rl.ibe.evidence import best, influence, influence_of_plan, pays, satisfaction
+from ibe_rl.ibe.evidence import best, influence, influence_of_plan, pays, pays_at_once, satisfaction
 from ibe_rl.ibe.record import Record
 
 RIGHT = np.array([1.0, 0.0])
@@ -147,14 +147,14 @@ def test_who_was_told_nothing_did_nothing() -> None:
 @pytest.mark.parametrize("reward", [1.0, -1.0])
 def test_following_pays_or_does_not_whoever_does_it(agent: Agent, reward: float) -> None:
     log = record(agent, planned, pays=reward)
-    assert sure(pays(log, RIGHT, 0, 0)) == reward
-    assert sure(pays(log, -RIGHT, 0, 0)) == -reward
+    assert sure(pays_at_once(log, RIGHT, 0, 0)) == reward
+    assert sure(pays_at_once(log, -RIGHT, 0, 0)) == -reward
 
 
 def test_a_reward_for_something_else_says_nothing() -> None:
     chance = np.random.default_rng(0)
     log = Record.of([replace(one, rewards=chance.normal(size=40)) for one in fly(ignores, planned)], 5)
-    assert sure(pays(log, RIGHT, 0, 0)) == 0
+    assert sure(pays_at_once(log, RIGHT, 0, 0)) == 0
 
 
 def test_what_could_be_expected_of_the_place_is_no_merit() -> None:
@@ -170,7 +170,7 @@ def test_what_could_be_expected_of_the_place_is_no_merit() -> None:
     log = Record.of(logged, 5)
     moved, earned = log.delta[log.whole, 0], log.earned[log.whole]
     assert np.corrcoef(moved, earned)[0, 1] < -0.5
-    found = pays(log, RIGHT, 0, 0)
+    found = pays_at_once(log, RIGHT, 0, 0)
     assert found is None or found.sign == 0
 
 
@@ -181,7 +181,7 @@ def test_with_many_dimensions_what_is_expected_is_linear() -> None:
         replace(one, states=np.column_stack([one.states, chance.normal(size=(41, 11))]))
         for one in fly(ignores, planned, pays=1.0)
     ]
-    assert sure(pays(Record.of(crowd, 5), np.append(RIGHT, np.zeros(11)), 0, 0)) == 1
+    assert sure(pays_at_once(Record.of(crowd, 5), np.append(RIGHT, np.zeros(11)), 0, 0)) == 1
 
 
 def paid_at_the_end(agent: Agent, sign: float, count: int = 40, per_step: float = -1.0) -> list[Episode]:
@@ -199,7 +199,7 @@ def paid_at_the_end(agent: Agent, sign: float, count: int = 40, per_step: float 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_where_all_steps_earn_the_same_episodes_are_compared(sign: float) -> None:
     log = Record.of(paid_at_the_end(ignores, sign), 5)
-    assert np.ptp(log.earned[log.whole]) == 0
+    assert pays_at_once(log, RIGHT, 0, 0) is None
     assert sure(pays(log, RIGHT, 0, 0)) == sign
 
 
@@ -233,14 +233,14 @@ def test_a_movement_that_is_always_the_same_pays_nothing() -> None:
     """The rewards differ by chance; nothing moved more than usual."""
     log = by_hand([np.arange(8.0).tolist()] * 10, [[1.0] * 7] * 10)
     rewards = np.random.default_rng(0).normal(size=len(log))
-    assert pays(replace(log, earned=rewards), np.zeros(1), 0, 0) is None
+    assert pays_at_once(replace(log, earned=rewards), np.zeros(1), 0, 0) is None
 
 
 def test_too_few_windows_with_an_instruction_pay_nothing() -> None:
     def once(_state: Array, step: int, episode: int) -> float:
         return float(episode < 4 and step == 3)
 
-    assert pays(record(ignores, once, pays=1.0), RIGHT, 0, 0) is None
+    assert pays_at_once(record(ignores, once, pays=1.0), RIGHT, 0, 0) is None
 
 
 def test_an_episode_that_was_hardly_told_anything_does_not_count() -> None:
