@@ -295,7 +295,7 @@ def test_reactions_are_evidence_of_what_the_words_mean(log: TrajectoryLog):
         obey(log)
 
     def influence(reactions: Reactions | None) -> list[int]:
-        [meaning] = learn_vocabulary(log, better_half(), TASK, 0, reactions=reactions).mapping.meanings
+        [meaning] = learn_vocabulary(log, better_half(meaning="tested"), TASK, 0, reactions=reactions).mapping.meanings
         return [one.sign for one in meaning.evidence if one.source == "influence"]
 
     assert influence(None) == []

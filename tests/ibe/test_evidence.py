@@ -11,7 +11,15 @@ from masses import Agent, Rule, fly, ignores, obeys, opposes, planned, seen_as, 
 
 from ibe_rl.data import Array, Episode
 from ibe_rl.ibe import Evidence
-from ibe_rl.ibe.evidence import best, influence, influence_of_plan, pays, pays_at_once, satisfaction
+from ibe_rl.ibe.evidence import (
+    _expectable,
+    best,
+    influence,
+    influence_of_plan,
+    pays,
+    pays_at_once,
+    satisfaction,
+)
 from ibe_rl.ibe.record import Record
 
 RIGHT = np.array([1.0, 0.0])
@@ -100,6 +108,15 @@ def test_it_is_the_slope_of_movements_on_changes_of_the_instruction() -> None:
     assert (found.source, found.episodes) == ("satisfaction", 8)
 
 
+def test_only_windows_from_similar_places_are_compared() -> None:
+    """Far away all go 10 and are told +1 still; near the goal those who go 1 have arrived, and the others have not."""
+    places = [[-100, -90, -90]] * 8 + [[0, 1, 1]] * 8 + [[0, 0, 0]] * 8
+    log = by_hand(places, [[1, 1]] * 8 + [[1, 0]] * 8 + [[1, 1]] * 8)
+    found = satisfaction(log, np.ones(1), 0, 0)
+    assert found is not None
+    assert found.effect == pytest.approx(1 / np.std(log.delta))
+
+
 def test_it_needs_eight_episodes_in_which_an_instruction_ended() -> None:
     for ended, expected in ((7, False), (8, True)):
         log = by_hand([[0, 2, 2]] * ended + [[0, 0, 0]] * 20, [[1, 0]] * ended + [[1, 1]] * 20)
@@ -182,6 +199,9 @@ def test_with_many_dimensions_what_is_expected_is_linear() -> None:
         for one in fly(ignores, planned, pays=1.0)
     ]
     assert sure(pays_at_once(Record.of(crowd, 5), np.append(RIGHT, np.zeros(11)), 0, 0)) == 1
+    states, signs = chance.normal(size=(20, 13)), np.ones(20)
+    assert _expectable(states, signs).shape == (20, 2 * 14)
+    assert _expectable(states[:, :12], signs).shape == (20, 2 * 13 + 78)
 
 
 def paid_at_the_end(agent: Agent, sign: float, count: int = 40, per_step: float = -1.0) -> list[Episode]:
