@@ -24,7 +24,7 @@ from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
 from ibe_rl.ibe.record import Record
 from ibe_rl.ibe.space import TooLittleDataError, lasso_axes, rule_axes
 
-CLEAR = {"best": 0.1, "satisfaction": 0.1, "influence": 0.1, "pays": 0.1, "pays_at_once": 0.1}
+CLEAR = 0.1
 """Effects below this are none, however many episodes they stand on."""
 FEWEST_SAID = 20
 HEARD_STATES = 5_000
@@ -146,7 +146,7 @@ class _Log:
             return np.zeros(len(self._kept)), Meaning.unknown(only, record.size)
         chosen = self._chosen(number)
         if not np.any(chosen.axis):
-            return chosen.axis, Meaning.unknown("what is said does not depend on what counts", record.size)
+            return chosen.axis, Meaning.unknown("nothing that moves goes with what is said", record.size)
         sides = [bool(chosen.sign) and int((signs == side).sum()) >= FEWEST_SAID for side in (-1, 1)]
         rises = chosen.axis * record.delta.std(axis=0)
         direction = tuple((rises / (np.abs(rises).max() or 1.0)).tolist())
@@ -214,7 +214,7 @@ def decide(evidence: Sequence[Evidence], depends: bool) -> tuple[int, str]:
     Returns:
         1 if +1 asks for a movement along the axis, -1 if for the opposite, 0 if it cannot be told; and why.
     """
-    says = {one.source: one.sign for one in evidence if abs(one.effect) >= CLEAR[one.source] and one.sign}
+    says = {one.source: one.sign for one in evidence if abs(one.effect) >= CLEAR}
     effect = {one.source: one.effect for one in evidence}
     at_once = "pays_at_once" in effect  # else all windows earn the same
     stops, listens = (says.get(source, 0) for source in ("satisfaction", "influence"))

@@ -283,7 +283,7 @@ def test_words_about_what_does_not_count_have_no_meaning() -> None:
     ]
     found = interpret(beside, 5, dimensions=[2])
     assert not found.axes.any()
-    assert found.meanings == (Meaning.unknown("what is said does not depend on what counts", 40),)
+    assert found.meanings == (Meaning.unknown("nothing that moves goes with what is said", 40),)
     counts = interpret(beside, 5, dimensions=[0])
     assert counts.axes[0, 0] > 0
     assert not counts.axes[1:].any()
