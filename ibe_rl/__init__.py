@@ -9,7 +9,19 @@ from typing import Any
 
 from ibe_rl.data import ConfigError, Episode
 from ibe_rl.env import Instructed
-from ibe_rl.ibe import ClusterMapping, IBEMapping, cut_windows, delta_states, phrase, top_episodes
+from ibe_rl.ibe import (
+    ClusterMapping,
+    Evidence,
+    IBEMapping,
+    Interpretation,
+    Meaning,
+    Reactions,
+    cut_windows,
+    delta_states,
+    interpret,
+    phrase,
+    top_episodes,
+)
 from ibe_rl.task import Phrases, Task
 
 WITH_TORCH = {
@@ -21,15 +33,20 @@ __all__ = [
     "ClusterMapping",
     "ConfigError",
     "Episode",
+    "Evidence",
     "IBEMapping",
     "Instructed",
+    "Interpretation",
+    "Meaning",
     "Phrases",
+    "Reactions",
     "Study",
     "Task",
     "cut_windows",
     "delta_states",
     "export_log",
     "import_log",
+    "interpret",
     "open_study",
     "phrase",
     "study",

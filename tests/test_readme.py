@@ -6,8 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
+from ibe_rl import Episode
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
+
+
+def walk_to_the_middle(start: float, random: np.random.Generator) -> Episode:
+    """Told to go there, it does, by .05 a step; the second number of the state says nothing."""
+    place, told = [start], []
+    for _ in range(40):
+        told.append(float(np.sign(-place[-1]) * (abs(place[-1]) > 0.1)))
+        place.append(place[-1] + 0.05 * told[-1] + random.normal(0, 0.01))
+    states, nothing = np.column_stack([place, random.normal(size=41)]), np.zeros(40)
+    return Episode(states, nothing, nothing, np.array(told)[:, None], np.ones(40, bool), False, False, "any")
 
 
 def test_the_lines_of_python_run() -> None:
@@ -21,9 +33,12 @@ def test_the_lines_of_python_run() -> None:
         "states": np.column_stack([-way, random.normal(size=300)]) + random.normal(0, 0.01, (300, 2)),
         "told": way,
     }
+    names["episodes"] = [walk_to_the_middle(start, random) for start in np.linspace(-1, 1, 20)]
     exec(block, names)  # noqa: S102 - our own README
     mapping = names["mapping"]
     np.testing.assert_array_equal(mapping.predict(names["new_delta_states"]), [[-1.0], [1.0]])
+    assert names["found"].meanings[0].known
+    assert names["axis"].meanings_ == names["found"].meanings
     np.testing.assert_allclose(names["axis"].predict(names["new_delta_states"]), [[-1.0], [1.0]], atol=0.05)
 
 
