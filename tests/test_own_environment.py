@@ -64,7 +64,7 @@ def test_everything_that_can_be_declared_is_listed():
 
 
 def test_the_config_of_the_page_is_one():
-    assert yaml.safe_load(files()["my_configs/env/my_cart.yaml"])["id"] == "CartPole-v1"
+    assert yaml.safe_load(files()["my_configs/env/my_cart.yaml"])["id"] == "my_rules:MiddleCart-v0"
 
 
 def test_the_files_it_links_to_are_there():
