@@ -165,8 +165,8 @@ def test_a_module_that_does_not_import_is_refused():
 
 
 def test_a_module_may_lie_where_the_program_was_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    code = "import gymnasium\ngymnasium.register('HereCart-v0', lambda **kwargs: gymnasium.make('CartPole-v1', **kwargs))\n"
-    (tmp_path / "registers_here.py").write_text(code)
+    entry = "gymnasium.envs.classic_control:CartPoleEnv"
+    (tmp_path / "registers_here.py").write_text(f"import gymnasium\ngymnasium.register('HereCart-v0', '{entry}')\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     assert make_gym("registers_here:HereCart-v0", {}, declared()).observation_space.shape == (4,)
