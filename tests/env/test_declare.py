@@ -169,4 +169,4 @@ def test_a_module_may_lie_where_the_program_was_started(tmp_path: Path, monkeypa
     (tmp_path / "registers_here.py").write_text(f"import gymnasium\ngymnasium.register('HereCart-v0', '{entry}')\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    assert make_gym("registers_here:HereCart-v0", {}, declared()).observation_space.shape == (4,)
+    assert make_gym("registers_here:HereCart-v0", {}, declared(max_episode_steps=9)).observation_space.shape == (4,)
