@@ -24,7 +24,7 @@ class Evidence:
             the same state; "pays": whether episodes earn more in which the movement was larger.
         effect: how far +1 is followed along the instructor's axis, in standard deviations of the movement (for "pays"
             a rank correlation); above 0 the axis points the way that +1 asks for.
-        low: lower end of its 95 % interval.
+        low: lower end of its 99 % interval.
         high: upper end.
         episodes: that it stands on.
     """
