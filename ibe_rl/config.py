@@ -167,7 +167,7 @@ class MappingConfig:
     """How the vocabulary is learnt; as it stands here, the paper's (docs/PAPER.md, docs/QUALITY.md say why)."""
 
     kind: str = "paper"  # what the mapping is called in summaries and tables
-    horizon_steps: int | None = setting(None, low=1)  # None: found in the episodes of the first refresh, for good
+    horizon_steps: int | None = setting(None, low=1)  # None: found in the episodes at each refresh
     spans_steps: list[int] = field(default_factory=lambda: [20])  # other horizons; where n was found only shorter ones
     top_fraction: float = setting(0.25, low=TINY, high=1.0)
     top_within: str = setting("all", choices=("all", "context"))

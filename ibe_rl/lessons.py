@@ -14,6 +14,7 @@ from ibe_rl.ibe import (
     Windows,
     cut_windows,
     find_horizon,
+    instruction_lasts,
     leading_change,
     rule_axes,
     top_episodes,
@@ -104,7 +105,9 @@ def horizon_told(steps: int) -> str:
 
 
 def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:
-    """Find in a log how far ahead to explain, see ``find_horizon``; ``horizon_steps`` itself where that is set.
+    """Find in a log how far ahead to explain; ``horizon_steps`` itself where that is set.
+
+    As long as movements last (``find_horizon``), and no longer than an instruction stands (``instruction_lasts``).
 
     Raises:
         TooLittleDataError: if no episode has ended in time.
@@ -117,7 +120,8 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
     heard = log.read(random.permutation(counted)[:FLOWN])
     states = [episode.states for episode in best]
     kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
-    return find_horizon(states, _turning(heard, seed, kept, leading_change(states, kept)))
+    steps = find_horizon(states, _turning(heard, seed, kept, leading_change(states, kept)))
+    return min(steps, instruction_lasts([episode.instructions for episode in best]) or steps)
 
 
 def _turning(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:

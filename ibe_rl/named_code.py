@@ -6,6 +6,7 @@ import importlib
 import inspect
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ibe_rl.data import ConfigError
@@ -24,14 +25,19 @@ def import_named(key: str, name: str, allowed: str, made: bool = False) -> Any:
         ConfigError: if it is not there, or raises anything on the way.
     """
     module, _, attribute = name.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
     try:
-        found = getattr(importlib.import_module(module), attribute)
+        found = getattr(import_from_here(module), attribute)
         return found() if made and inspect.isclass(found) else found
     except Exception as error:  # whatever code of somebody else raises
         raise ConfigError(f"{key}={name}: allowed is {allowed} ({raised(error)})") from None
+
+
+def import_from_here(module: str) -> ModuleType:
+    """Import a module that may lie where the program was started."""
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    return importlib.import_module(module)
 
 
 def raised(error: Exception) -> str:

@@ -52,7 +52,8 @@ def test_the_files_and_the_commands_do_what_they_say(
     call(*evaluate, *EASIER)
     rows = json.loads((tmp_path / "runs/my_cart/evaluation/quality.json").read_text())["rows"]
     assert "ibe:axis" in {row["explainer"] for row in rows}
-    strange = r"error: runs/my_cart/\S+: its environment runs code, my_rules:stood, my_rules:to_the_middle; allowed is"
+    strange = r"error: runs/my_cart/\S+: its environment runs code, my_rules:MiddleCart-v0, my_rules:stood, "
+    strange += "my_rules:to_the_middle; allowed is"
     for command in (["explain", "run=runs/my_cart"], ["train", "resume=runs/my_cart", "total_frames=9000"]):
         with pytest.raises(SystemExit, match=strange):
             call(*command)
@@ -64,7 +65,7 @@ def test_everything_that_can_be_declared_is_listed():
 
 
 def test_the_config_of_the_page_is_one():
-    assert yaml.safe_load(files()["my_configs/env/my_cart.yaml"])["id"] == "CartPole-v1"
+    assert yaml.safe_load(files()["my_configs/env/my_cart.yaml"])["id"] == "my_rules:MiddleCart-v0"
 
 
 def test_the_files_it_links_to_are_there():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 from ibe_rl.config import EnvConfig
 from ibe_rl.data import Array, ConfigError, Instructor, observe
 from ibe_rl.env.declare import Declared, declare
+from ibe_rl.named_code import import_from_here
 from ibe_rl.scene import Shape
 from ibe_rl.task import Task
 from ibe_rl.task_config import TaskConfig
@@ -61,7 +61,7 @@ def _check_registered(env_id: str) -> None:
     module, colon, name = env_id.rpartition(":")
     if colon:
         try:
-            importlib.import_module(module)
+            import_from_here(module)
         except Exception as error:
             raise ConfigError(f"env.id={env_id}: {module} cannot be imported ({error})") from None
     if name not in gymnasium.registry:

@@ -2,7 +2,7 @@
 
 from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
 from ibe_rl.ibe.estimator import IBEMapping
-from ibe_rl.ibe.horizon import find_horizon, leading_change
+from ibe_rl.ibe.horizon import find_horizon, instruction_lasts, leading_change
 from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.interpret import Interpretation, Reactions, interpret
 from ibe_rl.ibe.mapping import ClusterMapping
@@ -28,6 +28,7 @@ __all__ = [
     "cut_windows",
     "delta_states",
     "find_horizon",
+    "instruction_lasts",
     "interpret",
     "keep_identity",
     "leading_change",

@@ -48,6 +48,36 @@ def find_horizon(states: Sequence[Array], axes: Array) -> int:
     return min([most, *found])
 
 
+def instruction_lasts(instructions: Sequence[Array]) -> int | None:
+    """How many more steps an instruction stands, from where it is heard: what it brings about ends with it.
+
+    A roll-out holds the instruction; further ahead than this it foretells what will not be asked for any more.
+
+    Args:
+        instructions: ``(T, d)`` of each episode, 0 in silence.
+
+    Returns:
+        the median over all steps with an instruction other than 0, at least ``FEWEST_STEPS``, of the number that
+        changes soonest; None if there is no such step.
+    """
+    left = [
+        _steps_left(np.concatenate([np.sign(each[:, number]), [np.nan]]))
+        for each in instructions
+        for number in range(each.shape[1])
+    ]
+    size = max((each.shape[1] for each in instructions), default=0)
+    medians = [np.median(each) for each in (np.concatenate(left[number::size]) for number in range(size)) if len(each)]
+    return max(FEWEST_STEPS, int(min(medians))) if medians else None
+
+
+def _steps_left(signs: Array) -> Array:
+    """At each step ``(K,)`` of ``(T,)`` with an instruction, how long until it is another one; the last is none."""
+    changes = np.flatnonzero(signs[1:] != signs[:-1]) + 1
+    steps = np.flatnonzero(signs[:-1] != 0)
+    left: Array = changes[np.searchsorted(changes, steps, side="right")] - steps
+    return left
+
+
 def leading_change(states: Sequence[Array], kept: Array) -> Array:
     """The direction ``(S, 1)`` in which the state changes most, each dimension in units of how much it changes.
 

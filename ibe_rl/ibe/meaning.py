@@ -26,6 +26,7 @@ class Evidence:
             moments do in which it was larger than usual there.
         effect: how far +1 is followed along the instructor's axis, in standard deviations of the movement (for "pays"
             and "pays_at_once" a correlation); above 0 the axis points the way that +1 asks for.
+            a rank correlation); above 0 the axis points the way that +1 asks for.
         low: lower end of its 99 % interval.
         high: upper end.
         episodes: that it stands on.

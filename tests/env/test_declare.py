@@ -1,5 +1,6 @@
 """What a config declares is what the rest of the program reads; what cannot be is refused by name, at once."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -161,3 +162,11 @@ def test_states_that_are_no_row_of_numbers_are_refused():
 def test_a_module_that_does_not_import_is_refused():
     with pytest.raises(ConfigError, match=r"env\.id=nowhere:Mine-v0: nowhere cannot be imported"):
         make_gym("nowhere:Mine-v0", {}, declared())
+
+
+def test_a_module_may_lie_where_the_program_was_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    entry = "gymnasium.envs.classic_control:CartPoleEnv"
+    (tmp_path / "registers_here.py").write_text(f"import gymnasium\ngymnasium.register('HereCart-v0', '{entry}')\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    assert make_gym("registers_here:HereCart-v0", {}, declared(max_episode_steps=9)).observation_space.shape == (4,)

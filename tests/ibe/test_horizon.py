@@ -88,3 +88,15 @@ def test_the_leading_change_is_what_goes_together():
     alone = leading_change(states, np.array([False, False, True, False]))[:, 0]
     assert np.flatnonzero(alone).tolist() == [2]
     assert leading_change([np.ones((2, 1))], np.ones(1, bool)).tolist() == [[0]]
+
+
+def test_an_instruction_lasts_until_another_one_is_given() -> None:
+    """Eight steps right, then nothing, then four left: 8 to 1 and 4 to 1 steps are left, the median is 3.5."""
+    one = np.array([1.0] * 8 + [0.0] * 5 + [-1.0] * 4)[:, None]
+    assert instruction_lasts([one, np.zeros((9, 1))]) == FEWEST_STEPS  # 3.5 is less than the fewest
+    assert instruction_lasts([np.ones((41, 1))]) == 21
+    assert instruction_lasts([np.ones((41, 1)), -np.ones((41, 1))]) == 21
+    assert instruction_lasts([np.column_stack([np.ones(41), np.repeat([1, -1], [21, 20])])]) == 11
+    assert instruction_lasts([np.column_stack([np.ones(41), np.zeros(41)])]) == 21
+    assert instruction_lasts([np.zeros((9, 2))]) is None
+    assert instruction_lasts([]) is None
