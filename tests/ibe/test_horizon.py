@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ibe_rl.data import Array
-from ibe_rl.ibe import find_horizon, leading_change
+from ibe_rl.ibe import find_horizon, instruction_lasts, leading_change
+from ibe_rl.ibe.horizon import FEWEST_STEPS
 
 PLACE = np.array([[1.0], [0.0]])
 
