@@ -93,7 +93,7 @@ def refresh(folder: str) -> dict[str, float]:
     """Seconds of a refresh, and by how many megabytes it raised the most memory this process ever held."""
     log = TrajectoryLog.open(Path(folder))
     before, start = peak_mb(), time.perf_counter()
-    learnt = learn_vocabulary(log, MappingConfig(), LANDER_TASK, seed=0)
+    learnt = learn_vocabulary(log, MappingConfig(horizon_steps=60), LANDER_TASK, seed=0)
     seconds = time.perf_counter() - start
     return {"seconds": seconds, "mb": peak_mb() - before, "windows": len(learnt.top)}
 

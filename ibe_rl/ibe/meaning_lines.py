@@ -53,7 +53,7 @@ def _facts(meaning: Meaning) -> str:
     best, pays = meaning.effect_of("best"), meaning.effect_of("pays")
     parts = []
     if best is not None:
-        parts.append(f"the best episodes followed it by {best.effect:+.2f} standard deviations")
+        parts.append(f"the best episodes moved {best.effect:+.2f} standard deviations as told")
     if pays is not None:
         parts.append(PAYS[pays.sign])
     if meaning.episodes:

@@ -108,7 +108,7 @@ def test_the_vocabulary_has_no_word_without_a_known_meaning():
     shown = vocabulary(2_000, replace(voice(), mapping=one_way), LANDER_TASK)
     assert [one["known"] for one in shown["clusters"]] == [True, True, False]
     assert shown["clusters"][2]["phrase"] == CANNOT_TELL
-    assert shown["meaning"][0].endswith("but I cannot tell what “falling to the right” means: nobody did it")
+    assert shown["meaning"][0].endswith("nobody did it, but I cannot tell what “falling to the right” means")
 
 
 def test_without_a_person_nothing_happens():

@@ -27,7 +27,7 @@ BEST, PAYS = Evidence("best", 1.234, 1.0, 1.5, 40), Evidence("pays", -0.3, -0.4,
         (Meaning(False, False, WHY), f"I cannot tell what {UP} means: {WHY}"),
         (
             Meaning(False, False, WHY, (BEST, PAYS), 412),
-            f"I cannot tell what {UP} means: {WHY} (the best episodes followed it by +1.23 standard deviations; "
+            f"I cannot tell what {UP} means: {WHY} (the best episodes moved +1.23 standard deviations as told; "
             "following does not pay; 412 episodes)",
         ),
         (Meaning(True, False), f"{DOWN}: +1 asks for a movement, but I cannot tell what {UP} means"),
