@@ -7,7 +7,7 @@ from ibe_rl.ibe.identity import Transition, keep_identity
 from ibe_rl.ibe.interpret import Interpretation, Reactions, interpret
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Evidence, Meaning, UnknownMeaningWarning, sayable
-from ibe_rl.ibe.meaning_lines import meaning_lines, positive_phrase
+from ibe_rl.ibe.meaning_lines import asked, meaning_lines, positive_phrase
 from ibe_rl.ibe.settings import check_settings
 from ibe_rl.ibe.space import TooLittleDataError, rule_axes
 from ibe_rl.ibe.vocabulary import NORMALISATIONS, normalise, phrase, phrases_of
@@ -24,6 +24,7 @@ __all__ = [
     "Transition",
     "UnknownMeaningWarning",
     "Windows",
+    "asked",
     "check_settings",
     "cut_windows",
     "delta_states",

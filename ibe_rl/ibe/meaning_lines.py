@@ -34,15 +34,15 @@ def _line(meaning: Meaning, words: Phrases, task: Task) -> str:
     if not known:
         because = f": {meaning.reason}" if meaning.reason else ""
         return f"I cannot tell what {_quoted(_plain(words.positive))} means{because}{_facts(meaning)}"
-    told = f"{' and '.join(map(_quoted, known))}: +1 asks {_asked(meaning, task)}"
+    told = f"{' and '.join(map(_quoted, known))}: +1 asks {asked(meaning, task)}"
     unknown = [side for side, is_known in sides.items() if not is_known]
     but = f", but I cannot tell what {_quoted(unknown[0])} means" if unknown else ""
     because = f", {meaning.reason}" if meaning.reason else ""
     return f"{told}{because}{but}{_facts(meaning)}"
 
 
-def _asked(meaning: Meaning, task: Task) -> str:
-    """Which dimensions +1 asks to rise and to fall, those that count most."""
+def asked(meaning: Meaning, task: Task) -> str:
+    """Which dimensions +1 asks to rise and to fall, those that count most: "x to rise"."""
     named = [(name, each) for name, each in zip(task.state_names, meaning.direction, strict=False) if abs(each) >= MUCH]
     ways = {"rise": [name for name, each in named if each > 0], "fall": [name for name, each in named if each < 0]}
     return " and ".join(f"{', '.join(names)} to {way}" for way, names in ways.items() if names) or "for a movement"

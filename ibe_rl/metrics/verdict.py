@@ -7,7 +7,7 @@ from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ibe_rl.ibe import Meaning
+from ibe_rl.ibe import Meaning, asked
 from ibe_rl.task import Task
 
 GOOD, WEAK, REVERSED, UNKNOWN = "good", "weak", "reversed", "unknown"
@@ -122,11 +122,18 @@ def wrong_signs(verdicts: Sequence[Verdict], meanings: Sequence[Meaning], task: 
     """
     if not meanings:
         return []
+    numbers = zip(verdicts, task.number_names, task.explained, meanings, strict=True)
     return [
-        f"env.task.explained=[{name}] says that {name} rises with +1, but in the log +1 asks it to fall: check the sign"
-        for one, name in zip(verdicts, task.number_names, strict=True)
+        f"env.task.explained=[{name}] says that {name} rises with +1, but in the log +1 asks "
+        + ("it to fall: check the sign" if _falls(meaning, dimension) else f"{asked(meaning, task)}: check the name")
+        for one, name, dimension, meaning in numbers
         if one.level == REVERSED
     ]
+
+
+def _falls(meaning: Meaning, dimension: int) -> bool:
+    """Whether +1 asks a dimension to fall; where nobody knows what it asks for, the words have told."""
+    return not meaning.direction or meaning.direction[dimension] < 0
 
 
 def short_number(value: float) -> str:
