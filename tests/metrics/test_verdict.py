@@ -95,7 +95,8 @@ def test_a_declared_sign_that_the_log_contradicts_is_named() -> None:
     falls, elsewhere = Meaning(direction=(0.0, -1.0, 0.0)), Meaning(direction=(1.0, 0.1, 0.0))
     assert wrong_signs(both, (Meaning(), falls), TWO) == wrong_signs(both, (Meaning(), Meaning()), TWO)
     assert wrong_signs(both, (Meaning(), elsewhere), TWO) == [
-        "env.task.explained=[speed] says that speed rises with +1, but in the log +1 asks height to rise: check the name"
+        "env.task.explained=[speed] says that speed rises with +1, but in the log +1 asks height to rise: "
+        "check the name"
     ]
     unknown = (Meaning(False, False),)
     assert wrong_signs(verdicts_of([scores(0.1)], unknown, TASK), unknown, TASK) == []
