@@ -74,5 +74,10 @@ def test_the_commands_run(place: Path, capsys: Any) -> None:
 
 
 def test_the_files_they_link_to_are_there() -> None:
-    for link in re.findall(r"\]\((?!http)([^)]+)\)", AGENT + LOG):
-        assert (ROOT / "docs" / link).exists(), link
+    for page in (AGENT, LOG):
+        for name, section in re.findall(r"\]\((?!http)([^)#]*)#?([^)]*)\)", page):
+            text = (ROOT / "docs" / name).read_text() if name else page
+            headings = {
+                re.sub(r"[^\w -]", "", line).lower().replace(" ", "-") for line in re.findall(r"^#+ (.*)", text, re.M)
+            }
+            assert not section or section in headings, (name, section)
