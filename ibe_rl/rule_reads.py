@@ -15,6 +15,10 @@ from ibe_rl.task import Task
 
 RANDOM_STEPS, STEPS_EACH = 2_000, 200
 """Of all episodes together, and of one of them."""
+FARTHER = (3, 10)
+"""Times as far from their mean the states are taken, until the rule says more than one thing."""
+ENOUGH = 0.05
+"""Share of the states in which something has to be said, to see what it depends on."""
 NOTHING = 0.01
 """Share of the largest weight on an axis under which a dimension has none."""
 WAY_OUT = "allowed is [], or mapping=lasso or mapping.space=all, which compare these dimensions whatever the rule reads"
@@ -23,7 +27,8 @@ WAY_OUT = "allowed is [], or mapping=lasso or mapping.space=all, which compare t
 def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, Any]) -> list[str]:
     """Refuse ``mapping.dimensions`` on which no word of the instructor turns, since no vocabulary could be learnt.
 
-    A few random episodes are played, always the same. Nothing is refused where the rule says one thing only in them.
+    A few random episodes are played, always the same. Nothing is refused where the rule says one thing only in
+    them, and farther out too.
 
     Args:
         config: of the mapping.
@@ -39,10 +44,13 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
     if config.space != "rule" or not config.dimensions:
         return []
     states = random_states(env)
-    told, kept = task.rule(states), np.isin(task.state_names, config.dimensions)
+    kept = np.isin(task.state_names, config.dimensions)
     for number in range(task.instruction_size):
-        if len(np.unique(told[:, number])) > 1 and not _turns_on(states, told[:, number], kept, task, number):
-            read = [task.state_names[row] for row in np.flatnonzero(reads(states, task, number))]
+        asked = _telling(states, task, number)
+        if asked is None or reads(asked, task, number)[kept].any():
+            continue
+        if asked is not states or not _goes_with(states, kept, task, number):
+            read = [task.state_names[row] for row in np.flatnonzero(reads(asked, task, number))]
             of_what = f" of {task.number_names[number]}" if task.instruction_size > 1 else ""
             raise ConfigError(
                 f"mapping.dimensions={list(config.dimensions)}: the instructor's rule{of_what} does not depend on "
@@ -79,10 +87,26 @@ def reads(states: Array, task: Task, number: int) -> Array:
     return np.array(found)
 
 
-def _turns_on(states: Array, told: Array, kept: Array, task: Task, number: int) -> bool:
-    """Whether the rule reads any of the ``kept`` dimensions, or what it says goes with them all the same."""
-    if reads(states, task, number)[kept].any():
-        return True
+def _telling(states: Array, task: Task, number: int) -> Array | None:
+    """States in which the rule says more than one thing: those, or farther out, where random play never gets."""
+    if _tells(states, task, number):
+        return states
+    for factor in FARTHER:
+        asked = (states.mean(axis=0) + factor * (states - states.mean(axis=0))).astype(states.dtype)
+        if _tells(asked, task, number):
+            return asked
+    return None
+
+
+def _tells(states: Array, task: Task, number: int) -> bool:
+    """Whether at least two things are said in them, and neither hardly ever."""
+    counts = np.sort(np.unique(task.rule(states)[:, number], return_counts=True)[1])
+    return len(counts) > 1 and bool(counts[-2] >= ENOUGH * len(states))
+
+
+def _goes_with(states: Array, kept: Array, task: Task, number: int) -> bool:
+    """Whether what the rule says goes with any of the ``kept`` dimensions, though it does not read them."""
+    told = task.rule(states)[:, number]
     weights = np.abs(rule_axes(states, told[:, None], seed=0)[:, 0]) * states.std(axis=0)
     return bool(weights[kept].max() > NOTHING * weights.max())
 

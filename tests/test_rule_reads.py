@@ -116,3 +116,13 @@ class Twice:
 
     def _more(self, state: Array) -> Array:
         return np.append(state, self._times * state[0])
+
+
+def test_where_random_play_hardly_hears_anything_states_farther_out_are_asked(env: Any):
+    """Random play never gets so far that anything but 0 is said; what is read shows all the same."""
+    task = task_of(env)
+    far = replace(task, rule=lambda states: np.sign(states[..., :1]) * (np.abs(states[..., :1]) > 0.6))
+    assert not np.any(far.rule(random_states(env)))
+    with pytest.raises(ConfigError, match="does not depend on them, it reads state_0;"):
+        check_dimensions(mapping("state_2"), far, env)
+    assert check_dimensions(mapping("state_0"), far, env) == []
