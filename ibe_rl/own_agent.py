@@ -29,9 +29,9 @@ from ibe_rl.guest_folder import guest_run_config, keep_run
 from ibe_rl.ibe import Reactions
 from ibe_rl.instruct import make_instructor
 from ibe_rl.limits import check
-from ibe_rl.play import moments_apart, play
+from ibe_rl.play import play
 from ibe_rl.predict import is_learnt, make_predictor
-from ibe_rl.reactions import ASKED_AT, ask
+from ibe_rl.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.refresh import save_refresh
 from ibe_rl.run_folder import (
     EVALUATION,
@@ -239,13 +239,11 @@ def _reactions(
     if is_learnt(config.predictor):
         return None
     envs = [make_game(config.env) for _ in range(ASKED_AT)]
-    task, typical = task_of(envs[0]), max(1, int(np.median([len(episode) for episode in episodes])))
+    task, typical_steps = task_of(envs[0]), int(np.median([len(episode) for episode in episodes]))
     seeds = [episode_seed(config.seed, len(episodes) + number) for number in range(ASKED_AT)]
-    steps = np.random.default_rng(config.seed).integers(typical, size=ASKED_AT).tolist()
-    moments = moments_apart(envs, policy, make_instructor(config.instructor, task, config.seed), seeds, steps)
-    copies = partial(make_copy, config.env)
+    instructor, copies = make_instructor(config.instructor, task, config.seed), partial(make_copy, config.env)
     with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], list)) as predictor:
-        return ask(moments, policy, predictor, horizon_steps)
+        return ask_in_flight(envs, policy, instructor, predictor, seeds, typical_steps, horizon_steps)
 
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:

@@ -32,10 +32,9 @@ from ibe_rl.instruct import check_instructor, make_instructor, stand_in
 from ibe_rl.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.obedience import Obedience, check_obedience, make_obedience
 from ibe_rl.paper.lab import check_report
-from ibe_rl.play import moments_apart
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
 from ibe_rl.progress import TrainingProgress
-from ibe_rl.reactions import ASKED_AT, ask
+from ibe_rl.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.resume import PARTS, State, must_fit
 from ibe_rl.run_folder import CHECKPOINTS, METRICS, RECORDING, TRAJECTORIES, MetricsTable
 from ibe_rl.stream import NoRecorder, RunRecorder
@@ -110,11 +109,9 @@ def ask_otherwise(cfg: TrainConfig, parts: Parts, horizon_steps: int) -> Reactio
         return None
     counts = parts.counts
     first = ASKING_SEED + ASKED_AT * (counts.refreshes + counts.kept + counts.skipped)
-    typical = max(1, int(np.median(parts.log.index["steps"][-200:])))
-    steps = np.random.default_rng([cfg.seed, first]).integers(typical, size=ASKED_AT)
-    seeds = range(first, first + ASKED_AT)
-    moments = moments_apart(parts.evaluation_envs, parts.agent.greedy, parts.instructor, seeds, steps.tolist())
-    return ask(moments, parts.agent.greedy, parts.predictor, horizon_steps)
+    typical_steps, seeds = int(np.median(parts.log.index["steps"][-200:])), range(first, first + ASKED_AT)
+    who = parts.evaluation_envs, parts.agent.greedy, parts.instructor, parts.predictor
+    return ask_in_flight(*who, seeds, typical_steps, horizon_steps)
 
 
 def check_parts(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any]) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
+import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, Moment, Policy, Predictor, columns_of, observe
+from ibe_rl.data import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
 from ibe_rl.ibe import Reactions
+from ibe_rl.play import moments_apart
 
 ASKED_AT = 24
 """Moments, each of an episode of its own."""
@@ -38,6 +41,30 @@ def ask(moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon
     changes = [_changes(moments, policy, predictor, horizon_steps, one) for one in told]
     up, down = np.stack(changes[:size], axis=1), np.stack(changes[size:], axis=1)
     return Reactions(up, down)
+
+
+def ask_in_flight(
+    envs: Sequence[gymnasium.Env[Any, Any]],
+    policy: Policy,
+    instructor: Instructor,
+    predictor: Predictor,
+    seeds: Sequence[int],
+    typical_steps: int,
+    horizon_steps: int,
+) -> Reactions | None:
+    """As ``ask``, at moments drawn from episodes of its own, one an episode.
+
+    Args:
+        envs: environments of one kind, at most one an episode; they are reset.
+        policy: the greedy policy.
+        instructor: begins anew.
+        predictor: where the policy leads.
+        seeds: of the episodes, and of the draw.
+        typical_steps: length of an episode, within which the moments lie.
+        horizon_steps: n.
+    """
+    steps = np.random.default_rng(list(seeds)).integers(max(1, typical_steps), size=len(seeds)).tolist()
+    return ask(moments_apart(envs, policy, instructor, seeds, steps), policy, predictor, horizon_steps)
 
 
 def told_throughout(policy: Policy, instruction: Array, observations: Array) -> Array:

@@ -30,7 +30,13 @@ LAYERS = (
 )
 SIDEWAYS = {
     ("ray_run", "ray_workers"),
-    *(("refresh", "lessons"), ("development", "lessons"), ("fitting", "lessons"), ("probe", "lessons")),
+    *(
+        ("refresh", "lessons"),
+        ("development", "lessons"),
+        ("fitting", "lessons"),
+        ("reactions", "play"),
+        ("probe", "lessons"),
+    ),
     *(("refresh", "fitting"), ("development", "fitting"), ("development", "probe")),
     *(
         ("development", "refresh"),

@@ -15,9 +15,8 @@ from ibe_rl.config import MappingConfig
 from ibe_rl.env.make import TRAINING_SEEDS, episode_seed
 from ibe_rl.ibe import ClusterMapping, Reactions
 from ibe_rl.log import TrajectoryLog
-from ibe_rl.play import moments_apart
 from ibe_rl.predict import Simulator
-from ibe_rl.reactions import ASKED_AT, ask
+from ibe_rl.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.refresh import learn_vocabulary
 
 
@@ -35,13 +34,12 @@ def learn(flown: Flown, seed: int) -> ClusterMapping:
 
 def told_otherwise(flown: Flown, seed: int) -> Reactions | None:
     """What the agent does if it is told otherwise, in exact copies of the game."""
-    typical = max(1, int(np.median([len(episode) for episode in flown.log_episodes])))
-    steps = np.random.default_rng(seed).integers(typical, size=ASKED_AT).tolist()
+    typical_steps = int(np.median([len(episode) for episode in flown.log_episodes]))
     envs = [flown.make_env() for _ in range(ASKED_AT)]
     seeds = [2 * TRAINING_SEEDS + episode_seed(seed, number) for number in range(ASKED_AT)]
-    moments = moments_apart(envs, flown.policy, flown.make_instructor(seed), seeds, steps)
     simulator = Simulator(flown.make_env, flown.task.rule, seed=seed)
-    return ask(moments, flown.policy, simulator, flown.horizon_steps)
+    instructor = flown.make_instructor(seed)
+    return ask_in_flight(envs, flown.policy, instructor, simulator, seeds, typical_steps, flown.horizon_steps)
 
 
 def filled(folder: Path, flown: Flown) -> TrajectoryLog:

@@ -27,7 +27,9 @@ from ibe_rl.ibe.space import TooLittleDataError, lasso_axes, rule_axes
 CLEAR = 0.1
 """Effects below this are none, however many episodes they stand on."""
 FEWEST_SAID = 20
+"""Steps at which an instruction has to be heard, for its word to be known."""
 HEARD_STATES = 5_000
+"""In which an axis is looked for."""
 
 
 @dataclass(frozen=True)
@@ -260,5 +262,5 @@ def _why_not(stops: int, listens: int, earns: int, effect: dict[str, float]) -> 
     if listens or earns:
         return f"it shows only in {_FROM['influence' if listens else 'pays']}"
     if effect.get("influence") == 0:
-        return "the agent does the same whatever it is told, and doing it does not pay"
+        return "the agent did the same whatever it was told, and whether following pays is not clear"
     return "neither what ends it, nor the agent, nor what pays shows it"

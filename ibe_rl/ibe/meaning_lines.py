@@ -49,8 +49,12 @@ def asked(meaning: Meaning, task: Task) -> str:
 
 
 def _facts(meaning: Meaning) -> str:
-    """Whether it is followed, and whether that pays: the paper's assumption, tested."""
-    best, pays = meaning.effect_of("best"), meaning.effect_of("pays")
+    """Whether it is followed, and whether that pays: the paper's assumption, tested.
+
+    Where nothing says which way is meant, "followed" would be either way, and only the episodes are counted.
+    """
+    has_way = meaning.known or meaning.effect_of("satisfaction") is not None
+    best, pays = (meaning.effect_of(source) if has_way else None for source in ("best", "pays"))
     parts = []
     if best is not None:
         parts.append(f"the best episodes moved {best.effect:+.2f} standard deviations as told")

@@ -18,6 +18,7 @@ from ibe_rl.ibe.interpret import decide
 RIGHT = np.array([1.0, 0.0])
 ENDS, LISTENS, PAYS = "what ends it", "what the agent does when told otherwise", "what pays"
 OPPOSITE = "the agent does the opposite of what would end it"
+ALIKE = "the agent did the same whatever it was told, and whether following pays is not clear"
 NOTHING = "neither what ends it, nor the agent, nor what pays shows it"
 
 
@@ -62,8 +63,8 @@ TABLE: list[tuple[dict[str, float], bool, int, str]] = [
     ({"best": 1}, True, 0, NOTHING),
     ({"best": 1}, False, 0, NOTHING),
     ({}, True, 0, NOTHING),
-    ({"influence": 0}, True, 0, "the agent does the same whatever it is told, and doing it does not pay"),
-    ({"influence": 0, "pays": 0}, True, 0, "the agent does the same whatever it is told, and doing it does not pay"),
+    ({"influence": 0}, True, 0, ALIKE),
+    ({"influence": 0, "pays": 0}, True, 0, ALIKE),
 ]  # fmt: skip
 
 

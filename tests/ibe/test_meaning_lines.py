@@ -14,6 +14,7 @@ WHY = "those who earned most did not do it"
 UP, DOWN = "“going up”", "“going down”"
 RISES = (1.0, 0.1, -0.5)
 BEST, PAYS = Evidence("best", 1.234, 1.0, 1.5, 40), Evidence("pays", -0.3, -0.4, -0.2, 40)
+STOPS = Evidence("satisfaction", 1.0, 0.5, 1.5, 40)
 
 
 @pytest.mark.parametrize(
@@ -26,9 +27,13 @@ BEST, PAYS = Evidence("best", 1.234, 1.0, 1.5, 40), Evidence("pays", -0.3, -0.4,
         ),
         (Meaning(False, False, WHY), f"I cannot tell what {UP} means: {WHY}"),
         (
-            Meaning(False, False, WHY, (BEST, PAYS), 412),
+            Meaning(False, False, WHY, (BEST, PAYS, STOPS), 412),
             f"I cannot tell what {UP} means: {WHY} (the best episodes moved +1.23 standard deviations as told; "
             "following does not pay; 412 episodes)",
+        ),
+        (  # which way would be followed?
+            Meaning(False, False, "it shows only in what pays", (BEST, PAYS), 412),
+            f"I cannot tell what {UP} means: it shows only in what pays (412 episodes)",
         ),
         (Meaning(True, False), f"{DOWN}: +1 asks for a movement, but I cannot tell what {UP} means"),
         (Meaning(False, True), f"{UP}: +1 asks for a movement, but I cannot tell what {DOWN} means"),
