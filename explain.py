@@ -23,24 +23,24 @@ from pathlib import Path
 
 import torch
 
-from ibe_rl.command_line import installed, run_script
-from ibe_rl.config import ExplainConfig
-from ibe_rl.data import ConfigError, Explanation
+from ibe_rl.apps.external.study import open_guest, refuse_guest_settings
+from ibe_rl.apps.paper.experiments import reproduce
+from ibe_rl.apps.sweep.report import report
+from ibe_rl.config.command_line import installed, run_script
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
-from ibe_rl.evaluation.foresight import as_trained
+from ibe_rl.evaluation.narration import check_context, fly, tell
 from ibe_rl.evaluation.predictors import judge_predictors
+from ibe_rl.evaluation.run_predictor import as_trained
 from ibe_rl.metrics import outcomes
-from ibe_rl.own_agent import open_guest, refuse_guest_settings
-from ibe_rl.paper.experiments import reproduce
-from ibe_rl.run_folder import find_run
-from ibe_rl.scene import Watched
-from ibe_rl.serve.relay import Ports, Relay, choose_ports, invitation
-from ibe_rl.stream import Recorder
-from ibe_rl.sweep.report import report
-from ibe_rl.telling import check_context, fly, tell
-from ibe_rl.viewer import main as show
+from ibe_rl.storage.run_folder import find_run
+from ibe_rl.task import Watched
+from ibe_rl.types import ConfigError, Explanation
+from ibe_rl.view import Recorder
+from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
+from ibe_rl.view.viewer import main as show
 
 
 def main(cfg: ExplainConfig) -> None:

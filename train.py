@@ -24,20 +24,31 @@ from typing import Any
 import numpy as np
 from torchrl import timeit
 
-from ibe_rl.checkpoint import BETWEEN, save_policy
-from ibe_rl.classroom import Classroom, NoClassroom, choose_port, open_classroom
-from ibe_rl.collect import EVALUATION_SEED, Every, Rarer, batches, make_collector, refresh_interval, steps_of
-from ibe_rl.command_line import is_sweep, output_folder, run_script, save_config
-from ibe_rl.config import ExplainConfig, TrainConfig
-from ibe_rl.development import figures
-from ibe_rl.ending import nothing_lost
-from ibe_rl.env.make import make_game, task_of
-from ibe_rl.explainer import explain, hold
+from ibe_rl.apps.paper.experiments import reproduce
+from ibe_rl.apps.teach import Classroom, NoClassroom, choose_port, open_classroom
+from ibe_rl.collect.collector import EVALUATION_SEED, Every, Rarer, batches, make_collector, refresh_interval, steps_of
+from ibe_rl.collect.rollout import play, watch
+from ibe_rl.config.command_line import is_sweep, output_folder, run_script, save_config
+from ibe_rl.config.settings import ExplainConfig, TrainConfig
+from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import outcomes
-from ibe_rl.paper.experiments import reproduce
-from ibe_rl.parts import (
+from ibe_rl.runtime.signals import StopRequest
+from ibe_rl.storage.checkpoint import BETWEEN, save_policy
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import (
+    CHECKPOINTS,
+    RECORDING,
+    REFRESHES,
+    SUMMARY,
+    create_run_folder,
+    hold_folder,
+    write_atomically,
+    write_json,
+)
+from ibe_rl.training.failure import nothing_lost
+from ibe_rl.training.parts import (
     NOBODY,
     Parts,
     ask_otherwise,
@@ -50,23 +61,12 @@ from ibe_rl.parts import (
     times,
     whole_state,
 )
-from ibe_rl.play import play, watch
-from ibe_rl.progress import closing_table, how_to_open, recent_mean
-from ibe_rl.resume import State, clear_way, must_fit, take_up
-from ibe_rl.rule_reads import check_dimensions, lead_on
-from ibe_rl.run_folder import (
-    CHECKPOINTS,
-    RECORDING,
-    REFRESHES,
-    SUMMARY,
-    create_run_folder,
-    hold_folder,
-    write_atomically,
-    write_json,
-)
-from ibe_rl.serve.relay import News, choose_ports, page, serve_live
-from ibe_rl.signals import StopRequest
-from ibe_rl.stream import set_back
+from ibe_rl.training.progress import closing_table, how_to_open, recent_mean
+from ibe_rl.training.resume import State, clear_way, must_fit, take_up
+from ibe_rl.view import set_back
+from ibe_rl.view.relay import News, choose_ports, page, serve_live
+from ibe_rl.vocabulary.rule_reads import check_dimensions, lead_on
+from ibe_rl.vocabulary.tracker import figures
 
 WATCH_SEED = EVALUATION_SEED + 50_000
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")

@@ -22,7 +22,7 @@ from benchmarks.plan import Plan, make_plan
 from benchmarks.records import Record, load, replace_part, save, stamp
 from benchmarks.report import document, table
 from benchmarks.skill import Figures, Say
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.storage.run_folder import write_atomically
 
 PARTS: dict[str, Callable[[Plan, Say], Iterator[Figures]]] = {
     "skill-ppo": partial(skill.run, part="skill-ppo"),

@@ -14,13 +14,13 @@ import torch
 from gymnasium.envs.box2d import lunar_lander as game
 
 from benchmarks.plan import ROOT
-from ibe_rl.data import Moment, observe
+from ibe_rl.collect.rollout import watch
 from ibe_rl.evaluation import TrainedRun, load_run
-from ibe_rl.explainer import explain
+from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import phrase
-from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.play import watch
+from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_simulator
+from ibe_rl.types import Moment, observe
 
 STEP = (1.0 / game.FPS, 6 * 30, 2 * 30)
 """What gymnasium's game asks of Box2D at each step."""

@@ -19,8 +19,8 @@ from benchmarks.levels import figure, plain
 from benchmarks.ours import seconds
 from benchmarks.plan import ROOT, Plan
 from benchmarks.skill import Figures, Say
-from ibe_rl.run_folder import METRICS, RECORDING
-from ibe_rl.serve.relay import choose_ports
+from ibe_rl.storage.run_folder import METRICS, RECORDING
+from ibe_rl.view.relay import choose_ports
 
 SCRIPT = """
 from pathlib import Path
@@ -62,7 +62,7 @@ def live_view(trainer: int) -> tuple[int, int]:
     Raises:
         ValueError: if there is not one of each.
     """
-    [relay] = [child for child in children(trainer) if b"ibe_rl.serve.relay" in command(child)]
+    [relay] = [child for child in children(trainer) if b"ibe_rl.view.relay" in command(child)]
     [server] = [child for child in children(relay) if b"--serve-web" in command(child)]
     return relay, server
 

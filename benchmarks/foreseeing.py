@@ -19,10 +19,8 @@ import numpy as np
 import torch
 
 from benchmarks.explaining import watched_moments
-from ibe_rl.checkpoint import BETWEEN, EVALUATED
-from ibe_rl.config import EnsembleConfig, EvaluateConfig, ExplainConfig, PredictorConfig, RegressionConfig
-from ibe_rl.data import Moment
-from ibe_rl.env.snapshots import make_copy
+from ibe_rl.config.settings import EnsembleConfig, EvaluateConfig, ExplainConfig, PredictorConfig, RegressionConfig
+from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.predictors import Age, judge_age
 from ibe_rl.evaluation.refit import Refits, open_log
@@ -30,6 +28,8 @@ from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, lo
 from ibe_rl.evaluation.tables import console, predictors_table
 from ibe_rl.ibe import phrases_of
 from ibe_rl.predict import KeptPredictor, make_predictor
+from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
+from ibe_rl.types import Moment
 
 KINDS: dict[str, PredictorConfig] = {
     "simulator": PredictorConfig(),

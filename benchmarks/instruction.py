@@ -17,7 +17,7 @@ from rich.console import Console
 
 from benchmarks import ours
 from benchmarks.instruction_report import write_report
-from ibe_rl.run_folder import write_json
+from ibe_rl.storage.run_folder import write_json
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "instruction.json"

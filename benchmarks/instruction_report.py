@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from benchmarks.levels import Measured, Point, median, to_level
 from benchmarks.truth import interquartile
 from benchmarks.truth_report import BLUE, DOCS, GREEN, GREY, ORANGE, PINK
-from ibe_rl.data import Array
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.storage.run_folder import write_atomically
+from ibe_rl.types import Array
 
 PAGE = DOCS / "INSTRUCTION.md"
 COMMAND = "benchmarks.instruction"

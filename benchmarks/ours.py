@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.child import run
 from benchmarks.levels import Point
-from ibe_rl.run_folder import METRICS, SUMMARY
+from ibe_rl.storage.run_folder import METRICS, SUMMARY
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.storage.run_folder import write_atomically
 
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "Box2D", "numpy", "scikit-learn", "rerun-sdk")
 OTHERS = ("stable_baselines3",)

@@ -21,15 +21,22 @@ from rich.console import Console
 
 from benchmarks.child import run as run_command
 from benchmarks.robustness_report import write_report
-from ibe_rl.config import EvaluateConfig, ExplainConfig, FlawedConfig, MappingConfig, PredictorConfig, ViewerConfig
-from ibe_rl.data import ConfigError, Mapping
-from ibe_rl.evaluation.flights import flying
+from ibe_rl.config.settings import (
+    EvaluateConfig,
+    ExplainConfig,
+    FlawedConfig,
+    MappingConfig,
+    PredictorConfig,
+    ViewerConfig,
+)
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.rollouts import flying
 from ibe_rl.evaluation.runs import TrainedRun, load_run
-from ibe_rl.instruct import corrupted
+from ibe_rl.instructors import corrupted
 from ibe_rl.metrics import motion_auc
-from ibe_rl.run_folder import write_json
+from ibe_rl.storage.run_folder import write_json
+from ibe_rl.types import ConfigError, Mapping
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "robustness.json"

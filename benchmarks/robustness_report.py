@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from benchmarks.instruction_report import insert
 from benchmarks.truth import interquartile
 from benchmarks.truth_report import BLUE, DOCS, GREY
-from ibe_rl.data import Array
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.storage.run_folder import write_atomically
+from ibe_rl.types import Array
 
 PAGE = DOCS / "INSTRUCTION.md"
 COMMAND = "benchmarks.robustness"

@@ -23,13 +23,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from benchmarks.levels import Point, reached
-from ibe_rl.collect import EVALUATION_SEED, Every
-from ibe_rl.config import AgentConfig, InstructorConfig
-from ibe_rl.data import Array, observe
-from ibe_rl.env import LANDER_ID
-from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.instruct import make_instructor
-from ibe_rl.play import play
+from ibe_rl.collect.collector import EVALUATION_SEED, Every
+from ibe_rl.collect.rollout import play
+from ibe_rl.config.settings import AgentConfig, InstructorConfig
+from ibe_rl.envs import LANDER_ID
+from ibe_rl.envs.make import make_gym, task_of
+from ibe_rl.instructors import make_instructor
+from ibe_rl.types import Array, observe
 
 ZOO_ENVS = {"ppo": 16, "dqn": 1}
 ZOO_PPO: dict[str, Any] = {"batch_size": 64, "gae_lambda": 0.98, "gamma": 0.999, "n_epochs": 4, "ent_coef": 0.01}

@@ -21,7 +21,7 @@ from benchmarks import ours
 from benchmarks.child import measure
 from benchmarks.records import stamp
 from benchmarks.scaling_report import write_report
-from ibe_rl.run_folder import write_json
+from ibe_rl.storage.run_folder import write_json
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "scaling.json"

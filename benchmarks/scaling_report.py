@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.instruction_report import insert
 from benchmarks.report import setting
 from benchmarks.truth_report import DOCS
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.storage.run_folder import write_atomically
 
 PAGE = DOCS / "SCALING.md"
 COMMAND = "benchmarks.scaling"

@@ -13,12 +13,12 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 
-from ibe_rl.agent import make_agent
-from ibe_rl.agent.ppo import SamplingPolicy
-from ibe_rl.collect import batches, make_collector
-from ibe_rl.config import CollectConfig, EnvConfig, InstructorConfig, PPOConfig
-from ibe_rl.env import LANDER_ID
-from ibe_rl.env.make import InstructedEnvs, make_gym, task_of
+from ibe_rl.agents import make_agent
+from ibe_rl.agents.ppo import SamplingPolicy
+from ibe_rl.collect.collector import batches, make_collector
+from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig, PPOConfig
+from ibe_rl.envs import LANDER_ID
+from ibe_rl.envs.make import InstructedEnvs, make_gym, task_of
 
 
 def collect(settings: dict[str, Any], count: int) -> float:

@@ -12,7 +12,7 @@ from benchmarks.child import run as run_command
 from benchmarks.levels import figure, plain
 from benchmarks.plan import Plan
 from benchmarks.skill import Figures, Say
-from ibe_rl.sweep.jobs import read_summary
+from ibe_rl.apps.sweep.jobs import read_summary
 
 AS_MANY, ONE_PROCESS = "collect.envs_per_process=128", "collect.processes=1"
 """A run takes one core, with as many environments as by default."""

@@ -20,9 +20,9 @@ import numpy as np
 from rich.console import Console
 
 from benchmarks.truth_report import draw, insert_tables
-from ibe_rl.data import Array
-from ibe_rl.run_folder import EVALUATION, SUMMARY, write_json
-from ibe_rl.sweep.intervals import interquartile
+from ibe_rl.apps.sweep.intervals import interquartile
+from ibe_rl.storage.run_folder import EVALUATION, SUMMARY, write_json
+from ibe_rl.types import Array
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "truth.json"

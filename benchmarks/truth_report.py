@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.storage.run_folder import write_atomically
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE, PICTURES = DOCS / "QUALITY.md", DOCS / "img"

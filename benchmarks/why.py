@@ -24,20 +24,20 @@ from benchmarks.why_facts import facts
 from benchmarks.why_figures import draw
 from benchmarks.why_report import markdown, summarise
 from benchmarks.why_variants import School, Variant, variants
-from ibe_rl.agent import make_agent
-from ibe_rl.checkpoint import load, policies
-from ibe_rl.command_line import load_config
-from ibe_rl.config import MappingConfig, TrainConfig
-from ibe_rl.data import Array, ConfigError, Episode
-from ibe_rl.env.make import make_game, task_of
+from ibe_rl.agents import make_agent
+from ibe_rl.collect.rollout import play
+from ibe_rl.config.command_line import load_config
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import MappingConfig, TrainConfig
+from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
-from ibe_rl.instruct import make_instructor, stand_in
-from ibe_rl.limits import check
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics import episode_weights, motion_scores
-from ibe_rl.play import play
-from ibe_rl.run_folder import CHECKPOINTS, CONFIG, TRAJECTORIES, write_json
+from ibe_rl.storage.checkpoint import load, policies
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, TRAJECTORIES, write_json
 from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError, Episode
 
 FIRST_SEED = 900_000
 """Of the flights; trainings begin theirs at 0."""

@@ -8,10 +8,10 @@ import numpy as np
 from sklearn.linear_model import LinearRegression
 
 from benchmarks.why_variants import AXIS, OURS, PAPER, School, Variant
-from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, Windows
 from ibe_rl.metrics import went
 from ibe_rl.task import Task
+from ibe_rl.types import Array
 
 if TYPE_CHECKING:
     from benchmarks.why import Flown

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array
 from ibe_rl.metrics import estimate
+from ibe_rl.types import Array
 
 FLIES = 0.5
 """A policy that succeeds less often counts as collapsed: its run is kept in a column of its own."""

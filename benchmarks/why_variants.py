@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config import MappingConfig
-from ibe_rl.data import Array
-from ibe_rl.fitting import fit_windows
+from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping, Windows
-from ibe_rl.lessons import Lessons, best_windows, read_lessons
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
+from ibe_rl.types import Array
+from ibe_rl.vocabulary.fitting import fit_windows
+from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons
 
 AXIS: dict[str, Any] = {"space": "rule", "normalisation": "movement", "symmetric": True, "power": 1 / 3}
 """What configs/mapping/axis.yaml picks, in the order of the ladder."""

@@ -1,4 +1,4 @@
-"""The launcher of sweeps; hydra finds launchers in this package only. The work is done in ``ibe_rl.sweep``."""
+"""The launcher of sweeps; hydra finds launchers in this package only. The work is done in ``ibe_rl.apps.sweep``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class ParallelLauncher(Launcher):
         Raises:
             ConfigError: before anything is started, if one of them cannot work.
         """
-        from ibe_rl.sweep.launch import launch  # not before there is a sweep: hydra imports this file at every start
+        from ibe_rl.apps.sweep.launch import (
+            launch,  # not before there is a sweep: hydra imports this file at every start
+        )
 
         settings = [self._composed(overrides) for overrides in job_overrides]
         launch(Path(self._config.hydra.sweep.dir), job_overrides, settings, self._flags(), initial_job_idx)

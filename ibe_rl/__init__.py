@@ -7,8 +7,7 @@ torch is imported when it is first asked for. docs/API.md lists all of it.
 from importlib import import_module
 from typing import Any
 
-from ibe_rl.data import ConfigError, Episode
-from ibe_rl.env import Instructed
+from ibe_rl.envs import Instructed
 from ibe_rl.ibe import (
     ClusterMapping,
     Evidence,
@@ -23,10 +22,11 @@ from ibe_rl.ibe import (
     top_episodes,
 )
 from ibe_rl.task import Phrases, Task
+from ibe_rl.types import ConfigError, Episode
 
 WITH_TORCH = {
-    **dict.fromkeys(("Study", "open_study", "study"), "ibe_rl.own_agent"),
-    **dict.fromkeys(("export_log", "import_log"), "ibe_rl.minari_log"),
+    **dict.fromkeys(("Study", "open_study", "study"), "ibe_rl.apps.external.study"),
+    **dict.fromkeys(("export_log", "import_log"), "ibe_rl.apps.minari"),
 }
 
 __all__ = [

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config import MappingConfig
-from ibe_rl.data import Array
+from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import Space, scaled
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Phrases, Task
+from ibe_rl.types import Array
 
 
 def plain(dimensions: int) -> Space:

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import train
-from ibe_rl.agent.ppo import PPO
-from ibe_rl.collect import batches
-from ibe_rl.command_line import run_script
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.agents.ppo import PPO
+from ibe_rl.collect.collector import batches
+from ibe_rl.config.command_line import run_script
+from ibe_rl.storage.log import TrajectoryLog
 
 ROOT = Path(__file__).parent.parent
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode
+from ibe_rl.types import Array, Episode
 
 STEPS, BAND = 40, 0.5
 Agent = Callable[[Array, float, np.random.Generator], float]

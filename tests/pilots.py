@@ -13,7 +13,7 @@ from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from tensordict.nn import TensorDictModule
 
-from ibe_rl.env import LANDER_ID, Instructed
+from ibe_rl.envs import LANDER_ID, Instructed
 
 GAME: Any = SimpleNamespace(unwrapped=SimpleNamespace(continuous=False))
 

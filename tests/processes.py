@@ -11,8 +11,8 @@ from pathlib import Path
 
 from view_data import eventually
 
-from ibe_rl.command_line import run_script
-from ibe_rl.run_folder import METRICS, read_rows
+from ibe_rl.config.command_line import run_script
+from ibe_rl.storage.run_folder import METRICS, read_rows
 
 ROOT = Path(__file__).parent.parent
 SMALL = [

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array
-from ibe_rl.scene import Shape
-from ibe_rl.task_config import PhrasesConfig, TaskConfig
+from ibe_rl.config.task import PhrasesConfig, TaskConfig
+from ibe_rl.task import Shape
+from ibe_rl.types import Array
 
 NO_FUNCTION = 3
 WORDS = PhrasesConfig("standing", "going {degree}left", "going {degree}right")

@@ -16,15 +16,15 @@ from processes import call
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
 from benchmarks.instruction_report import insert, success, table
 from benchmarks.robustness_report import anew_table, flaws_table, growth
-from ibe_rl.agent import check_agent
-from ibe_rl.collect import check_collect
-from ibe_rl.config import FlawedConfig, PredictorConfig
-from ibe_rl.config_store import register
-from ibe_rl.data import Array
-from ibe_rl.development import check_development
-from ibe_rl.env import LANDER_TASK
-from ibe_rl.limits import check
-from ibe_rl.obedience import check_obedience
+from ibe_rl.agents import check_agent
+from ibe_rl.collect.collector import check_collect
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import FlawedConfig, PredictorConfig
+from ibe_rl.config.store import register
+from ibe_rl.envs import LANDER_TASK
+from ibe_rl.training.instruction_reward import check_obedience
+from ibe_rl.types import Array
+from ibe_rl.vocabulary.tracker import check_development
 
 ROOT = Path(__file__).parent.parent
 ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}

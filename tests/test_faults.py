@@ -41,7 +41,7 @@ class Training:
 
     def live_view(self) -> list[int]:
         """The relay and the viewer's server."""
-        [relay] = [child for child in children(self.process.pid) if b"ibe_rl.serve.relay" in command(child)]
+        [relay] = [child for child in children(self.process.pid) if b"ibe_rl.view.relay" in command(child)]
         server = server_of(relay)
         assert eventually(lambda: b"--serve-web" in command(server))
         return [relay, server]

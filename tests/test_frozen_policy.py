@@ -8,15 +8,15 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from benchmarks.refilling import steps_of_episode
-from ibe_rl.config import InstructorConfig
-from ibe_rl.config_store import register
-from ibe_rl.data import Episode
-from ibe_rl.development import Development
+from ibe_rl.collect.rollout import play
+from ibe_rl.config.settings import InstructorConfig
+from ibe_rl.config.store import register
 from ibe_rl.evaluation import TrainedRun, load_run
-from ibe_rl.instruct import make_instructor
-from ibe_rl.log import TrajectoryLog
-from ibe_rl.play import play
-from ibe_rl.refresh import Refresh
+from ibe_rl.instructors import make_instructor
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Episode
+from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.tracker import Development
 
 DEMO = Path(__file__).parent.parent / "demo"
 REFRESHES, EPISODES = 10, 320

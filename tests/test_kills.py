@@ -15,9 +15,9 @@ import pytest
 from processes import SMALL, assert_whole, start
 from view_data import eventually
 
-from ibe_rl.checkpoint import BETWEEN, EVALUATED, LATEST, policies
-from ibe_rl.log import TrajectoryLog
-from ibe_rl.run_folder import read_rows
+from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED, LATEST, policies
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import read_rows
 
 pytestmark = pytest.mark.soak
 KILLS = 20

@@ -9,8 +9,8 @@ import pilots
 import pytest
 from processes import ROOT, call
 
-from ibe_rl import minari_log
-from ibe_rl.own_agent import Study
+from ibe_rl.apps import minari as minari_log
+from ibe_rl.apps.external.study import Study
 
 AGENT, LOG = ((ROOT / "docs" / f"OWN_{name}.md").read_text() for name in ("AGENT", "LOG"))
 QUICK = ["mapping.horizon_steps=20", "mapping.spans_steps=[10]", "predictor.futures=1", "viewer=off"]
@@ -65,7 +65,7 @@ def test_the_commands_run(place: Path, capsys: Any) -> None:
     call("explain", *again[2:], *QUICK[2:])
     assert judged[2:] == [*again[2:4], "task=evaluate"]
     export, imported, explained = commands(LOG)
-    assert (export[:3], imported[:3]) == (["python", "-m", "ibe_rl.minari_log"],) * 2
+    assert (export[:3], imported[:3]) == (["python", "-m", "ibe_rl.apps.minari"],) * 2
     assert minari_log.main(export[3:]) == 0
     assert minari_log.main([*imported[3:], *QUICK]) == 0
     assert (place / "runs" / "imported" / "refreshes").is_dir()

@@ -22,11 +22,11 @@ from processes import SMALL, call
 from view_data import read
 
 import train
-from ibe_rl.agent import dqn, ppo
-from ibe_rl.checkpoint import load
-from ibe_rl.development import Development
-from ibe_rl.ending import how_to_go_on
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.agents import dqn, ppo
+from ibe_rl.storage.checkpoint import load
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.training.failure import how_to_go_on
+from ibe_rl.vocabulary.tracker import Development
 
 RUN = [*SMALL, "eval_every_frames=2000", "checkpoint_every_frames=1000", "viewer=off"]
 FRAMES = [1024 * (i + 1) for i in range(6)]

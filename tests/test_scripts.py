@@ -24,18 +24,18 @@ from view_data import column, frames, read
 
 import explain
 from benchmarks import foreseeing
-from ibe_rl.command_line import load_config
-from ibe_rl.config import EnsembleConfig, EvaluateConfig, MappingConfig, TrainConfig
-from ibe_rl.data import DOES_NOT_KNOW
-from ibe_rl.development import FIGURES
+from ibe_rl.config.command_line import load_config
+from ibe_rl.config.settings import EnsembleConfig, EvaluateConfig, MappingConfig, TrainConfig
 from ibe_rl.evaluation import load_run
-from ibe_rl.explainer import CONFIDENCE_FEATURES
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
-from ibe_rl.log import TrajectoryLog
 from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
-from ibe_rl.parts import TIMES
-from ibe_rl.probe import PROBE_WINDOWS
-from ibe_rl.run_folder import CONFIG
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import CONFIG
+from ibe_rl.training.parts import TIMES
+from ibe_rl.types import DOES_NOT_KNOW
+from ibe_rl.vocabulary.probe import PROBE_WINDOWS
+from ibe_rl.vocabulary.tracker import FIGURES
 
 SUMMARY_KEYS = {
     *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),

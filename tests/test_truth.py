@@ -8,8 +8,8 @@ import pytest
 
 import benchmarks.truth_report as report
 from benchmarks.truth import METRICS, put_together, read
-from ibe_rl.data import Array
-from ibe_rl.run_folder import write_json
+from ibe_rl.storage.run_folder import write_json
+from ibe_rl.types import Array
 
 
 def estimate(value: float, low: float | None = None, high: float | None = None) -> dict[str, float]:

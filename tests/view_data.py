@@ -19,17 +19,16 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 from rerun.chunk import RrdReader
 
 import ibe_rl  # noqa: F401 - registers the environment
-from ibe_rl.data import Array, Episode, Explanation, Moment
-from ibe_rl.development import figures
-from ibe_rl.env import LANDER_ID
-from ibe_rl.env.lander_task import LANDER_TASK, X
+from ibe_rl.envs import LANDER_ID
+from ibe_rl.envs.lander_task import LANDER_TASK, X
 from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episodes
 from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
-from ibe_rl.refresh import Change, Refresh
-from ibe_rl.scene import Watched
-from ibe_rl.serve.relay import Ports
-from ibe_rl.stream import Recorder
-from ibe_rl.task import Task
+from ibe_rl.task import Task, Watched
+from ibe_rl.types import Array, Episode, Explanation, Moment
+from ibe_rl.view import Recorder
+from ibe_rl.view.relay import Ports
+from ibe_rl.vocabulary.refresh import Change, Refresh
+from ibe_rl.vocabulary.tracker import figures
 
 TASK: Task = LANDER_TASK
 HORIZON_STEPS = 60

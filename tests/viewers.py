@@ -11,8 +11,8 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 from view_data import eventually, free_ports, needed
 
-from ibe_rl.ports import is_free
-from ibe_rl.serve.relay import rerun_binary
+from ibe_rl.runtime.ports import is_free
+from ibe_rl.view.relay import rerun_binary
 
 FILLED = 0.003
 BROWSER_FLAGS = [

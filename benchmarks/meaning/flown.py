@@ -13,11 +13,11 @@ import gymnasium
 import numpy as np
 
 from benchmarks.meaning.rules import MakeInstructor
-from ibe_rl.data import Array, Episode, Policy
-from ibe_rl.env.make import TRAINING_SEEDS, episode_seed
-from ibe_rl.play import play
-from ibe_rl.run_folder import write_atomically
+from ibe_rl.collect.rollout import play
+from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed
+from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.task import Task
+from ibe_rl.types import Array, Episode, Policy
 
 AT_ONCE = 16
 LOGGED, FRESH = 120, 30

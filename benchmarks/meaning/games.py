@@ -12,8 +12,8 @@ from benchmarks.meaning.flown import Truth
 from benchmarks.meaning.pilots import anything, drive, steer_cart, twist
 from benchmarks.meaning.situation import Situation
 from benchmarks.meaning.worlds import CAR, CART, LANDER, PENDULUM, TUTORIAL_CART
-from ibe_rl.data import Array
-from ibe_rl.env.lander_task import instruct as to_the_pad
+from ibe_rl.envs.lander_task import instruct as to_the_pad
+from ibe_rl.types import Array
 
 
 def dimension(index: int) -> Callable[[Array], Array]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.meaning.flown import Flown, Truth
-from ibe_rl.data import Array, Mapping
 from ibe_rl.ibe import delta_states
 from ibe_rl.metrics.quality import motion_auc
+from ibe_rl.types import Array, Mapping
 
 STRIDE_STEPS = 4
 SPOKEN = 0.2

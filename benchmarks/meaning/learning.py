@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.meaning.flown import Flown
-from ibe_rl.command_line import composed
-from ibe_rl.config import MappingConfig
-from ibe_rl.env.make import TRAINING_SEEDS, episode_seed
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.settings import MappingConfig
+from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed
 from ibe_rl.ibe import ClusterMapping, Reactions
-from ibe_rl.log import TrajectoryLog
 from ibe_rl.predict import Simulator
-from ibe_rl.reactions import ASKED_AT, ask_in_flight
-from ibe_rl.refresh import learn_vocabulary
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
+from ibe_rl.vocabulary.refresh import learn_vocabulary
 
 
 def learn(flown: Flown, seed: int) -> ClusterMapping:

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 MIXTURE = np.array([[0.8, 0.5, -0.3, 0.2], [-0.4, 0.9, 0.6, 0.1], [0.3, -0.2, 0.7, -0.8], [0.5, 0.4, 0.2, 0.9]])
 """What is seen ``(4,)`` is this times ``(x, vx, y, vy)``."""

@@ -13,7 +13,7 @@ from benchmarks.meaning.mass import UNMIXED, VX, X, unmixed
 from benchmarks.meaning.pilots import anything, go, push, sways
 from benchmarks.meaning.situation import Situation
 from benchmarks.meaning.worlds import MASS
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 
 def place(states: Array) -> Array:

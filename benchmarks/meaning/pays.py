@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.meaning.mass import VX, VY, unmixed
 from benchmarks.meaning.rules import Rule
 from benchmarks.meaning.worlds import Pay
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 
 def as_told(rule: Rule, direction: Array, times: float = 1.0) -> Pay:

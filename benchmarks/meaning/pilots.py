@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.meaning.mass import VX, X, unmixed
-from ibe_rl.data import Array, Policy
+from ibe_rl.types import Array, Policy
 
 Control = Callable[[Array, Array], Array]
 """States ``(N, S)`` and wishes ``(N,)``, +1 up, -1 down, 0 stay, to actions."""

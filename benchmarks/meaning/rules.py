@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ibe_rl.data import Array, Instructor
+from ibe_rl.types import Array, Instructor
 
 Rule = Callable[[Array], Array]
 """States ``(..., S)`` to instructions ``(..., 1)``."""
@@ -66,7 +66,7 @@ class Rarely:
         self._left[rows] = 0
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """See ``ibe_rl.data.Instructor``."""
+        """See ``ibe_rl.types.Instructor``."""
         begins = rows & (self._left == 0) & (self._random.random(len(rows)) < self._begins)
         self._left = np.where(begins, self._spell_steps, self._left)
         given = (self._left > 0)[:, None].astype(np.float32)
@@ -96,7 +96,7 @@ class Planned:
         self._left[rows] = 0
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """See ``ibe_rl.data.Instructor``."""
+        """See ``ibe_rl.types.Instructor``."""
         turn = rows & (self._left == 0)
         self._word = np.where(turn, self._random.integers(-1, 2, len(rows)), self._word).astype(np.float32)
         self._left = np.where(turn, self._random.integers(*self._bounds, len(rows)), self._left) - rows

@@ -11,10 +11,10 @@ import gymnasium
 from benchmarks.meaning.flown import Flown, Truth, cached, code_version, fly_both
 from benchmarks.meaning.rules import MakeInstructor, Rule
 from benchmarks.meaning.worlds import Pay, World, make_game, make_task
-from ibe_rl.data import Policy
-from ibe_rl.guest import Wandering
-from ibe_rl.instruct import Oracle
+from ibe_rl.apps.external.policy import Wandering
+from ibe_rl.instructors import Oracle
 from ibe_rl.task import Task
+from ibe_rl.types import Policy
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from gymnasium import spaces
 from gymnasium.wrappers import TimeLimit
 
 from benchmarks.meaning.mass import PointMass
-from ibe_rl.data import Array
-from ibe_rl.env import LANDER_ID
-from ibe_rl.env.declare import ANY, SUCCESS, Declared
+from ibe_rl.envs import LANDER_ID
+from ibe_rl.envs.declare import ANY, SUCCESS, Declared
 from ibe_rl.task import Phrases, Task
+from ibe_rl.types import Array
 
 Pay = Callable[[Array, Array, Array, np.random.Generator], float]
 """State before, action, state after and a generator to the reward."""
@@ -113,11 +113,11 @@ class Copyable(gymnasium.Wrapper[Array, Any, Array, Any]):
         return declared
 
     def snapshot(self) -> gymnasium.Env[Any, Any]:
-        """See ``ibe_rl.env.snapshots.Stoppable``."""
+        """See ``ibe_rl.envs.snapshots.Stoppable``."""
         return deepcopy(self.env)
 
     def restore(self, snapshot: gymnasium.Env[Any, Any], noise: np.random.Generator | None = None) -> None:
-        """See ``ibe_rl.env.snapshots.Stoppable``."""
+        """See ``ibe_rl.envs.snapshots.Stoppable``."""
         self.env = deepcopy(snapshot)
         if noise is not None:
             self.env.unwrapped.np_random = noise

@@ -23,7 +23,7 @@ from ibe_rl.metrics.verdict import (
     worst,
     wrong_signs,
 )
-from ibe_rl.run_folder import EVALUATION, read_json
+from ibe_rl.storage.run_folder import EVALUATION, read_json
 
 ECHO = "baseline:last_instruction"
 AS_REFRESHED = "as_refreshed"

@@ -13,11 +13,11 @@ from sklearn.model_selection import GroupShuffleSplit
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe import delta_states
 from ibe_rl.metrics.bootstrap import went
 from ibe_rl.task import Task
+from ibe_rl.types import Array, Episode
 
 MAX_WINDOWS = 60_000
 """The regressor learns from at most so many windows, drawn at random."""

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from ibe_rl.config import ExplainConfig
-from ibe_rl.data import ConfigError
-from ibe_rl.env.snapshots import make_copy
-from ibe_rl.evaluation.flights import seeds_for
-from ibe_rl.evaluation.foresight import predictor_of, with_processes
+from ibe_rl.config.settings import ExplainConfig
+from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.evaluation.moments import Plan, gather
+from ibe_rl.evaluation.rollouts import seeds_for
+from ibe_rl.evaluation.run_predictor import predictor_of, with_processes
 from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.evaluation.spoken import calibrate, speak
-from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.evaluation.verbalise import calibrate, speak
+from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics import Calibration
 from ibe_rl.predict import is_learnt
+from ibe_rl.types import ConfigError
 
 EPISODES, STRIDE_STEPS = 12, 12
 """A few hundred moments."""

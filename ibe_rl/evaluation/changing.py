@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping as Dict
 from typing import Any
 
-from ibe_rl.data import Mapping
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.rows import MOTION, Samples, as_json, difference, over_numbers
-from ibe_rl.evaluation.spoken import speak
+from ibe_rl.evaluation.verbalise import speak
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, motion_scores, weighted_mean
 from ibe_rl.task import Task
+from ibe_rl.types import Mapping
 
 METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
 

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.command_line import choices
-from ibe_rl.config import ExplainConfig, MappingConfig
-from ibe_rl.data import ConfigError, Mapping
+from ibe_rl.config.command_line import choices
+from ibe_rl.config.settings import ExplainConfig, MappingConfig
 from ibe_rl.evaluation import report, tables
 from ibe_rl.evaluation.baselines import fit_state_regressors
-from ibe_rl.evaluation.flights import flying, gather_both
 from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.progress_bar import waiting
 from ibe_rl.evaluation.quality import Judged, Learnt, judge, paired_of, rows_of
 from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.rollouts import flying, gather_both
 from ibe_rl.evaluation.runs import TrainedRun, load_run
-from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.run_folder import EVALUATION, find_run, write_json
+from ibe_rl.storage.run_folder import EVALUATION, find_run, write_json
+from ibe_rl.types import ConfigError, Mapping
 
 AS_REFRESHED = "ibe:as_refreshed"
 """The vocabulary that the run itself spoke at the end, which remembers earlier ones; the others start from nothing."""

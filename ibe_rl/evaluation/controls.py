@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sklearn.metrics import pairwise_distances_argmin
 
-from ibe_rl.data import Array, Episode, Mapping
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe import ClusterMapping, Windows, normalise
 from ibe_rl.ibe.space import scaled
+from ibe_rl.types import Array, Episode, Mapping
 
 
 @dataclass(frozen=True)
@@ -22,23 +22,23 @@ class Flipped:
 
     @property
     def ids(self) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
+        """See ``ibe_rl.types.Mapping``."""
         return self.mapping.ids
 
     def cluster(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
+        """See ``ibe_rl.types.Mapping``."""
         return self.mapping.cluster(delta)
 
     def express(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
+        """See ``ibe_rl.types.Mapping``."""
         return -self.mapping.express(delta)
 
     def knows(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
+        """See ``ibe_rl.types.Mapping``."""
         return self.mapping.knows(delta)
 
     def confidence(self, delta: Array) -> Array:
-        """See ``ibe_rl.data.Mapping``."""
+        """See ``ibe_rl.types.Mapping``."""
         return self.mapping.confidence(delta)
 
 

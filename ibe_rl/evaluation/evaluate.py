@@ -6,24 +6,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.command_line import choices
-from ibe_rl.config import ExplainConfig
-from ibe_rl.data import Mapping
+from ibe_rl.config.command_line import choices
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.advice import lines_of, verdict_of
 from ibe_rl.evaluation.baselines import StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
 from ibe_rl.evaluation.controls import Flipped
-from ibe_rl.evaluation.flights import Flying, flying, gather_both, horizons_of, seeds_for
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.progress_bar import waiting
 from ibe_rl.evaluation.quality import Judged, Learnt, confidence_of, judge, paired_of, rows_of
 from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.rollouts import Flying, flying, gather_both, horizons_of, seeds_for
 from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
-from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.run_folder import CALIBRATION, EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.types import Mapping
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers beside the one in question in tables and figures over the horizons."""

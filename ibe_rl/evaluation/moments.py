@@ -9,10 +9,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, Episode, Instructor, Moment, Policy, Predictor
-from ibe_rl.evaluation.waiting import waiting
-from ibe_rl.play import play_moments
+from ibe_rl.collect.rollout import play_moments
+from ibe_rl.evaluation.progress_bar import waiting
 from ibe_rl.task import Task
+from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, Predictor
 
 AT_ONCE = 100
 """Episodes flown side by side."""

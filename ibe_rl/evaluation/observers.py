@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array, Mapping
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments
 from ibe_rl.evaluation.rows import Samples, as_json
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 from ibe_rl.task import Task
+from ibe_rl.types import Array, Mapping
 
 NOTHING, PAPER = "no_explanation", "baseline:paper"
 

@@ -7,24 +7,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.checkpoint import BETWEEN, EVALUATED
-from ibe_rl.command_line import choices
-from ibe_rl.config import ExplainConfig, PredictorConfig
-from ibe_rl.data import Policy
+from ibe_rl.config.command_line import choices
+from ibe_rl.config.settings import ExplainConfig, PredictorConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.baselines import StateRegressor, fit_state_regressors
-from ibe_rl.evaluation.flights import PROCESSES, seeds_for
-from ibe_rl.evaluation.foresight import can_foresee, predictor_of, with_processes
 from ibe_rl.evaluation.moments import Moments, Plan, Taken, fly_moments, predict_all, put_together
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.quality import Judged, Learnt, judge, rows_of
 from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.rollouts import PROCESSES, seeds_for
 from ibe_rl.evaluation.rows import as_json, difference
+from ibe_rl.evaluation.run_predictor import can_foresee, predictor_of, with_processes
 from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
-from ibe_rl.instruct import make_instructor, stand_in
+from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
-from ibe_rl.refresh import Saved
-from ibe_rl.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.types import Policy
+from ibe_rl.vocabulary.refresh import Saved
 
 EXACT, AGAIN = "simulator", "simulator_again"
 """The exact predictor, and the same once more with other chance: no other can be expected to agree with it more."""

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array, Mapping
 from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, forecasts
 from ibe_rl.evaluation.controls import Flipped, of_another_moment
 from ibe_rl.evaluation.moments import Moments
@@ -26,10 +25,11 @@ from ibe_rl.evaluation.rows import (
     score_words,
     spread_over,
 )
-from ibe_rl.evaluation.spoken import Spoken, calibrate, speak
+from ibe_rl.evaluation.verbalise import Spoken, calibrate, speak
 from ibe_rl.metrics.bootstrap import estimate
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Task
+from ibe_rl.types import Array, Mapping
 
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
 """What is held against the cheap baselines and the paper, moment by moment."""

@@ -8,18 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from ibe_rl.config import EvaluateConfig, MappingConfig
-from ibe_rl.data import ConfigError, Episode, Mapping
+from ibe_rl.config.settings import EvaluateConfig, MappingConfig
 from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.quality import Learnt
 from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError
-from ibe_rl.lessons import Lessons, best_windows, read_lessons
-from ibe_rl.log import TrajectoryLog
-from ibe_rl.run_folder import TRAJECTORIES
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
+from ibe_rl.types import ConfigError, Episode, Mapping
+from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
+from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons
 
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000

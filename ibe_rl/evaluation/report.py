@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config import ExplainConfig
-from ibe_rl.data import CANNOT_TELL, Array, ConfigError
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.quality import Judged
 from ibe_rl.evaluation.runs import TrainedRun
 from ibe_rl.metrics.confidence import risk_coverage
-from ibe_rl.run_folder import EVALUATION, FIGURES, write_atomically
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_atomically
 from ibe_rl.task import Task
+from ibe_rl.types import CANNOT_TELL, Array, ConfigError
 
 BINS = 10
 CURVE_POINTS = 200

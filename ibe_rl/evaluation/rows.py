@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.spoken import Spoken
+from ibe_rl.evaluation.verbalise import Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
 from ibe_rl.metrics.confidence import brier, ece, risk_at
 from ibe_rl.metrics.quality import mean_over_numbers
 from ibe_rl.task import Task
+from ibe_rl.types import Array
 
 Samples = dict[str, Array]
 """Metric to values ``(R,)``; of an instruction with several numbers also ``metric[i]``, of number i by itself."""

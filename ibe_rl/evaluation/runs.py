@@ -11,20 +11,28 @@ from typing import Any
 
 import gymnasium
 
-from ibe_rl.agent import GreedyPolicy, make_agent
-from ibe_rl.checkpoint import load, policies
-from ibe_rl.command_line import load_config
-from ibe_rl.config import GuestConfig, TrainConfig
-from ibe_rl.data import ConfigError, Policy
-from ibe_rl.env.make import make_game, task_of
-from ibe_rl.explainer import CONFIDENCE_FEATURES, Voice
+from ibe_rl.agents import GreedyPolicy, make_agent
+from ibe_rl.config.command_line import load_config
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import GuestConfig, TrainConfig
+from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping, Reactions
-from ibe_rl.lessons import settled
-from ibe_rl.limits import check
 from ibe_rl.metrics import Calibration
-from ibe_rl.refresh import Saved, Spans, load_refresh
-from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, read_json, refuse_special_files
+from ibe_rl.storage.checkpoint import load, policies
+from ibe_rl.storage.run_folder import (
+    CALIBRATION,
+    CHECKPOINTS,
+    CONFIG,
+    EVALUATION,
+    REFRESHES,
+    read_json,
+    refuse_special_files,
+)
 from ibe_rl.task import Task
+from ibe_rl.types import ConfigError, Policy
+from ibe_rl.vocabulary.refresh import Saved, Spans, load_refresh
+from ibe_rl.vocabulary.training_episodes import settled
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode, read_only
+from ibe_rl.types import Array, Episode, read_only
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from sklearn.metrics import pairwise_distances_argmin
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ibe_rl.data import Array, read_only
 from ibe_rl.ibe.interpret import Interpretation
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
 from ibe_rl.ibe.meaning import Meaning, UnknownMeaningWarning
@@ -31,6 +30,7 @@ from ibe_rl.ibe.space import (
 )
 from ibe_rl.ibe.split import split, split_mirrored, with_rest
 from ibe_rl.ibe.vocabulary import normalise
+from ibe_rl.types import Array, read_only
 
 
 class _Lessons(NamedTuple):

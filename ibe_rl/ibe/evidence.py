@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import rankdata
 
-from ibe_rl.data import Array
 from ibe_rl.ibe.meaning import Evidence
 from ibe_rl.ibe.record import Record
+from ibe_rl.types import Array
 
 RESAMPLES, INTERVAL = 400, (0.5, 99.5)
 """Bootstrap over whole episodes; percent. Eighty logs are judged by four sources each: 95 % would err too often."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 FEWEST_STEPS = 5
 EPISODE_SHARE = 5

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from sklearn.metrics.cluster import contingency_matrix
 
-from ibe_rl.data import Array
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.types import Array
 
 
 @dataclass(frozen=True)

@@ -8,21 +8,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode, read_only
 from ibe_rl.ibe.delta import top_episodes
-from ibe_rl.ibe.evidence import (
-    FEWEST_EPISODES,
-    best,
-    influence,
-    influence_of_plan,
-    pays,
-    pays_at_once,
-    satisfaction,
-)
+from ibe_rl.ibe.evidence import FEWEST_EPISODES, best, influence, influence_of_plan, pays, pays_at_once, satisfaction
 from ibe_rl.ibe.meaning import Evidence, Meaning
 from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
 from ibe_rl.ibe.record import Record
 from ibe_rl.ibe.space import TooLittleDataError, lasso_axes, rule_axes
+from ibe_rl.types import Array, Episode, read_only
 
 CLEAR = 0.1
 """Effects below this are none, however many episodes they stand on."""

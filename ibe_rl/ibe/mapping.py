@@ -9,9 +9,9 @@ import numpy as np
 from scipy.special import softmax
 from sklearn.metrics import pairwise_distances, pairwise_distances_argmin
 
-from ibe_rl.data import Array, read_only
 from ibe_rl.ibe.meaning import Meaning, sayable
 from ibe_rl.ibe.space import Space
+from ibe_rl.types import Array, read_only
 
 MEMBERSHIPS = ("hard", "soft", "direct")
 

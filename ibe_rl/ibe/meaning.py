@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 
 class UnknownMeaningWarning(UserWarning):

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibe_rl.data import Array
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.types import Array
 
 SMALLEST_UNIT = 0.5
 """Of the mean movement under an instruction: what +1 brings about counts as no less, where little is followed."""

@@ -10,8 +10,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
 
-from ibe_rl.data import Array
 from ibe_rl.ibe.record import Record
+from ibe_rl.types import Array
 
 MOST_STEPS, MOST_PRODUCTS = 2_500, 400
 A_RATE = 0.95

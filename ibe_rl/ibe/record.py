@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.ibe.delta import delta_states
+from ibe_rl.types import Array, Episode
 
 
 @dataclass(frozen=True)

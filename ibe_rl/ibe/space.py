@@ -14,7 +14,7 @@ from sklearn.linear_model import LassoCV, LogisticRegression, Ridge
 from sklearn.neural_network import MLPRegressor
 from sklearn.preprocessing import StandardScaler
 
-from ibe_rl.data import Array, read_only
+from ibe_rl.types import Array, read_only
 
 MOST_CLASSES = 10
 """With more distinct values an instruction counts as a number on a scale, not as one of a few things to say."""

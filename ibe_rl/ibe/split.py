@@ -10,7 +10,7 @@ from sklearn.cluster import BisectingKMeans, KMeans
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import pairwise_distances
 
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 SPLITS = ("kmeans", "bisecting", "quantile")
 FEWEST_WITH_REST = 4

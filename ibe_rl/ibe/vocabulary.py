@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibe_rl.data import Array
 from ibe_rl.task import Phrases
+from ibe_rl.types import Array
 
 NORMALISATIONS = ("minmax", "sign")
 

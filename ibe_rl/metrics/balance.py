@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibe_rl.data import Array
 from ibe_rl.metrics.bootstrap import ratio
+from ibe_rl.types import Array
 
 
 def size_cv(sizes: Array) -> float:

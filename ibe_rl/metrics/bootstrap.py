@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 CHUNK = 200_000
 """Weights looked at together: few enough for the processor's cache, which is more than twice as fast."""

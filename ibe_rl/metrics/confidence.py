@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import expit, logit
 from sklearn.linear_model import LogisticRegression
 
-from ibe_rl.data import Array, read_only
 from ibe_rl.metrics.bootstrap import Ties, by_chunks, ratio, weighted_mean
+from ibe_rl.types import Array, read_only
 
 
 def brier(confidence: Array, true: Array, weights: Array) -> Array:

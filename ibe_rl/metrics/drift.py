@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.metrics import adjusted_rand_score
 
-from ibe_rl.data import Array, Mapping
 from ibe_rl.ibe import phrases_of
 from ibe_rl.task import Phrases
+from ibe_rl.types import Array, Mapping
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ibe_rl.data import Array
 from ibe_rl.metrics.bootstrap import Estimate, estimate
+from ibe_rl.types import Array
 
 Groups = tuple[Array, Array]
 """Values ``(A,)`` and ``(B,)`` of two groups of episodes."""

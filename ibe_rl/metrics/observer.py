@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array
+from ibe_rl.types import Array
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.stats import spearmanr
 from sklearn.metrics import f1_score, roc_auc_score
 
-from ibe_rl.data import CANNOT_TELL, Array, Episode, Explanation, Mapping
 from ibe_rl.ibe import Windows, delta_states, phrases_of
 from ibe_rl.task import Phrases, Task
+from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation, Mapping
 
 SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1", "echo_auc")
 """What ``vocabulary_scores`` tells."""

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from ibe_rl.config import EnsembleConfig, HumanConfig, InstructorConfig, PredictorConfig, RegressionConfig
-from ibe_rl.data import ConfigError, Moment, Policy, Prediction
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.config.settings import EnsembleConfig, HumanConfig, InstructorConfig, PredictorConfig, RegressionConfig
 from ibe_rl.predict.ensemble import Ensemble
 from ibe_rl.predict.experience import ActionColumns
 from ibe_rl.predict.regression import Regression
 from ibe_rl.predict.simulator import Simulator, make_simulator
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import ConfigError, Moment, Policy, Prediction
 
 
 class KeptPredictor(Protocol):
     """A predictor that a run keeps: it may learn, and has a state to go on from."""
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
-        """See ``ibe_rl.data.Predictor``."""
+        """See ``ibe_rl.types.Predictor``."""
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
         """Learn from the log as it stands, or stood at a frame, if there is anything to learn."""

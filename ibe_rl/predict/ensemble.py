@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config import EnsembleConfig
-from ibe_rl.data import Array, Moment, Policy, Prediction, columns_of, observe
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.config.settings import EnsembleConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
 from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
 from ibe_rl.predict.trust import Trust, measure
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
 
 Rule = Callable[[Array], Array]
 FROM_NOTHING = 3
@@ -68,7 +68,7 @@ class Ensemble:
         self._trust = measure(judged, self._scale, self._actions, self._roll, seed)
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
-        """See ``ibe_rl.data.Predictor``.
+        """See ``ibe_rl.types.Predictor``.
 
         Raises:
             ValueError: if it has learnt nothing yet.

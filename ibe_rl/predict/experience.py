@@ -9,8 +9,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.data import Array, ConfigError, Episode
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, ConfigError, Episode
 
 
 def newest_episodes(log: TrajectoryLog, frames: int, until_frame: int | None = None) -> list[Episode]:

@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ibe_rl.data import Array
 from ibe_rl.predict.experience import Steps
+from ibe_rl.types import Array
 
 Layers = list[tuple[Tensor, Tensor]]
 """Weights ``(M, inputs, outputs)`` and biases ``(M, 1, outputs)`` of each layer."""

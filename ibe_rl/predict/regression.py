@@ -10,11 +10,11 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from ibe_rl.config import RegressionConfig
-from ibe_rl.data import Array, Episode, Moment, Policy, Prediction, columns_of, observe
+from ibe_rl.config.settings import RegressionConfig
 from ibe_rl.ibe.delta import delta_states
-from ibe_rl.log import TrajectoryLog
 from ibe_rl.predict.experience import held_out, newest_episodes
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, Episode, Moment, Policy, Prediction, columns_of, observe
 
 MAX_WINDOWS = 40_000
 
@@ -67,7 +67,7 @@ class Regression:
         return np.asarray(columns @ self._weights + self._bias).reshape(len(seen), len(self._spans), -1)
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:  # noqa: ARG002
-        """See ``ibe_rl.data.Predictor``; the policy is not asked.
+        """See ``ibe_rl.types.Predictor``; the policy is not asked.
 
         Raises:
             ValueError: if it has learnt nothing yet.

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ibe_rl.data import Array
 from ibe_rl.predict.members import Layers, Scale, in_state_units, run
+from ibe_rl.types import Array
 
 CHECK_EVERY_STEPS = 10
 """How often all members are asked about where a future is."""

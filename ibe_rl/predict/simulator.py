@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ibe_rl.config import PredictorConfig
-from ibe_rl.data import Array, Moment, Policy, Prediction, columns_of, observe
-from ibe_rl.log import TrajectoryLog
-from ibe_rl.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.workers import end_with_parent
+from ibe_rl.config.settings import PredictorConfig
+from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.runtime.workers import end_with_parent
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
 
 MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
@@ -59,7 +59,7 @@ class Simulator:
         self._workers: list[Executor] = []
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
-        """See ``ibe_rl.data.Predictor``."""
+        """See ``ibe_rl.types.Predictor``."""
         noises = self._seeds.spawn(len(moments)) if self._own_noise else [None] * len(moments)
         cuts = range(0, len(moments), self._at_once)
         parts = [(moments[cut : cut + self._at_once], noises[cut : cut + self._at_once]) for cut in cuts]

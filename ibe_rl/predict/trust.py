@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.predict.members import Scale
 from ibe_rl.predict.rolling import CHECK_EVERY_STEPS, Begin, Rolled, checks
+from ibe_rl.types import Array, Episode
 
 WINDOWS = 1_024
 STEPS = 100

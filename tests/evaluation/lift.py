@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from by_hand import TASK as LIFT
 
-from ibe_rl.data import Array
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import along
 from ibe_rl.task import Task
+from ibe_rl.types import Array
 
 TASK: Task = replace(
     LIFT,

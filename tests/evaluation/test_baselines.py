@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from lift import TASK, moments
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, fit_state_regressors
+from ibe_rl.types import Array, Episode
 
 
 class Zero:

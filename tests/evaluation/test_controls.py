@@ -8,9 +8,9 @@ import pytest
 from by_hand import column
 from lift import heights, moments, words
 
-from ibe_rl.data import Episode
 from ibe_rl.evaluation.controls import Flipped, dealt, of_another_moment, random_clusters, shuffle_instructions
 from ibe_rl.ibe import Windows
+from ibe_rl.types import Episode
 
 DELTA = heights(np.array([-3.0, -1, 0, 1, 3]))
 

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from by_hand import TASK
 
-from ibe_rl.collect import EVALUATION_SEED, SEEDS_PER_RUN
-from ibe_rl.config import MAX_SEED, EvaluateConfig, TrainConfig
-from ibe_rl.data import ConfigError
-from ibe_rl.evaluation.flights import PURPOSES, horizons_of, seeds_for
+from ibe_rl.collect.collector import EVALUATION_SEED, SEEDS_PER_RUN
+from ibe_rl.config.settings import MAX_SEED, EvaluateConfig, TrainConfig
+from ibe_rl.evaluation.rollouts import PURPOSES, horizons_of, seeds_for
+from ibe_rl.types import ConfigError
 
 RUN: Any = SimpleNamespace(task=TASK, horizon_steps=60)
 

@@ -10,7 +10,6 @@ import pytest
 from by_hand import WORDS
 from lift import TASK as LIFT
 
-from ibe_rl.data import Array
 from ibe_rl.evaluation import figures, tables
 from ibe_rl.evaluation.baselines import StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
@@ -24,6 +23,7 @@ from ibe_rl.ibe.space import along
 from ibe_rl.metrics import vocabulary_scores
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.metrics.quality import mean_over_numbers
+from ibe_rl.types import Array
 
 SPEED = replace(WORDS, zero="as fast", negative="{degree}slower", positive="{degree}faster")
 TASK = replace(

@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.agent import make_agent
-from ibe_rl.checkpoint import load, policies
-from ibe_rl.collect import JUDGING_SEED
-from ibe_rl.config import InstructorConfig, PPOConfig
-from ibe_rl.data import Episode
-from ibe_rl.env import LANDER_ID, LANDER_TASK
-from ibe_rl.env.make import make_gym
+from ibe_rl.agents import make_agent
+from ibe_rl.collect.collector import JUDGING_SEED
+from ibe_rl.collect.rollout import play
+from ibe_rl.config.settings import InstructorConfig, PPOConfig
+from ibe_rl.envs import LANDER_ID, LANDER_TASK
+from ibe_rl.envs.make import make_gym
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan, gather
-from ibe_rl.instruct import make_instructor
-from ibe_rl.play import play
+from ibe_rl.instructors import make_instructor
 from ibe_rl.predict import Simulator
+from ibe_rl.storage.checkpoint import load, policies
+from ibe_rl.types import Episode
 
 ROOT = Path(__file__).parents[2]
 SEEDS = range(JUDGING_SEED, JUDGING_SEED + 3)

@@ -11,11 +11,11 @@ import pytest
 from by_hand import TASK, config, obey
 from lift import heights, words
 
-from ibe_rl.data import ConfigError
 from ibe_rl.evaluation import refit as module
 from ibe_rl.evaluation.refit import Refits, fit_shuffled
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import ConfigError
 
 Run = Callable[..., Any]
 

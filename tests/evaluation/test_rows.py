@@ -18,7 +18,7 @@ from ibe_rl.evaluation.rows import (
     spread_over,
     weighted_f1,
 )
-from ibe_rl.evaluation.spoken import speak
+from ibe_rl.evaluation.verbalise import speak
 from ibe_rl.metrics import instruction_f1
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights
 

@@ -13,9 +13,8 @@ import torch
 from by_hand import plain
 from omegaconf import OmegaConf
 
-from ibe_rl.agent import make_agent
-from ibe_rl.checkpoint import save_policy
-from ibe_rl.config import (
+from ibe_rl.agents import make_agent
+from ibe_rl.config.settings import (
     AgentConfig,
     DQNConfig,
     EnvConfig,
@@ -26,13 +25,22 @@ from ibe_rl.config import (
     TrainConfig,
     ViewerConfig,
 )
-from ibe_rl.data import ConfigError
-from ibe_rl.env import LANDER_ID
+from ibe_rl.envs import LANDER_ID
 from ibe_rl.evaluation import load_run
 from ibe_rl.ibe import ClusterMapping, Reactions
-from ibe_rl.lessons import settled
 from ibe_rl.metrics import Calibration
-from ibe_rl.run_folder import CALIBRATION, CHECKPOINTS, CONFIG, EVALUATION, REFRESHES, create_run_folder, write_json
+from ibe_rl.storage.checkpoint import save_policy
+from ibe_rl.storage.run_folder import (
+    CALIBRATION,
+    CHECKPOINTS,
+    CONFIG,
+    EVALUATION,
+    REFRESHES,
+    create_run_folder,
+    write_json,
+)
+from ibe_rl.types import ConfigError
+from ibe_rl.vocabulary.training_episodes import settled
 
 OBSERVATIONS = np.random.default_rng(0).normal(size=(50, 11)).astype(np.float32)
 ACTIONS: Any = gymnasium.spaces.Discrete(4)

@@ -4,7 +4,7 @@ import numpy as np
 from by_hand import WORDS
 from lift import moments, words
 
-from ibe_rl.evaluation.spoken import calibrate, speak
+from ibe_rl.evaluation.verbalise import calibrate, speak
 
 UP, DOWN, STAY = "going up", "going down", "staying"
 HERE = moments(

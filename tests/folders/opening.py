@@ -9,21 +9,21 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ibe_rl.command_line import load_config
-from ibe_rl.config import TrainConfig
-from ibe_rl.env.make import make_game, task_of
+from ibe_rl.config.command_line import load_config
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.evaluation import load_run
 from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
-from ibe_rl.instruct.recorded import read_lesson
-from ibe_rl.limits import check
-from ibe_rl.parts import begin, build
-from ibe_rl.resume import must_fit, read_state
-from ibe_rl.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
-from ibe_rl.serve.overlay import Metrics
-from ibe_rl.stream import set_back
-from ibe_rl.stream.recording_file import whole_messages
-from ibe_rl.viewer import Messages, run_names, runs_at
+from ibe_rl.instructors.recorded import read_lesson
+from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
+from ibe_rl.training.parts import begin, build
+from ibe_rl.training.resume import must_fit, read_state
+from ibe_rl.view import set_back
+from ibe_rl.view.overlay import Metrics
+from ibe_rl.view.recording_file import whole_messages
+from ibe_rl.view.viewer import Messages, run_names, runs_at
 
 
 def explained(run: Path) -> None:
@@ -49,7 +49,7 @@ def resumed(run: Path) -> None:
     if state["recorder"]:
         with must_fit(run):
             set_back(run / RECORDING, state["recorder"]["recorder"]["bytes"])
-    with ExitStack() as owned, patch("ibe_rl.parts.run_name", lambda folder: folder.name):  # hydra's to know
+    with ExitStack() as owned, patch("ibe_rl.training.parts.run_name", lambda folder: folder.name):  # hydra's to know
         parts = build(config, run, owned, state=state)
         begin(parts, state)
         parts.log.read(range(len(parts.log.index)))

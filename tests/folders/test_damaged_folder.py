@@ -17,9 +17,9 @@ import yaml
 from damage import chance_of, damaged, damaged_json, damaged_value, refusal
 from opening import WAYS, explained, log, resumed, viewed
 
-from ibe_rl.checkpoint import load
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.log import INDEX
+from ibe_rl.storage.checkpoint import load
+from ibe_rl.storage.log import INDEX
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 OPENED = {

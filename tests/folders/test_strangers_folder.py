@@ -19,7 +19,7 @@ from damage import refusal
 from opening import WAYS
 from processes import call
 
-from ibe_rl.viewer import main as open_viewer
+from ibe_rl.view.viewer import main as open_viewer
 
 
 class Trap:

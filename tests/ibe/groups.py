@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, IBEMapping
+from ibe_rl.types import Array
 
 LEFT, DOWN, RIGHT = [-3.0, 0.0], [0.0, -3.0], [3.0, 0.0]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.ibe import Windows, cut_windows, delta_states, top_episodes
+from ibe_rl.types import Array, Episode
 
 SQUARES = np.array([[0, 0], [1, 10], [4, 20], [9, 30], [16, 40]], float)  # four steps
 

@@ -9,8 +9,8 @@ from sklearn.base import clone
 from sklearn.cluster import KMeans
 from sklearn.exceptions import NotFittedError
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, IBEMapping, TooLittleDataError
+from ibe_rl.types import Array
 
 
 @pytest.fixture

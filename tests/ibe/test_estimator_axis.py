@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, IBEMapping, TooLittleDataError
+from ibe_rl.types import Array
 
 LIKE_AXIS: dict[str, Any] = {"space": "rule", "symmetric": True, "power": 1 / 3, "normalisation": "movement"}
 """As in configs/mapping/axis.yaml."""

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_estimator_axis import LIKE_AXIS, heard, moved, said, windows
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import Evidence, IBEMapping, Interpretation, Meaning, TooLittleDataError, UnknownMeaningWarning
+from ibe_rl.types import Array
 
 FIRST = np.array([1.0, 0, 0, 0])
 KNOWN = Meaning(reason="seen")

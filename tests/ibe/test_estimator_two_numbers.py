@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from sklearn.metrics import pairwise_distances
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import IBEMapping, keep_identity, phrase
 from ibe_rl.ibe.space import consequences, rule_axes
 from ibe_rl.metrics import vocabulary_drift
 from ibe_rl.task import Phrases
+from ibe_rl.types import Array
 
 WAYS = np.array([[a, b] for a in (-1.0, 0, 1) for b in (-1.0, 0, 1)])
 """What is told."""

@@ -9,18 +9,10 @@ import numpy as np
 import pytest
 from masses import Agent, Rule, fly, ignores, obeys, opposes, planned, seen_as, to_the_middle
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.ibe import Evidence
-from ibe_rl.ibe.evidence import (
-    _expectable,
-    best,
-    influence,
-    influence_of_plan,
-    pays,
-    pays_at_once,
-    satisfaction,
-)
+from ibe_rl.ibe.evidence import _expectable, best, influence, influence_of_plan, pays, pays_at_once, satisfaction
 from ibe_rl.ibe.record import Record
+from ibe_rl.types import Array, Episode
 
 RIGHT = np.array([1.0, 0.0])
 """Where +1 asks to go."""

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import find_horizon, instruction_lasts, leading_change
 from ibe_rl.ibe.horizon import FEWEST_STEPS
+from ibe_rl.types import Array
 
 PLACE = np.array([[1.0], [0.0]])
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from by_hand import column, on_a_line, plain
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import ClusterMapping, Transition, keep_identity
+from ibe_rl.types import Array
 
 NEAR = column(1, 2, 3, 4, 8, 9)
 """With centres at 0 and 10 the first four are one cluster's, with centres at 0 and 30 all of them."""

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from masses import STEPS, Agent, Rule, fly, ignores, obeys, opposes, planned, seen_as, speed_up, to_the_middle
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.ibe import Evidence, Interpretation, Meaning, Reactions, interpret
 from ibe_rl.ibe.interpret import decide
+from ibe_rl.types import Array, Episode
 
 RIGHT = np.array([1.0, 0.0])
 ENDS, LISTENS, PAYS = "what ends it", "what the agent does when told otherwise", "what pays"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from masses import fly, ignores, obeys, opposes, planned, seen_as, speed_up, to_the_middle
 
-from ibe_rl.data import Array, Episode
 from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
 from ibe_rl.ibe.record import Record
+from ibe_rl.types import Array, Episode
 
 PLACE, SPEED = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ibe_rl.data import Episode
 from ibe_rl.ibe.record import Record
+from ibe_rl.types import Episode
 
 
 def episode(places: list[float], told: list[float | None], rewards: list[float] | None = None) -> Episode:

@@ -6,18 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.data import Array
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.ibe.space import (
-    Space,
-    along,
-    information,
-    lasso_axes,
-    network,
-    rule_axes,
-    scaled,
-    signed_power,
-)
+from ibe_rl.ibe.space import Space, along, information, lasso_axes, network, rule_axes, scaled, signed_power
+from ibe_rl.types import Array
 
 X, GOAL = 2, 4
 """Of five dimensions of the state, where one is and where one is told to go."""

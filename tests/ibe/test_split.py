@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from sklearn.metrics import pairwise_distances_argmin
 
-from ibe_rl.data import Array
 from ibe_rl.ibe.split import SPLITS, mirrored, split, split_mirrored, with_rest
+from ibe_rl.types import Array
 
 
 def skewed(count: int = 4_000) -> Array:

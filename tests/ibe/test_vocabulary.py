@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from ibe_rl.env import LANDER_TASK
+from ibe_rl.envs import LANDER_TASK
 from ibe_rl.ibe import NORMALISATIONS, normalise, phrase
 from ibe_rl.task import Phrases
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import spearmanr
 from sklearn.metrics import roc_auc_score
 
-from ibe_rl.data import Array
 from ibe_rl.metrics import (
     Estimate,
     bootstrap,
@@ -21,6 +20,7 @@ from ibe_rl.metrics import (
     weighted_spearman,
     went,
 )
+from ibe_rl.types import Array
 
 NAN = float("nan")
 BAND = 0.5

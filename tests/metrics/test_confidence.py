@@ -8,8 +8,8 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import brier_score_loss
 
-from ibe_rl.data import Array
 from ibe_rl.metrics import Calibration, brier, ece, episode_weights, risk_at, risk_coverage
+from ibe_rl.types import Array
 
 NAN = float("nan")
 SAID = np.array([1.0, 0.9, 0.6, 0.6, 0.2])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ibe_rl.data import Array
 from ibe_rl.metrics.effect import Effect, Groups, corrected, effect, paired_p, share
+from ibe_rl.types import Array
 
 
 def group(*values: float) -> Array:

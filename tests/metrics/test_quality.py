@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from by_hand import TASK, on_a_line
 
-from ibe_rl.data import CANNOT_TELL, Array, Episode, Explanation
 from ibe_rl.ibe import Windows
 from ibe_rl.metrics import (
     SCORES,
@@ -23,6 +22,7 @@ from ibe_rl.metrics import (
     vocabulary_scores,
 )
 from ibe_rl.task import Phrases
+from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.5, ""),))]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ibe_rl.data import Array, Moment
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, Moment
 
 POSITION, SPEED, GOAL, BEYOND = range(4)
 END = 2.0

@@ -9,12 +9,12 @@ import torch
 from cart import BEYOND, END, GOAL, POSITION, SPEED, after, coast, drive, logged, moment, right
 from gymnasium import spaces
 
-from ibe_rl.config import EnsembleConfig
-from ibe_rl.data import Array, Prediction
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.config.settings import EnsembleConfig
 from ibe_rl.predict import Ensemble
 from ibe_rl.predict.experience import ActionColumns
 from ibe_rl.predict.members import make_layers
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, Prediction
 
 PUSHES = ActionColumns.of(spaces.Discrete(3))
 SETTINGS = EnsembleConfig(members=3, hidden=[32], updates=250, minibatch_size=256, learning_rate=0.02)

@@ -10,7 +10,8 @@ import pytest
 import torch
 from gymnasium import spaces
 
-from ibe_rl.config import (
+from ibe_rl.collect.rollout import watch
+from ibe_rl.config.settings import (
     EnsembleConfig,
     EnvConfig,
     HumanConfig,
@@ -18,14 +19,13 @@ from ibe_rl.config import (
     PredictorConfig,
     RegressionConfig,
 )
-from ibe_rl.data import Array, ConfigError, Episode, Moment, Prediction
-from ibe_rl.env import LANDER_ID, LANDER_TASK
-from ibe_rl.env.make import make_game
-from ibe_rl.env.snapshots import make_copy
-from ibe_rl.instruct import make_instructor
-from ibe_rl.log import TrajectoryLog
-from ibe_rl.play import watch
+from ibe_rl.envs import LANDER_ID, LANDER_TASK
+from ibe_rl.envs.make import make_game
+from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.instructors import make_instructor
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor, make_simulator
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.types import Array, ConfigError, Episode, Moment, Prediction
 
 LANDER = EnvConfig(LANDER_ID)
 KINDS: dict[str, PredictorConfig] = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cart import POSITION, SPEED, coast, logged, moment
 
-from ibe_rl.config import RegressionConfig
-from ibe_rl.log import TrajectoryLog
+from ibe_rl.config.settings import RegressionConfig
 from ibe_rl.predict import Regression
+from ibe_rl.storage.log import TrajectoryLog
 
 
 @pytest.fixture(scope="module")

@@ -12,14 +12,14 @@ import torch
 from gymnasium.envs.box2d.lunar_lander import heuristic
 from torch import nn
 
-from ibe_rl.agent.networks import GreedyPolicy, make_network
-from ibe_rl.config import InstructorConfig, PredictorConfig
-from ibe_rl.data import Array, Moment, Policy, Predictor
-from ibe_rl.env import LANDER_ID, LANDER_TASK
-from ibe_rl.env.make import make_gym
-from ibe_rl.instruct import make_instructor
-from ibe_rl.play import watch
+from ibe_rl.agents.networks import GreedyPolicy, make_network
+from ibe_rl.collect.rollout import watch
+from ibe_rl.config.settings import InstructorConfig, PredictorConfig
+from ibe_rl.envs import LANDER_ID, LANDER_TASK
+from ibe_rl.envs.make import make_gym
+from ibe_rl.instructors import make_instructor
 from ibe_rl.predict import Simulator, make_simulator
+from ibe_rl.types import Array, Moment, Policy, Predictor
 
 LEGS = slice(6, 8)
 RULE = LANDER_TASK.rule

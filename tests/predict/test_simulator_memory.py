@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.config import InstructorConfig
-from ibe_rl.env.make import make_gym, task_of
-from ibe_rl.instruct import make_instructor
-from ibe_rl.play import watch
+from ibe_rl.collect.rollout import watch
+from ibe_rl.config.settings import InstructorConfig
+from ibe_rl.envs.make import make_gym, task_of
+from ibe_rl.instructors import make_instructor
 from ibe_rl.predict import Simulator
 
 ENV = "ibe_rl/LunarLanderPads-v0"

@@ -1,0 +1,100 @@
+"""Agents on TorchRL's parts; they know observations and actions, no environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import gymnasium
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+
+from ibe_rl.agents.actions import discrete, make_actions
+from ibe_rl.agents.dqn import DQN
+from ibe_rl.agents.networks import GreedyPolicy
+from ibe_rl.agents.ppo import PPO
+from ibe_rl.config.settings import AgentConfig, DQNConfig, PPOConfig
+from ibe_rl.types import ConfigError
+
+
+class Agent(Protocol):
+    """A learner: ``policy`` explores and is what the collector runs, ``greedy`` is what is explained."""
+
+    policy: TensorDictModuleBase
+    greedy: GreedyPolicy
+
+    def update(self, batch: TensorDictBase) -> dict[str, float]:
+        """Learn from a batch ``[N, T]``; returns figures for the log, the same names every time.
+
+        Raises:
+            FloatingPointError: if the loss or the weights are no finite numbers any more.
+        """
+
+    def publish(self) -> None:
+        """Let ``policy`` have what has been learnt; not while it collects, which would not be repeatable."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that learning goes on from, tensors and plain values."""
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``, for an agent made with the same settings."""
+
+
+def make_agent(
+    config: AgentConfig,
+    observation_size: int,
+    actions: gymnasium.Space[Any],
+    total_frames: int,
+    state_names: Sequence[str] = (),
+) -> Agent:
+    """Make the agent of the kind that ``config`` is of.
+
+    Args:
+        config: of the agent.
+        observation_size: O.
+        actions: the environment's.
+        total_frames: that it will learn from.
+        state_names: of the first numbers of the observation, for ``config.ignores``.
+
+    Raises:
+        ConfigError: if the agent cannot take such actions, the config is of no known kind, or the agent is to ignore
+            what is not there.
+    """
+    check_actions(config, actions)
+    ignored = _ignored(config, state_names)
+    if isinstance(config, PPOConfig):
+        return PPO(config, observation_size, make_actions(actions, config.first_std), total_frames, ignored)
+    if isinstance(config, DQNConfig):
+        return DQN(config, observation_size, make_actions(actions, 1.0).outputs, total_frames, ignored)
+    raise ConfigError(f"agent={type(config).__name__}: allowed is one of PPOConfig, DQNConfig")
+
+
+def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
+    """Refuse, before anything is made, an agent that is to ignore what is not there.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    _ignored(config, state_names)
+
+
+def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
+    """Refuse, before anything is made, an agent for which the environment's actions are of the wrong kind.
+
+    Raises:
+        ConfigError: naming the actions and what is allowed.
+    """
+    make_actions(actions, 1.0)
+    if isinstance(config, DQNConfig) and not discrete(actions):
+        raise ConfigError(f"agent=dqn: the environment's actions are {actions}, not Discrete; allowed is agent=ppo")
+
+
+def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
+    """The places of what it ignores."""
+    for name in config.ignores:
+        if name not in state_names:
+            raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
+    return [list(state_names).index(name) for name in config.ignores]
+
+
+__all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent"]

@@ -1,0 +1,166 @@
+"""Kinds of actions: how a network's outputs become one, and how probable it was.
+
+Shapes: ``B`` steps, ``A`` numbers of a continuous action, ``K`` outputs of the network for one step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import gymnasium
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ibe_rl.types import ConfigError
+
+DRAWN = "action_drawn"
+"""Entry of a batch: the continuous draw itself, before it is put into the environment's units and bounds."""
+Mode = Callable[[Tensor], Tensor]
+
+
+class Actions(Protocol):
+    """The distribution of actions that the outputs of a network stand for.
+
+    Attributes:
+        outputs: how many numbers ``make_network`` has to give.
+        learnt_from: entry of the batch that ``judge`` takes.
+    """
+
+    outputs: int
+    learnt_from: str
+
+    def finish(self, network: nn.Module) -> nn.Module:
+        """Add to a network what else is learnt of the distribution: ``(B, outputs)`` becomes ``(B, K)``."""
+
+    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+        """Outputs ``(B, K)`` to entries of the batch: ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
+
+    def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+        """Outputs ``(B, K)`` and what was drawn to its log-probability ``(B,)`` and the entropy ``(B,)``."""
+
+    def mode(self, outputs: Tensor) -> Tensor:
+        """Outputs ``(B, K)`` to the most probable actions, in the environment's units."""
+
+
+class Choice:
+    """One of ``n`` actions, an output each: its unnormalised log-probability."""
+
+    learnt_from = "action"
+
+    def __init__(self, n: int):
+        self.outputs = n
+
+    def finish(self, network: nn.Module) -> nn.Module:
+        """Nothing to add."""
+        return network
+
+    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+        """See ``Actions``; ``action`` ``(B,)`` int64."""
+        log_probs = outputs.log_softmax(-1)
+        action = torch.multinomial(log_probs.exp(), 1)
+        return {"action": action.squeeze(-1), "action_log_prob": log_probs.gather(-1, action).squeeze(-1)}
+
+    def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+        """See ``Actions``."""
+        log_probs = outputs.log_softmax(-1)
+        chosen = log_probs.gather(-1, drawn[:, None]).squeeze(-1)
+        return chosen, -(log_probs.exp() * log_probs).sum(-1)
+
+    def mode(self, outputs: Tensor) -> Tensor:
+        """See ``Actions``; ``(B,)`` int64."""
+        return best(outputs)
+
+
+def best(outputs: Tensor) -> Tensor:
+    """The place of the highest of the outputs ``(B, K)``: ``(B,)`` int64."""
+    return outputs.argmax(-1)
+
+
+class Spread(nn.Module):
+    """A network of means with log standard deviations beside them, learnt too, the same in every state."""
+
+    def __init__(self, network: nn.Module, size: int, first_std: float):
+        super().__init__()
+        self.network = network
+        self.log_std = nn.Parameter(torch.full((size,), math.log(first_std)))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Observations ``(B, O)`` to means and log standard deviations ``(B, 2 A)``."""
+        means = self.network(observation)
+        return torch.cat([means, self.log_std.expand_as(means)], dim=-1)
+
+
+class Normal:
+    """Numbers within bounds, each from a normal distribution of its own.
+
+    Means and deviations are in units of half the range around its middle. Draws beyond the bounds are put on them
+    for the environment, and learnt from as they were drawn.
+
+    Args:
+        low: ``(A,)`` bounds in the environment's units.
+        high: ``(A,)``.
+        first_std: standard deviation that learning begins with, in units of half the range.
+    """
+
+    learnt_from = DRAWN
+
+    def __init__(self, low: Tensor, high: Tensor, first_std: float):
+        self.outputs, self._low, self._high, self._first_std = len(low), low, high, first_std
+        self._middle, self._half = (low + high) / 2, (high - low) / 2
+
+    def finish(self, network: nn.Module) -> nn.Module:
+        """Add the deviations."""
+        return Spread(network, self.outputs, self._first_std)
+
+    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+        """See ``Actions``; ``action`` ``(B, A)`` float32."""
+        mean, log_std = outputs.chunk(2, dim=-1)
+        drawn = mean + log_std.exp() * torch.randn_like(mean)
+        log_prob, _ = self.judge(outputs, drawn)
+        return {"action": self._bounded(drawn), "action_log_prob": log_prob, DRAWN: drawn}
+
+    def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+        """See ``Actions``; densities are those of the draw in its own units."""
+        mean, log_std = outputs.chunk(2, dim=-1)
+        distance = (drawn - mean) * (-log_std).exp()
+        log_prob = (-0.5 * distance.square() - log_std - 0.5 * math.log(2 * math.pi)).sum(-1)
+        return log_prob, (log_std + 0.5 * math.log(2 * math.pi * math.e)).sum(-1)
+
+    def mode(self, outputs: Tensor) -> Tensor:
+        """See ``Actions``; ``(B, A)`` float32."""
+        return self._bounded(outputs.chunk(2, dim=-1)[0])
+
+    def _bounded(self, drawn: Tensor) -> Tensor:
+        return (self._middle + self._half * drawn).clamp(self._low, self._high)
+
+
+def discrete(space: gymnasium.Space[Any]) -> bool:
+    """True for one of a few actions, counted from 0."""
+    return isinstance(space, gymnasium.spaces.Discrete) and space.start == 0
+
+
+def continuous(space: gymnasium.Space[Any]) -> bool:
+    """True for a row of real numbers, all of them bounded."""
+    if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1 or not space.shape[0]:
+        return False
+    return bool(np.issubdtype(space.low.dtype, np.floating) and np.isfinite([space.low, space.high]).all())
+
+
+def make_actions(space: gymnasium.Space[Any], first_std: float) -> Actions:
+    """The distribution for an environment's actions.
+
+    Raises:
+        ConfigError: for actions of another kind.
+    """
+    if isinstance(space, gymnasium.spaces.Discrete) and discrete(space):
+        return Choice(int(space.n))
+    if isinstance(space, gymnasium.spaces.Box) and continuous(space):
+        low, high = (torch.from_numpy(bound.astype(np.float32)) for bound in (space.low, space.high))
+        return Normal(low, high, first_std)
+    raise ConfigError(
+        f"env: its actions are {space}; allowed are Discrete ones from 0, or with agent=ppo one row of numbers (Box) "
+        "with finite bounds"
+    )

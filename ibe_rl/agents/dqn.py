@@ -1,0 +1,193 @@
+"""Deep Q-learning on TorchRL's replay buffer: double, with returns of several steps; the paper's kind of agent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+
+from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
+from ibe_rl.agents.reward import learning_reward
+from ibe_rl.config.settings import DQNConfig
+
+
+class EpsilonGreedyPolicy(TensorDictModuleBase):
+    """Mostly the best action, with probability ``epsilon`` any; one fused module as in ``ppo.SamplingPolicy``.
+
+    ``epsilon`` is a buffer of the module, so that it reaches the collector's processes with the weights.
+    """
+
+    epsilon: torch.Tensor
+
+    def __init__(self, network: nn.Module, n_actions: int):
+        super().__init__()
+        self.network, self._n_actions = network, n_actions
+        self.register_buffer("epsilon", torch.ones(()))
+        self.in_keys, self.out_keys = ["observation"], ["action"]
+
+    @torch.no_grad()
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Observations ``(N, O)`` to actions ``(N,)``."""
+        best = self.network(tensordict.get("observation")).argmax(-1)
+        explore = torch.rand(best.shape) < self.epsilon
+        return tensordict.set("action", torch.where(explore, torch.randint_like(best, self._n_actions), best))
+
+
+def several_steps(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
+    """Look ``n_steps`` ahead from every step that has so many after and with it, or to the end of its episode.
+
+    TorchRL's ``MultiStepTransform`` is not used: by the source of torchrl 0.14.1 it moves the next observation on
+    but not ``terminated``, so that the steps before an end would be worth more than the end.
+
+    Args:
+        steps: ``[N, T]``, each row one environment without gaps, ``T >= n_steps``.
+        n_steps: 1 for what was rewarded at once and the next observation.
+        gamma: of the rewards.
+
+    Returns:
+        ``(N * (T - n_steps + 1),)``: ``observation``, ``action``, discounted ``reward``, ``later`` (the observation
+        to go on from) and its ``discount``, 0 where the game has ended.
+    """
+    starts = steps.shape[1] - n_steps + 1
+    reward, done, terminated = (steps["next", name].squeeze(-1) for name in ("reward", "done", "terminated"))
+    ahead = torch.zeros(len(steps), starts, dtype=torch.long)  # how far the step is that is looked at last
+    going, total = torch.ones_like(ahead, dtype=torch.bool), torch.zeros(ahead.shape)
+    for step in range(n_steps):
+        ahead = torch.where(going, step, ahead)
+        total += gamma**step * reward[:, step : step + starts] * going
+        going = going & ~done[:, step : step + starts]
+    rows, last = torch.arange(len(steps))[:, None], torch.arange(starts) + ahead
+    looked = {
+        "observation": steps["observation"][:, :starts],
+        "action": steps["action"][:, :starts],
+        "reward": total,
+        "later": steps["next", "observation"][rows, last],
+        "discount": gamma ** (ahead + 1) * ~terminated[rows, last],
+    }
+    return TensorDict(looked, ahead.shape).reshape(-1)
+
+
+class DQN:
+    """The learner and its policies.
+
+    A batch of experience brings many gradient steps. All their minibatches are drawn and valued at once before the
+    first of them, and the target network follows after the last.
+
+    Args:
+        config: see ``DQNConfig``.
+        observation_size: O.
+        n_actions: A.
+        total_frames: frames after which the learning rate reaches 0 and epsilon its end.
+        ignored: places in the observation that it does not see.
+
+    Attributes:
+        policy: what the collector runs; it explores.
+        greedy: what is evaluated and explained.
+    """
+
+    def __init__(
+        self, config: DQNConfig, observation_size: int, n_actions: int, total_frames: int, ignored: Sequence[int] = ()
+    ):
+        self._config, self._total_frames, self._frames = config, total_frames, 0
+        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0, ignored=ignored)
+        self._network, self.policy, self._epsilon = network, EpsilonGreedyPolicy(deepcopy(network), n_actions), 1.0
+        self.greedy = GreedyPolicy(network, config.average_share)
+        self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
+        self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
+        self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
+        self._unfinished: TensorDictBase | None = None  # the newest steps, whose n-th next is still to come
+
+    def update(self, batch: TensorDictBase) -> dict[str, float]:
+        """Take in a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon.
+
+        Row i of every batch has to be the same environment, going on where it stopped.
+
+        Raises:
+            FloatingPointError: if the loss or the weights are no finite numbers any more.
+        """
+        self._store(batch)
+        self._anneal()
+        before, self._frames = self._frames, self._frames + batch.numel()
+        loss, every = 0.0, self._config.frames_per_update
+        updates = self._frames // every - before // every
+        if self._frames >= self._config.learn_after_frames and updates and len(self._buffer):
+            loss = self._learn(updates)
+            check_finite({"q_loss": loss}, self._network.parameters())
+            self._target.update_parameters(self._network)
+            self.greedy.follow(self._network)
+        return {"q_loss": loss, "epsilon": self._epsilon}
+
+    def _store(self, batch: TensorDictBase) -> None:
+        ends = [("next", name) for name in ("observation", "done", "terminated")]
+        steps = batch.select("observation", "action", *ends)
+        steps["next", "reward"] = learning_reward(batch, self._config)
+        if self._unfinished is not None:
+            steps = torch.cat([self._unfinished, steps], 1)
+        whole = max(steps.shape[1] - self._config.n_steps + 1, 0)
+        if whole:
+            self._buffer.extend(several_steps(steps, self._config.n_steps, self._config.gamma))
+        self._unfinished = steps[:, whole:].clone()
+
+    def _anneal(self) -> None:
+        config, progress = self._config, self._frames / self._total_frames
+        self._optimizer.param_groups[0]["lr"] = linear(config.learning_rate, 0.0, progress)
+        turns = (1.0, config.epsilon_early, config.epsilon_end)
+        self._epsilon = float(np.interp(progress, (0.0, config.epsilon_share, 1.0), turns))
+
+    def _learn(self, updates: int) -> float:
+        size = self._config.minibatch_size
+        data = self._buffer.sample(updates * size)
+        parts = zip(
+            data["observation"].split(size), data["action"].split(size), self._worth(data).split(size), strict=True
+        )
+        losses = [self._step(*part) for part in parts]
+        return torch.stack(losses).mean().item()
+
+    @torch.no_grad()
+    def _worth(self, data: TensorDictBase) -> Tensor:
+        """What the network shall say: the network chooses the action to go on with, the target network values it."""
+        best = self._network(data["later"]).argmax(-1, keepdim=True)
+        return data["reward"] + data["discount"] * self._target.module(data["later"]).gather(-1, best).squeeze(-1)
+
+    def _step(self, observation: Tensor, action: Tensor, worth: Tensor) -> Tensor:
+        said = self._network(observation).gather(-1, action[:, None]).squeeze(-1)
+        loss = nn.functional.smooth_l1_loss(said, worth)
+        loss.backward()
+        self._optimizer.step()
+        self._optimizer.zero_grad()
+        return loss.detach()
+
+    def publish(self) -> None:
+        """See ``Agent``."""
+        self.policy.network.load_state_dict(self._network.state_dict())
+        self.policy.epsilon.fill_(self._epsilon)
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that learning goes on from."""
+        return {
+            "network": self._network.state_dict(),
+            "target": self._target.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+            "greedy": self.greedy.state_dict(),
+            "frames": self._frames,
+            "epsilon": self._epsilon,
+            "buffer": self._buffer.state_dict(),
+            "unfinished": None if self._unfinished is None else self._unfinished.to_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        for name in ("network", "target", "optimizer", "buffer"):
+            getattr(self, f"_{name}").load_state_dict(state[name])
+        self.greedy.load_state_dict(state["greedy"])
+        self._frames, self._epsilon = state["frames"], state["epsilon"]
+        steps = state["unfinished"]
+        self._unfinished = None if steps is None else TensorDict(steps, steps["action"].shape[:2])

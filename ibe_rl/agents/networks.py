@@ -1,0 +1,105 @@
+"""The networks of the agents, and the average of their weights that is explained and evaluated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+
+import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
+from torchrl.modules import MLP
+
+from ibe_rl.agents.actions import Mode, best
+from ibe_rl.types import Array
+
+
+class Blind(nn.Module):
+    """Passes on all of its inputs but those in the places ``ignored``, which are 0 whatever they are."""
+
+    seen: Tensor
+
+    def __init__(self, inputs: int, ignored: Sequence[int]):
+        super().__init__()
+        seen = torch.ones(inputs, dtype=torch.bool)
+        seen[list(ignored)] = False
+        self.register_buffer("seen", seen)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Observations ``(..., O)`` to observations."""
+        return observation.where(self.seen, 0.0)
+
+
+def make_network(
+    inputs: int,
+    hidden: Sequence[int],
+    outputs: int,
+    activation: type[nn.Module],
+    last_gain: float,
+    ignored: Sequence[int] = (),
+) -> nn.Sequential:
+    """An MLP with orthogonal weights; ``last_gain`` scales those of the last layer, inputs ``ignored`` do nothing."""
+    network = MLP(in_features=inputs, out_features=outputs, num_cells=list(hidden), activation_class=activation)
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
+    for layer in layers:
+        nn.init.orthogonal_(layer.weight, last_gain if layer is layers[-1] else 2**0.5)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(Blind(inputs, ignored), network) if ignored else network
+
+
+class GreedyPolicy:
+    """The action that an average of a network's weights holds for the best.
+
+    The average wavers less between updates than the weights themselves. It reaches back over a share of all
+    updates so far: early it follows fast, late it is steady (Shamir and Zhang 2013, polynomial-decay averaging).
+
+    Args:
+        network: observations ``(N, O)`` to outputs ``(N, K)``; not changed.
+        share: of the updates so far that the average reaches back over, about; 0 follows the weights themselves.
+        mode: outputs to actions; as it stands the place of the highest one.
+    """
+
+    def __init__(self, network: nn.Module, share: float, mode: Mode = best):
+        self._mode = mode
+        self._average = AveragedModel(network, avg_fn=partial(_move, share))
+
+    def follow(self, network: nn.Module) -> None:
+        """Move the average towards the network's present weights."""
+        self._average.update_parameters(network)
+
+    @torch.no_grad()
+    def __call__(self, observations: Array) -> Array:
+        """Observations ``(N, O)`` float32 to actions, ``(N,)`` int64 or ``(N, A)`` float32."""
+        actions: Array = self._mode(self._average.module(torch.from_numpy(observations))).numpy()
+        return actions
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """The averaged weights and how many updates they have followed."""
+        return dict(self._average.state_dict())
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        """The inverse of ``state_dict``."""
+        self._average.load_state_dict(state)
+
+
+def check_finite(losses: Mapping[str, float], parameters: Iterable[Tensor]) -> None:
+    """Look whether an update has gone wrong.
+
+    Raises:
+        FloatingPointError: naming the loss that is not a finite number, or that it is the weights.
+    """
+    for name, loss in losses.items():
+        if not math.isfinite(loss):
+            raise FloatingPointError(f"{name}={loss:g}")
+    if not all(bool(weights.isfinite().all()) for weights in parameters):
+        raise FloatingPointError("weights are not finite numbers")
+
+
+def _move(share: float, average: Tensor, present: Tensor, updates: Tensor | int) -> Tensor:
+    return torch.lerp(average, present, 1 / (1 + share * float(updates)))
+
+
+def linear(start: float, end: float, progress: float) -> float:
+    """Go in a straight line from ``start`` (progress 0) to ``end`` (progress 1 and later)."""
+    return start + (end - start) * min(max(progress, 0.0), 1.0)

@@ -1,0 +1,170 @@
+"""Proximal policy optimisation on TorchRL's advantage estimate.
+
+The loss is written out: with networks this small, ``torchrl.objectives.ClipPPOLoss`` takes two and a half times as
+long a step (docs/LOG.md). A test holds both equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import Any, NamedTuple
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import Tensor, nn
+from torchrl.modules import ValueOperator
+from torchrl.objectives.value import GAE
+
+from ibe_rl.agents.actions import Actions
+from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
+from ibe_rl.agents.reward import learning_reward
+from ibe_rl.config.settings import PPOConfig
+
+
+class SamplingPolicy(TensorDictModuleBase):
+    """Draws actions and writes their log-probabilities: one fused module, half the cost of a chain of modules."""
+
+    def __init__(self, network: nn.Module, actions: Actions):
+        super().__init__()
+        self.network, self._actions = network, actions
+        self.in_keys = ["observation"]
+        self.out_keys = list(dict.fromkeys(["action", "action_log_prob", actions.learnt_from]))
+
+    @torch.no_grad()
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Observations ``(N, O)`` to actions ``(N,)`` or ``(N, A)`` and log-probabilities ``(N,)``."""
+        for key, value in self._actions.draw(self.network(tensordict.get("observation"))).items():
+            tensordict.set(key, value)
+        return tensordict
+
+
+class Steps(NamedTuple):
+    """What PPO learns from, ``B`` steps.
+
+    Attributes:
+        observation: ``(B, O)``.
+        drawn: ``(B,)`` int64 or ``(B, A)``, what the policy drew.
+        log_prob: ``(B,)`` of it when it was drawn.
+        advantage: ``(B,)``.
+        value_target: ``(B,)``.
+    """
+
+    observation: Tensor
+    drawn: Tensor
+    log_prob: Tensor
+    advantage: Tensor
+    value_target: Tensor
+
+
+def clipped_losses(
+    log_prob: Tensor, entropy: Tensor, values: Tensor, steps: Steps, clip: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The clipped objective of Schulman et al. (2017), equation 7, the squared error of the values, the mean entropy.
+
+    Args:
+        log_prob: ``(B,)`` of what was drawn, under the present policy.
+        entropy: ``(B,)`` of the present policy.
+        values: ``(B,)`` of the present critic.
+        steps: what was done; advantages are normalised over the ``B`` steps.
+        clip: how far the ratio of probabilities may go from 1.
+    """
+    ratio = (log_prob - steps.log_prob).exp()
+    advantage = (steps.advantage - steps.advantage.mean()) / steps.advantage.std().clamp_min(1e-6)
+    gain = torch.min(ratio * advantage, ratio.clamp(1 - clip, 1 + clip) * advantage)
+    return -gain.mean(), (values - steps.value_target).square().mean(), entropy.mean()
+
+
+class PPO:
+    """The learner and its policies.
+
+    Args:
+        config: see ``PPOConfig``.
+        observation_size: O.
+        actions: the kind that the environment takes.
+        total_frames: frames after which learning rate and entropy bonus reach 0.
+        ignored: places in the observation that it does not see.
+
+    Attributes:
+        policy: what the collector runs; it explores.
+        greedy: what is evaluated and explained.
+    """
+
+    def __init__(
+        self, config: PPOConfig, observation_size: int, actions: Actions, total_frames: int, ignored: Sequence[int] = ()
+    ):
+        self._config, self._total_frames, self._frames = config, total_frames, 0
+        self._actions = actions
+        network = make_network(observation_size, config.hidden, actions.outputs, nn.ReLU, 0.01, ignored)
+        self._actor = actions.finish(network)
+        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0, ignored=ignored)
+        self.policy = SamplingPolicy(deepcopy(self._actor), actions)
+        self.greedy = GreedyPolicy(self._actor, config.average_share, actions.mode)
+        value = ValueOperator(self._critic, in_keys=["observation"])
+        self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
+        self._parameters = [*self._actor.parameters(), *self._critic.parameters()]
+        self._optimizer = torch.optim.Adam(self._parameters, lr=config.learning_rate, eps=1e-5, fused=True)
+
+    def update(self, batch: TensorDictBase) -> dict[str, float]:
+        """Learn from a batch ``[N, T]``; returns the last minibatch's losses.
+
+        Raises:
+            FloatingPointError: if these, or the weights, are no finite numbers any more.
+        """
+        left = 1 - min(self._frames / self._total_frames, 1)  # of the run
+        self._optimizer.param_groups[0]["lr"] = left * self._config.learning_rate
+        self._frames += batch.numel()
+        steps = self._prepare(batch)
+        for _ in range(self._config.epochs):
+            for rows in torch.randperm(batch.numel()).split(self._config.minibatch_size):
+                losses = self._step(Steps(*(column[rows] for column in steps)), left * self._config.entropy)
+        check_finite(losses, self._parameters)
+        self.greedy.follow(self._actor)
+        return losses
+
+    def _prepare(self, batch: TensorDictBase) -> Steps:
+        """Estimate advantages, which needs whole rows of time, then forget which row a step came from."""
+        ends = [("next", name) for name in ("observation", "done", "terminated")]
+        data = batch.select("observation", *ends)
+        data["next", "reward"] = learning_reward(batch, self._config)
+        with torch.no_grad():
+            self._estimate(data)
+        return Steps(
+            observation=data["observation"].flatten(0, 1),
+            drawn=batch[self._actions.learnt_from].flatten(0, 1),
+            log_prob=batch["action_log_prob"].flatten(),
+            advantage=data["advantage"].flatten(),
+            value_target=data["value_target"].flatten(),
+        )
+
+    def _step(self, steps: Steps, entropy_weight: float) -> dict[str, float]:
+        judged = self._actions.judge(self._actor(steps.observation), steps.drawn)
+        values = self._critic(steps.observation).squeeze(-1)
+        policy_loss, value_loss, entropy = clipped_losses(*judged, values, steps, self._config.clip)
+        (policy_loss + self._config.value_weight * value_loss - entropy_weight * entropy).backward()
+        nn.utils.clip_grad_norm_(self._parameters, self._config.max_grad_norm)
+        self._optimizer.step()
+        self._optimizer.zero_grad()
+        return {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
+
+    def publish(self) -> None:
+        """See ``Agent``."""
+        self.policy.network.load_state_dict(self._actor.state_dict())
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that learning goes on from."""
+        return {
+            "actor": self._actor.state_dict(),
+            "critic": self._critic.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+            "greedy": self.greedy.state_dict(),
+            "frames": self._frames,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        for name in ("actor", "critic", "optimizer"):
+            getattr(self, f"_{name}").load_state_dict(state[name])
+        self.greedy.load_state_dict(state["greedy"])
+        self._frames = state["frames"]

@@ -1,0 +1,25 @@
+"""What the agents learn from."""
+
+from __future__ import annotations
+
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from ibe_rl.config.settings import AgentConfig
+
+
+def learning_reward(batch: TensorDictBase, config: AgentConfig) -> Tensor:
+    """The environment's reward, with a bonus where its own rule says success, in the learner's scale.
+
+    A game may pay the same for an end that is no success, such as coming to rest in the wrong place.
+
+    Args:
+        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, and ``extra_reward`` if there
+            is any; not changed.
+        config: of the agent.
+    """
+    after = batch["next"]
+    rewards: Tensor = after["reward"] + config.success_bonus * after["success"].float()
+    if "extra_reward" in after.keys():  # noqa: SIM118 - a TensorDict
+        rewards = rewards + after["extra_reward"]
+    return rewards * config.reward_scale

@@ -1,0 +1,105 @@
+"""The run folder of an agent, or of a log, that comes from elsewhere: its config, its episodes, what they teach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from threadpoolctl import threadpool_limits
+
+from ibe_rl.config.command_line import composed, write_config
+from ibe_rl.config.settings import ExplainConfig, GuestConfig, TrainConfig
+from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.ibe import Reactions, TooLittleDataError
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import REFRESHES, SUMMARY, TRAJECTORIES, write_json
+from ibe_rl.types import ConfigError, Episode
+from ibe_rl.vocabulary.fitting import check_mapping
+from ibe_rl.vocabulary.refresh import Refresh, learn_vocabulary, save_refresh
+from ibe_rl.vocabulary.rule_reads import check_dimensions
+from ibe_rl.vocabulary.training_episodes import find_steps, horizon_told, settled, steps_of
+
+
+def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
+    """The config of the run folder of an agent, or of a log, that comes from elsewhere.
+
+    Raises:
+        ConfigError: if the vocabulary cannot be learnt like this in this environment.
+    """
+    config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
+    env = make_game(config.env)
+    check_mapping(config.mapping, task_of(env))
+    _say(*check_dimensions(config.mapping, task_of(env), env))
+    return replace(
+        config,
+        run_dir=cfg.run_dir,
+        agent=GuestConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
+        mapping=replace(config.mapping, newest_frames=None),  # all episodes are of one agent
+        predictor=cfg.predictor,
+        viewer=cfg.viewer,
+    )
+
+
+def keep_run(
+    folder: Path,
+    config: TrainConfig,
+    episodes: Iterable[Episode],
+    rows: int,
+    react: Callable[[int], Reactions | None] = lambda _: None,
+) -> Refresh:
+    """Fill the folder of a run with episodes, and with the vocabulary that they teach.
+
+    Args:
+        folder: from ``create_run_folder``.
+        config: from ``guest_run_config``.
+        episodes: read once.
+        rows: states in all of them, the last ones included.
+        react: by the horizon in steps, what the agent does if it is told otherwise; None: nobody can ask it.
+
+    Returns:
+        what was learnt.
+
+    Raises:
+        ConfigError: if they teach none; the episodes are kept all the same.
+    """
+    task = task_of(make_game(config.env))
+    log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
+    for episode in episodes:
+        log.add(episode.as_steps(), task.context)
+    log.flush()
+    config = replace(config, total_frames=log.frames)
+    write_config(config, [], folder / ".hydra")
+    index = log.index
+    summary = {
+        "frames": log.frames,
+        "episodes": log.episodes_ended,
+        "success_rate": float(np.mean(index["success"])),
+        "return_mean": float(np.mean(index["total_reward"])),
+        "seed": config.seed,
+        "agent": config.agent.kind,
+        "mapping": config.mapping.kind,
+        "versions": {name: version(name) for name in ("ibe_rl", "torch", "gymnasium", "scikit-learn")},
+    }
+    write_json(folder / SUMMARY, summary)
+    try:
+        with threadpool_limits(1):  # as the scripts: the last digits depend on it
+            mapping = settled(config.mapping, find_steps(log, config.mapping, task, config.seed))
+            learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(steps_of(mapping)))
+    except TooLittleDataError as error:
+        raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
+    if config.mapping.horizon_steps is None:
+        _say(horizon_told(learnt.top.horizon_steps))
+    meaning = [one.to_dict() for one in learnt.mapping.meanings]
+    write_json(folder / SUMMARY, summary | {"horizon_steps": learnt.top.horizon_steps, "meaning": meaning})
+    save_refresh(folder / REFRESHES, learnt, mapping, task)
+    return learnt
+
+
+def _say(*lines: str) -> None:
+    for line in lines:
+        Console(highlight=False, soft_wrap=True).print(line, markup=False)

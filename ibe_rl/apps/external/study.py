@@ -1,0 +1,248 @@
+"""Explain an agent that was trained elsewhere: let it act, learn what the instructor's words mean in its episodes."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+
+from ibe_rl.apps.external.folder import guest_run_config, keep_run
+from ibe_rl.apps.external.policy import Wandering, as_policy, find_agent
+from ibe_rl.collect.rollout import play
+from ibe_rl.config.command_line import composed, named_settings, settings_at_hand
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import ExplainConfig, GuestConfig, TrainConfig
+from ibe_rl.envs.make import episode_seed, make_game, task_of
+from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.evaluation.calibrating import first_calibration
+from ibe_rl.evaluation.evaluate import evaluate
+from ibe_rl.evaluation.narration import check_context, fly, tell
+from ibe_rl.ibe import Reactions
+from ibe_rl.instructors import make_instructor
+from ibe_rl.predict import is_learnt, make_predictor
+from ibe_rl.storage.run_folder import EVALUATION, REFRESHES, create_run_folder, find_run, read_json
+from ibe_rl.task import Watched
+from ibe_rl.types import ConfigError, Episode, Explanation, Policy, observe
+from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
+from ibe_rl.vocabulary.refresh import save_refresh
+
+AT_ONCE, EXAMPLES = 16, 3
+FOR_GUESTS = ("episode", "evaluate", "compare")
+FOR_NEW_ONES = {"env", "mapping", "episodes", "random_actions", "run_dir"}
+"""Settings that make a folder for an agent, and say nothing about one that is there."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """An explained episode; printed, it is a table.
+
+    Attributes:
+        run: whose agent it is.
+        watched: the episode, with all its moments.
+        said: what the agent said at each step.
+    """
+
+    run: TrainedRun
+    watched: Watched
+    said: Sequence[Explanation]
+
+    def __str__(self) -> str:
+        stream = io.StringIO()
+        tell(self.run, self.watched, self.said, Console(file=stream, highlight=False))
+        return stream.getvalue()
+
+
+@dataclass(frozen=True)
+class Study:
+    """An agent and the vocabulary that was learnt from its episodes; ``run.folder`` has all of it but the agent.
+
+    Attributes:
+        run: what was found, as of a run of ``train.py``.
+        config: how it is explained.
+    """
+
+    run: TrainedRun
+    config: ExplainConfig
+
+    def explain(self, seed: int = 0, context: str | None = None) -> Told:
+        """Let the agent act once more and say at each step what it is about to do.
+
+        Args:
+            seed: of the episode.
+            context: what the episode is about; None draws one.
+
+        Raises:
+            ConfigError: for an unknown context.
+        """
+        check_context(context, self.run)
+        torch.set_num_threads(1)
+        return Told(self.run, *fly(self.run, replace(self.config, seed=seed, context=context)))
+
+    def evaluate(self) -> Any:
+        """Is what it says true? As ``task=evaluate``: prints tables, writes ``evaluation/`` and ``figures/``.
+
+        Returns:
+            the contents of ``evaluation/quality.json``.
+        """
+        with settings_at_hand():
+            evaluate(self.config, self.run)
+        return read_json(self.run.folder / EVALUATION / "quality.json")
+
+
+def study(
+    agent: Any,
+    env: str | None = None,
+    *,
+    episodes: int = 200,
+    random_actions: float = 0.0,
+    agent_sees_instruction: bool | None = None,
+    run_dir: str | Path | None = None,
+    seed: int = 0,
+    settings: Sequence[str] = (),
+) -> Study:
+    """Learn a vocabulary from episodes of any agent, so that it can explain itself.
+
+    Args:
+        agent: a ``.zip`` of stable-baselines3, which runs code when it is loaded, ``module:name``, a model of that
+            library, a policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to
+            actions.
+        env: a choice of ``configs/env``; None takes that of ``configs/explain.yaml``.
+        episodes: that are played.
+        random_actions: share of the actions in them that are random, where all episodes would be alike.
+        agent_sees_instruction: whether the agent reads the instruction behind the state; None if it says so itself.
+        run_dir: the folder that is made; None makes one below ``runs/``.
+        seed: of the episodes and of the clustering.
+        settings: of ``explain.py``, as on its command line, such as ``"mapping.horizon_steps=40"``.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    config: ExplainConfig = composed("explain", [*([f"env={env}"] if env else []), *settings])
+    folder = run_dir or datetime.now().astimezone().strftime("runs/%Y-%m-%d_%H-%M-%S")
+    config = replace(
+        config,
+        episodes=episodes,
+        random_actions=random_actions,
+        agent_sees_instruction=agent_sees_instruction,
+        run_dir=str(folder),
+    )
+    check(config)
+    return Study(_study(agent, config, seed), config)
+
+
+def open_study(run: str | Path, agent: Any, settings: Sequence[str] = ()) -> Study:
+    """Open the folder that ``study``, or the import of a log, has made, for the agent in question.
+
+    Args:
+        run: the folder.
+        agent: as in ``study``.
+        settings: likewise.
+
+    Raises:
+        ConfigError: if the folder is not one, or the agent does not fit.
+    """
+    config = replace(composed("explain", settings), run=str(run))
+    return Study(_open(agent, config), config)
+
+
+def open_guest(cfg: ExplainConfig) -> TrainedRun:
+    """What ``explain.py agent=…`` is about: a folder that is there already, or one that is made now.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if cfg.task not in FOR_GUESTS:
+        raise ConfigError(
+            f"task={cfg.task} with agent=: allowed is {', '.join(FOR_GUESTS)}; it needs a run of train.py"
+        )
+    if cfg.run is None:
+        return _study(cfg.agent_file, cfg, seed=0)
+    if superfluous := sorted(FOR_NEW_ONES & _named(cfg)):
+        raise ConfigError(f"{superfluous[0]}= with run={cfg.run}: allowed only without run=, for a new folder")
+    return _open(cfg.agent_file, cfg)
+
+
+def refuse_guest_settings(cfg: ExplainConfig) -> None:
+    """Refuse settings that only an agent trained elsewhere has.
+
+    Raises:
+        ConfigError: naming the key.
+    """
+    if superfluous := sorted((FOR_NEW_ONES | {"agent_sees_instruction"}) & _named(cfg)):
+        raise ConfigError(f"{superfluous[0]}= without agent=: allowed only beside it, for an agent trained elsewhere")
+
+
+def _named(cfg: ExplainConfig) -> set[str]:
+    return named_settings() | {re.split("[.=]", one)[0] for one in cfg.guest_settings}
+
+
+def _open(agent: Any, cfg: ExplainConfig) -> TrainedRun:
+    torch.set_num_threads(1)
+    found = _found(agent)
+
+    def guest(config: TrainConfig) -> Policy:
+        sees = cfg.agent_sees_instruction
+        known = config.agent.sees_instruction if isinstance(config.agent, GuestConfig) else None
+        return _policy(found, config, known if sees is None else sees)
+
+    return load_run(find_run(cfg.run, Path("runs")), guest)
+
+
+def _found(agent: Any) -> Any:
+    return find_agent(str(agent)) if isinstance(agent, str | Path) else agent
+
+
+def _policy(agent: Any, config: TrainConfig, sees_instruction: bool | None) -> Policy:
+    env = make_game(config.env)
+    task = task_of(env)
+    states = np.array([env.reset(seed=seed)[0] for seed in range(EXAMPLES)])
+    examples = observe(states, task.rule(states), np.ones((EXAMPLES, 1)))
+    return as_policy(agent, task, env.action_space, sees_instruction, examples)
+
+
+def _study(agent: Any, cfg: ExplainConfig, seed: int) -> TrainedRun:
+    torch.set_num_threads(1)
+    found = _found(agent)
+    config = guest_run_config(cfg, agent if isinstance(agent, str | Path) else type(agent).__name__, seed)
+    policy = _policy(found, config, cfg.agent_sees_instruction)
+    folder = create_run_folder(Path(cfg.run_dir))
+    episodes = _act(policy, config, cfg)
+    rows = sum(len(episode) + 1 for episode in episodes)
+    learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes))
+    run = load_run(folder, lambda _: policy)
+    run = replace(run, calibration=first_calibration(run, cfg))
+    save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
+    return run
+
+
+def _reactions(
+    policy: Policy, config: TrainConfig, episodes: Sequence[Episode], horizon_steps: int
+) -> Reactions | None:
+    """What the agent does if it is told otherwise, where a predictor can tell that has nothing to learn first."""
+    if is_learnt(config.predictor):
+        return None
+    envs = [make_game(config.env) for _ in range(ASKED_AT)]
+    task, typical_steps = task_of(envs[0]), int(np.median([len(episode) for episode in episodes]))
+    seeds = [episode_seed(config.seed, len(episodes) + number) for number in range(ASKED_AT)]
+    instructor, copies = make_instructor(config.instructor, task, config.seed), partial(make_copy, config.env)
+    with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], list)) as predictor:
+        return ask_in_flight(envs, policy, instructor, predictor, seeds, typical_steps, horizon_steps)
+
+
+def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:
+    """Let the agent act, while the instructor's rule is heard beside it."""
+    envs = [make_game(config.env) for _ in range(min(AT_ONCE, cfg.episodes))]
+    acting = Wandering(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
+    instructor = make_instructor(config.instructor, task_of(envs[0]), config.seed)
+    return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])

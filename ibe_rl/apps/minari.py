@@ -1,0 +1,235 @@
+"""Logs for and from Minari: a run's log as a dataset of theirs, and a dataset of theirs as a run folder here.
+
+python -m ibe_rl.apps.minari export runs/NAME mine/log-v0
+python -m ibe_rl.apps.minari import mine/log-v0 env=NAME run_dir=runs/imported
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.apps.external.folder import guest_run_config, keep_run
+from ibe_rl.apps.external.policy import check_actions
+from ibe_rl.config.command_line import composed, load_config
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, create_run_folder, find_run, refuse_special_files
+from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError, Episode
+
+INSTRUCTION, GIVEN, SUCCESS, CONTEXT = "instruction", "instruction_given", "success", "context"
+"""Keys of the infos, all of ``T + 1`` rows as Minari has it, the instruction of the last state not given."""
+RULE = "rule"
+
+
+def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> Any:
+    """Make a dataset of the episodes in a run's log; nothing of it is lost.
+
+    Args:
+        run: the folder of the run.
+        dataset_id: as Minari writes it, ``mine/log-v0``.
+        newest: so many episodes, the newest; None: all.
+
+    Returns:
+        the ``MinariDataset``.
+
+    Raises:
+        ConfigError: if the run has no log, or there is such a dataset already.
+    """
+    minari, folder = _minari(), find_run(str(run), Path("runs"))
+    refuse_special_files(folder)
+    config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
+    if newest is not None and newest < 1:
+        raise ConfigError(f"newest={newest}: allowed is at least 1")
+    try:
+        log = TrajectoryLog.open(folder / TRAJECTORIES)
+    except ValueError as error:
+        raise ConfigError(f"run={folder}: {error}") from None
+    count = len(log.index)
+    if not count:
+        raise ConfigError(f"run={folder}: no episode has ended in its log; allowed is one with episodes")
+    episodes = log.read(range(max(0, count - (newest or count)), count))
+    env = make_game(config.env)
+    about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that it names no code, no e-mail
+            buffers = [_buffer(minari, episode) for episode in episodes]
+            spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
+            spec = env.unwrapped.spec  # without our wrapper, which Minari could not make again
+            return minari.create_dataset_from_buffers(
+                dataset_id, buffers, env=spec, data_format="hdf5", **spaces, **about
+            )
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f"dataset={dataset_id}: {error}") from None
+
+
+def _description(task: Task) -> str:
+    return (
+        f"{task.name}, told in which way to go: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether "
+        f"there was one, infos[{SUCCESS!r}] whether the episode ended well, infos[{CONTEXT!r}] what it was about."
+    )
+
+
+def _buffer(minari: Any, episode: Episode) -> Any:
+    steps = len(episode)
+    last = np.arange(steps) == steps - 1
+    silence = np.zeros_like(episode.instructions[:1])
+    infos = {
+        INSTRUCTION: np.concatenate([episode.instructions, silence]),
+        GIVEN: np.append(np.asarray(episode.given, bool), False),
+        SUCCESS: np.append(False, last & episode.success),
+        CONTEXT: np.full(steps + 1, episode.context.encode()),
+    }
+    return minari.data_collector.EpisodeBuffer(
+        observations=episode.states,
+        actions=episode.actions,
+        rewards=episode.rewards,
+        terminations=last & episode.terminated,
+        truncations=last & (not episode.terminated),
+        infos=infos,
+    )
+
+
+def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str | None = None) -> Path:
+    """Make a run folder of a dataset, with the vocabulary that its episodes teach.
+
+    Args:
+        dataset_id: of a dataset that Minari has here.
+        settings: of ``explain.py``: ``env=…`` that its states are of, ``run_dir=…``, ``mapping=…``.
+        instruction: the key of the infos that holds it; "rule" asks the environment's own rule in each state. None
+            takes ``"instruction"`` of the infos, or what is in the observations, or else the rule.
+
+    Returns:
+        the folder; explain an agent in these words with ``explain.py run=FOLDER agent=…``.
+
+    Raises:
+        ConfigError: if it does not fit the environment, or teaches no vocabulary.
+    """
+    minari = _minari()
+    cfg = composed("explain", settings)
+    try:
+        dataset = minari.load_dataset(dataset_id)
+    except (OSError, ValueError, ImportError) as error:
+        raise ConfigError(f"dataset={dataset_id}: {' '.join(str(error).split())[:200]}") from None
+    config = guest_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
+    env = make_game(config.env)
+    task = task_of(env)
+    check_actions(f"dataset={dataset_id}", dataset, env.action_space)
+    _check_observations(dataset_id, dataset.observation_space, task)
+    first = next(iter(dataset), None)
+    if first is None:
+        raise ConfigError(f"dataset={dataset_id}: it has no episode; allowed is one with episodes")
+    _episode(first, task, instruction)  # before anything is made
+    folder = create_run_folder(Path(cfg.run_dir))
+    keep_run(folder, config, _episodes(dataset, task, instruction), dataset.total_steps + dataset.total_episodes)
+    return folder
+
+
+def _check_observations(dataset_id: str, space: Any, task: Task) -> None:
+    allowed = (len(task.state_names),), (task.observation_size,)
+    if space.shape not in allowed:
+        raise ConfigError(
+            f"dataset={dataset_id}: its observations are of shape {space.shape}; allowed is {allowed[0]}, the state, "
+            f"or {allowed[1]} with the instruction and whether it was given"
+        )
+
+
+def _episodes(dataset: Any, task: Task, instruction: str | None) -> Iterator[Episode]:
+    return (_episode(data, task, instruction) for data in dataset)
+
+
+def _episode(data: Any, task: Task, key: str | None) -> Episode:
+    """One of Minari's as one of ours."""
+    observations, infos, steps = np.asarray(data.observations), data.infos or {}, len(data.rewards)
+    states = observations[:, : len(task.state_names)].astype(np.float32)
+    instructions, given = _said(observations, states, infos, task, key)
+    return Episode(
+        states=states,
+        actions=np.asarray(data.actions),
+        rewards=np.asarray(data.rewards, np.float32),
+        instructions=instructions[:steps],
+        given=given[:steps],
+        terminated=bool(data.terminations[-1]),
+        success=_succeeded(infos, task),
+        context=task.context(states[0]),
+    )
+
+
+def _said(
+    observations: Array, states: Array, infos: dict[str, Any], task: Task, key: str | None
+) -> tuple[Array, Array]:
+    """Instructions ``(T or more, d)`` and whether they were given."""
+    if key != RULE and (key or INSTRUCTION) in infos:
+        return _heard(np.asarray(infos[key or INSTRUCTION], np.float32), infos, task, key or INSTRUCTION, len(states))
+    if key not in (None, RULE):
+        raise ConfigError(f"instruction={key}: allowed are {', '.join(infos)} of its infos, or {RULE}")
+    if key is None and observations.shape[1] == task.observation_size:
+        told = observations[:, len(task.state_names) :].astype(np.float32)
+        return told[:, :-1], told[:, -1] > 0
+    return task.rule(states).astype(np.float32), np.ones(len(states), bool)
+
+
+def _heard(told: Array, infos: dict[str, Any], task: Task, key: str, states: int) -> tuple[Array, Array]:
+    told = told.reshape(len(told), -1)
+    if told.shape[1] != task.instruction_size or len(told) < states - 1:
+        raise ConfigError(
+            f"instruction={key}: it has the shape {told.shape} in an episode of {states - 1} steps; allowed is "
+            f"{(states - 1, task.instruction_size)}, or a row more"
+        )
+    if not np.all(np.abs(told) <= 1):
+        raise ConfigError(f"instruction={key}: it reaches from {told.min():g} to {told.max():g}; allowed is -1 to 1")
+    return told, np.asarray(infos.get(GIVEN, np.ones(len(told))), bool).reshape(-1)
+
+
+def _succeeded(infos: dict[str, Any], task: Task) -> bool:
+    """What the infos say at the end; False if they say nothing."""
+    found = next((infos[name] for name in (SUCCESS, task.success_key) if name in infos), [False])
+    return bool(np.asarray(found).reshape(-1)[-1])
+
+
+def _minari() -> Any:
+    try:
+        import_module("h5py")  # that its datasets are read with
+        return import_module("minari")
+    except ImportError as error:
+        raise ConfigError(f"needs minari ({error}); install the extra ibe_rl[minari]") from None
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Export or import from the command line."""
+    parser = argparse.ArgumentParser(prog="python -m ibe_rl.apps.minari", description="Logs for and from Minari.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    out = commands.add_parser("export", help="a run's log as a dataset")
+    out.add_argument("run", help="folder of the run")
+    out.add_argument("dataset", help="name of the dataset, as mine/log-v0")
+    out.add_argument("--newest", type=int, help="so many episodes, the newest; default: all")
+    into = commands.add_parser("import", help="a dataset as a run folder")
+    into.add_argument("dataset", help="name of a dataset that Minari has here")
+    into.add_argument("settings", nargs="*", help="of explain.py: env=…, run_dir=…, mapping=…")
+    into.add_argument("--instruction", help=f"key of the infos, or {RULE} for the environment's own rule")
+    asked = parser.parse_args(arguments)
+    try:
+        if asked.command == "export":
+            made = export_log(asked.run, asked.dataset, asked.newest)
+            told = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
+        else:
+            folder = import_log(asked.dataset, asked.settings, asked.instruction)
+            told = f"{folder}: explain an agent in its words with explain.py run={folder} agent=…"
+    except ConfigError as error:
+        sys.exit(f"error: {error}")
+    sys.stdout.write(f"{told}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""The paper's agents, found among the policies that a run kept: A in the middle of learning, B better, C the last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibe_rl.metrics.bootstrap import Estimate
+from ibe_rl.metrics.effect import share
+from ibe_rl.types import Episode, Policy
+
+PAPER_SUCCESS = {"A": 19 / 30, "B": 25 / 30}
+"""Of the paper's agents: 63.3 % and 83.3 %."""
+NEAR = 0.08
+COARSE = 40
+"""How many policies fly in the first round, evenly spaced."""
+EPISODES = (20, 60, 80, 200, 500)
+STAYING = (14, 3, 5, 3, 1)
+"""How many episodes a policy has flown after each round, and how many policies then stay in the race for an agent."""
+WIDENED = 2
+"""Before this round all policies around those that are left join."""
+
+Fly = Callable[[Policy, Sequence[int]], list[Episode]]
+"""Flies a whole greedy episode for each seed."""
+FlyAll = Callable[..., Iterable[list[Episode]]]
+"""Calls such a function for many policies and their seeds, as ``map`` does."""
+
+
+@dataclass(frozen=True)
+class Skilled:
+    """One of the agents.
+
+    Attributes:
+        name: "A", "B" or "C".
+        wanted: its success in the paper; None for C.
+        frame: training frames when its policy was kept.
+        policy: greedy.
+        episodes: flown again, on seeds that it was not chosen by.
+    """
+
+    name: str
+    wanted: float | None
+    frame: int
+    policy: Policy
+    episodes: Sequence[Episode]
+
+    @property
+    def success(self) -> Estimate:
+        """Of these episodes."""
+        return share([episode.success for episode in self.episodes])
+
+    @property
+    def near(self) -> bool:
+        """Whether it is as good as the paper's, up to 8 points; C always is."""
+        return self.wanted is None or round(abs(self.success.value - self.wanted), 9) <= NEAR
+
+
+def screen(
+    policies: dict[int, Policy],
+    fly: Fly,
+    seeds: Sequence[int],
+    step: Callable[[], None] = lambda: None,
+    fly_all: FlyAll = map,
+) -> tuple[dict[str, int], dict[int, list[bool]]]:
+    """Find the policies whose success is nearest to that of the paper's agents.
+
+    Some evenly spaced ones fly a few episodes, the nearest of them and all around these some more, and so on with
+    fewer and fewer.
+
+    Args:
+        policies: training frames to policies, in rising order.
+        fly: flies them.
+        seeds: at least as many as the last round asks for. Each policy flies others, as far as there are enough: were
+            they the same for all and a little harder than most, then all would be found less skilled than they are.
+        step: called after each flight.
+        fly_all: calls ``fly`` for many policies and their seeds; it may use other processes.
+
+    Returns:
+        Names of agents to frames, the earliest of equals; and for each policy which of its episodes succeeded.
+    """
+    race = _Race(policies, fly, seeds, step, fly_all)
+    frames, stride, chosen = list(policies), _stride(len(policies)), {}
+    for name, wanted in PAPER_SUCCESS.items():
+        left = frames[::stride]
+        for number in range(len(EPISODES)):
+            if number == WIDENED:
+                left = [*{near_by for frame in left for near_by in _around(frames, frame, stride - 1)}]
+            left = race.run(left, number, wanted)
+        [chosen[name]] = left
+    return chosen, {frame: flown for frame, flown in race.tried.items() if flown}
+
+
+class _Race:
+    """What each policy has flown so far; the arguments are those of ``screen``."""
+
+    def __init__(
+        self,
+        policies: dict[int, Policy],
+        fly: Fly,
+        seeds: Sequence[int],
+        step: Callable[[], None],
+        fly_all: FlyAll,
+    ):
+        self._policies, self._fly, self._seeds, self._step, self._fly_all = policies, fly, seeds, step, fly_all
+        spare = len(seeds) - EPISODES[-1] + 1
+        self._first = {frame: place * EPISODES[-1] % spare for place, frame in enumerate(policies)}
+        self.tried: dict[int, list[bool]] = {frame: [] for frame in policies}
+
+    def run(self, entered: Sequence[int], number: int, wanted: float) -> list[int]:
+        """Let policies fly as much as they have to in a round; returns those that stay, the nearest first."""
+        due = [frame for frame in sorted(entered) if len(self.tried[frame]) < EPISODES[number]]
+        flights = self._fly_all(
+            self._fly, [self._policies[frame] for frame in due], [self._more(frame, EPISODES[number]) for frame in due]
+        )
+        for frame, flown in zip(due, flights, strict=True):
+            self.tried[frame] += [episode.success for episode in flown]
+            self._step()
+        nearest = sorted(sorted(entered), key=lambda frame: abs(float(np.mean(self.tried[frame])) - wanted))
+        return nearest[: STAYING[number]]
+
+    def _more(self, frame: int, episodes: int) -> Sequence[int]:
+        """The seeds that a policy has not flown yet."""
+        first = self._first[frame]
+        return self._seeds[first + len(self.tried[frame]) : first + episodes]
+
+
+def _stride(policies: int) -> int:
+    return -(-policies // COARSE)
+
+
+def _around(frames: Sequence[int], frame: int, reach: int) -> Sequence[int]:
+    place = frames.index(frame)
+    return frames[max(0, place - reach) : place + reach + 1]
+
+
+def most_flights(policies: int) -> int:
+    """How often ``screen`` calls ``fly`` at most."""
+    around = 2 * _stride(policies) * STAYING[WIDENED - 1]
+    return min(policies, COARSE) + len(PAPER_SUCCESS) * (around + sum(STAYING))

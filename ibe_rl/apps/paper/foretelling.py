@@ -1,0 +1,182 @@
+"""The paper's prediction task: who watches the beginning of an approach foretells where it will end.
+
+The observers are simulated and fixed beforehand (``ibe_rl.metrics.observer``); they are no people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as Dict
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ibe_rl.apps.paper.words import OURS, PAPER
+from ibe_rl.collect.rollout import watch
+from ibe_rl.evaluation.controls import Flipped
+from ibe_rl.evaluation.moments import SEEN_STEPS
+from ibe_rl.explain.explainer import voted
+from ibe_rl.metrics.bootstrap import Estimate, episode_weights, estimate, weighted_mean
+from ibe_rl.metrics.effect import paired_p
+from ibe_rl.metrics.observer import Observer, carries_on, observer_errors
+from ibe_rl.task import Task, Watched
+from ibe_rl.types import Array, Instructor, Mapping, Policy, Predictor
+
+END, CONTACT = "end", "contact"
+"""Where the frames are cut off: at the end of the episode, as in the paper, or when it first touches the ground."""
+STAYS, NOTHING, FLIPPED, SHUFFLED = "straight_down", "no_explanation", "flipped", "shuffled"
+PREDICTED, TRUE_FUTURE = "predicted_change", "true_future"
+COMPARED = (
+    *((OURS, NOTHING), (PAPER, NOTHING), (OURS, PAPER), (OURS, STAYS), (OURS, FLIPPED), (OURS, SHUFFLED)),
+    (NOTHING, STAYS),
+)
+"""Whose errors are tested against whose."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An episode of the task.
+
+    Attributes:
+        seed: of the episode.
+        watched: the episode itself, with what is needed to draw it.
+        ends: cut to the step at which what is foretold is reached.
+    """
+
+    seed: int
+    watched: Watched
+    ends: dict[str, int]
+
+
+def pick(
+    env: gymnasium.Env[Any, Any],
+    task: Task,
+    policy: Policy,
+    instructor: Instructor,
+    seeds: Sequence[int],
+    count: int,
+    horizon_steps: int,
+    step: Callable[[], None] = lambda: None,
+) -> list[Shown]:
+    """Fly until there are enough episodes: the first ones that come down and are long enough before they touch."""
+    assert task.first_contact is not None
+    found: list[Shown] = []
+    for seed in seeds:
+        watched = watch(env, policy, instructor, seed)
+        contact = task.first_contact(watched.episode.states)
+        if watched.episode.terminated and contact >= SEEN_STEPS + horizon_steps:
+            found.append(Shown(seed, watched, {END: len(watched.episode), CONTACT: contact}))
+            step()
+        if len(found) == count:
+            break
+    return found
+
+
+@dataclass(frozen=True)
+class Listened:
+    """What the observers of ``E`` episodes were told, and where they expect the end.
+
+    Attributes:
+        said: vocabulary to the expressions ``(E, SEEN_STEPS)`` at the frames they see, the last one as they foretell.
+        position: ``(E,)`` where it is then.
+        end: ``(E,)`` where it really ends.
+        expected: observer to the ends that it expects ``(V, E)``, one row for each of its vocabularies.
+    """
+
+    said: dict[str, Array]
+    position: Array
+    end: Array
+    expected: dict[str, Array]
+
+    def errors(self, width: float) -> dict[str, Array]:
+        """Observer to its error in each episode ``(E,)``, in % of the width; the mean over its vocabularies."""
+        return {
+            name: np.mean([observer_errors(row, self.end, width) for row in rows], axis=0)
+            for name, rows in self.expected.items()
+        }
+
+
+def listen(
+    shown: Sequence[Shown],
+    cut: str,
+    policy: Policy,
+    predictor: Predictor,
+    vocabularies: Dict[str, Mapping],
+    shuffled: Sequence[Mapping],
+    observer: Observer,
+    task: Task,
+    horizon_steps: int,
+    futures: int,
+) -> Listened:
+    """Let the agent say at every frame that is shown what it will do, and the observers foretell at the last one.
+
+    Args:
+        shown: ``E`` episodes.
+        cut: where they end.
+        policy: that flew them.
+        predictor: draws its own noise.
+        vocabularies: the paper's and ours.
+        shuffled: vocabularies that cannot be right.
+        observer: calibrated before.
+        task: with ``motion``.
+        horizon_steps: from the last frame shown to the end.
+        futures: sampled at each frame; what most of them are called is said.
+    """
+    assert task.motion is not None
+    lasts = [one.ends[cut] - horizon_steps for one in shown]
+    moments = [
+        one.watched.moments[step]
+        for one, last in zip(shown, lasts, strict=True)
+        for step in range(last - SEEN_STEPS + 1, last + 1)
+    ]
+    paths = predictor.rollout([moment for moment in moments for _ in range(futures)], policy, horizon_steps).paths
+    deltas = (paths[:, -1] - paths[:, 0]).reshape(len(shown), SEEN_STEPS, futures, -1)
+    states = np.array([one.watched.episode.states[last] for one, last in zip(shown, lasts, strict=True)])
+    ends = np.array([one.watched.episode.states[one.ends[cut]] for one in shown])
+    position, end = (each[:, task.explained[0]].astype(float) for each in (states, ends))
+    said = {name: _say(mapping, deltas, task) for name, mapping in vocabularies.items()}
+    said |= {FLIPPED: _say(Flipped(vocabularies[OURS]), deltas[:, -1:], task)}
+    others = [observer.reads(position, _say(mapping, deltas[:, -1:], task)[:, -1]) for mapping in shuffled]
+    expected = {
+        STAYS: position[None],
+        NOTHING: carries_on(position, task.motion(states)[:, 0].astype(float), horizon_steps)[None],
+        **{name: observer.reads(position, words[:, -1])[None] for name, words in said.items()},
+        SHUFFLED: np.array(others),
+        PREDICTED: (position + deltas[:, -1, 0, task.explained[0]])[None],
+        TRUE_FUTURE: end[None],
+    }
+    return Listened({name: said[name] for name in vocabularies}, position, end, expected)
+
+
+def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:
+    """The expressions ``(E, T)`` of what most futures ``(E, T, F, S)`` are called."""
+    flat = deltas.reshape(-1, *deltas.shape[2:])
+    _, which, _ = voted(flat, mapping, task.phrases)
+    return mapping.express(flat[np.arange(len(flat)), which])[:, 0].reshape(deltas.shape[:2])
+
+
+def judged(errors: dict[str, Array], resamples: int, seed: int) -> tuple[dict[str, Estimate], list[dict[str, Any]]]:
+    """Mean errors with intervals over the episodes, and the tests that are paired by episode; p not yet corrected."""
+    count = len(errors[NOTHING])
+    weights = episode_weights(np.arange(count), resamples, seed)
+    means = {name: estimate(weighted_mean(each, weights)) for name, each in errors.items()}
+    tests = [
+        {
+            "explainer": one,
+            "minus": other,
+            "difference": estimate(weighted_mean(errors[one] - errors[other], weights)).to_dict(),
+            "better_episodes": int(np.sum(errors[one] < errors[other])),
+            "worse_episodes": int(np.sum(errors[one] > errors[other])),
+            "p": paired_p(errors[one] - errors[other], seed=seed),
+        }
+        for one, other in COMPARED
+    ]
+    return means, tests
+
+
+def most_telling(errors: dict[str, Array], explainer: str) -> tuple[int, int]:
+    """The episodes in which an explanation helps most and misleads most, against none."""
+    gain = errors[NOTHING] - errors[explainer]
+    return int(np.argmax(gain)), int(np.argmin(gain))

@@ -1,0 +1,110 @@
+"""Run a command on a machine of a Ray cluster as if it ran here: its output, Ctrl-C and its exit status.
+
+python -m ibe_rl.apps.ray.run HOST:PORT PROCESSORS COMMAND...
+
+For sweeps over several machines: a launcher that starts each run as a process starts this in front of it. The folder
+that it is started in, and those that the command writes to, have to be the same on all machines (a shared disk).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ibe_rl.apps.ray.workers import connect
+from ibe_rl.runtime.signals import StopRequest, interrupts_stay_here, killed_with_parent
+from ibe_rl.types import ConfigError
+
+READ_S = 0.3
+
+
+class Command:
+    """A command under way, in a process of Ray's.
+
+    Args:
+        command: what to run.
+        folder: that it runs in.
+    """
+
+    def __init__(self, command: Sequence[str], folder: str):
+        end_with_ray = killed_with_parent()
+
+        def begin() -> None:
+            end_with_ray()
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # which Ray keeps from its processes
+
+        self._written = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this lives
+        self._read = 0
+        self._process = subprocess.Popen(  # noqa: S603 - what the caller would have run
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=self._written,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=begin,
+        )
+
+    def read(self, interrupt: bool) -> tuple[bytes, int | None]:
+        """Wait for a moment; what it has written since the last time, and its exit status once it has ended.
+
+        Args:
+            interrupt: it as Ctrl-C does, first.
+        """
+        if interrupt:
+            self._process.send_signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(READ_S)
+        status = self._process.poll()
+        text = os.pread(self._written.fileno(), 1 << 24, self._read)
+        self._read += len(text)
+        return text, status
+
+
+def run(address: str, processors: int, command: Sequence[str]) -> int:
+    """Run a command on the cluster; returns its exit status, negative as ``subprocess`` gives it.
+
+    Raises:
+        ConfigError: if there is no such cluster.
+    """
+    import ray
+
+    with interrupts_stay_here():
+        connect(address, key="HOST:PORT")
+        actor = ray.remote(num_cpus=processors, max_restarts=0)(Command).remote(list(command), str(Path.cwd()))
+    with StopRequest() as stop:
+        told = False
+        while True:
+            tell = bool(stop) and not told  # Ctrl-C may come while this waits
+            text, status = ray.get(actor.read.remote(tell))
+            told = told or tell
+            sys.stdout.buffer.write(text)
+            sys.stdout.flush()
+            if status is not None:
+                return int(status)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Be the process that stands for a command elsewhere."""
+    address, processors, *command = arguments
+    try:
+        status = run(address, int(processors), command)
+    except ConfigError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    except Exception as error:  # Ray's, when the machine is gone
+        first: Any = str(error).strip().splitlines() or [type(error).__name__]
+        sys.stderr.write(f"error: the machine that it ran on, or Ray there, is gone ({first[0]})\n")
+        return 1
+    return status if status >= 0 else 128 - status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,133 @@
+"""What the person in front of a sweep sees: a line for each run under way, what came of each, a table at the end."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
+from rich.table import Table
+
+from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, OUTPUT, Job, Outcome, read_summary
+from ibe_rl.storage.run_folder import METRICS
+
+TAIL_BYTES = 20_000
+"""Of a growing table: enough for a few rows."""
+
+
+@dataclass
+class _Line:
+    task: TaskID
+    since: float
+    frames_then: int
+
+
+class Board:
+    """Status lines of the runs of a sweep; use as a context manager.
+
+    Args:
+        console: where they are shown.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._lines: dict[Job, _Line] = {}
+        self._counts: Counter[str] = Counter()
+        self._bars = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=12),
+            TextColumn("{task.fields[said]}", markup=False),
+            console=console,
+        )
+        self._whole = self._bars.add_task("sweep", said="")
+
+    def __enter__(self) -> Board:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def begin(self, done_before: Sequence[Outcome], jobs: int) -> None:
+        """Show how many runs there are, and which are finished already."""
+        self._bars.update(self._whole, total=jobs)
+        for outcome in done_before:
+            self._count(outcome)
+            self.say(f"{outcome.job.name}: finished before, left as it is")
+
+    def started(self, job: Job, goes_on: bool) -> None:
+        """Add the line of a run."""
+        frames = int(newest_row(job.folder / METRICS).get("frames", 0)) if goes_on else 0
+        task = self._bars.add_task(job.name, total=job.total_frames, completed=frames, said="starts")
+        self._lines[job] = _Line(task, time.monotonic(), frames)
+        self.say(f"{job.name}: {f'goes on from about {frames:,} frames' if goes_on else 'begins'}, in {job.folder}")
+
+    def moved(self, job: Job) -> None:
+        """Bring the line of a run up to date."""
+        line, row = self._lines[job], newest_row(job.folder / METRICS)
+        frames = int(row.get("frames", 0))
+        if frames:
+            rate = max(0, frames - line.frames_then) / (time.monotonic() - line.since)
+            reward, success = row.get("train/return_mean", math.nan), row.get("train/success_rate", math.nan)
+            said = f"{frames:,} frames, {rate:,.0f}/s, return {reward:.0f}, success {success:.0%}"
+            self._bars.update(line.task, completed=min(frames, job.total_frames), said=said)
+
+    def ended(self, outcome: Outcome) -> None:
+        """Say what became of a run, in place of its line."""
+        line = self._lines.pop(outcome.job, None)
+        if line:
+            self._bars.remove_task(line.task)
+        self._count(outcome)
+        self.say(": ".join(part for part in (outcome.job.name, outcome.became, outcome.why) if part))
+
+    def say(self, text: str) -> None:
+        """Print a line above the others."""
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def _count(self, outcome: Outcome) -> None:
+        self._counts[outcome.became] += 1
+        said = ", ".join(f"{number} {what}" for what, number in self._counts.items())
+        self._bars.update(self._whole, completed=self._counts.total(), said=said)
+
+
+def newest_row(path: Path) -> dict[str, float]:
+    """The numbers of the last complete row of a table that may be growing; none if there is none yet."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.readline()
+            stream.seek(max(len(head), path.stat().st_size - TAIL_BYTES))
+            lines = stream.read().split(b"\n")
+    except FileNotFoundError:
+        return {}
+    if len(lines) < 2:
+        return {}
+    names, values = next(csv.reader([head.decode()])), next(csv.reader([lines[-2].decode()]), [])
+    return {name: float(value) for name, value in zip(names, values, strict=False) if value}
+
+
+def closing_table(outcomes: Sequence[Outcome]) -> Table:
+    """What became of every run, with its score."""
+    table = Table("run", "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
+    for outcome in outcomes:
+        told = read_summary(outcome.job.folder) if outcome.became in (DONE, DONE_BEFORE) else None
+        scores = (f"{told['frames']:,}", f"{told['success_rate']:.1%}", f"{told['return_mean']:.1f}") if told else ()
+        table.add_row(outcome.job.name, outcome.became, *(scores or ("-", "-", "-")))
+    return table
+
+
+def failures(outcomes: Sequence[Outcome]) -> list[str]:
+    """Which runs failed, why, and where they said what."""
+    return [
+        f"failed: {one.job.name}: {one.why}\n  what it printed: {one.job.folder / OUTPUT}"
+        for one in outcomes
+        if one.became == FAILED
+    ]

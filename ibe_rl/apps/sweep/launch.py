@@ -1,0 +1,130 @@
+"""Start the runs of a sweep and say what came of them. Knows no hydra: its launcher calls this."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from ibe_rl.apps.ray.workers import check_address, check_installed
+from ibe_rl.apps.sweep.board import Board, closing_table, failures
+from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
+from ibe_rl.apps.sweep.processes import cores, run_all
+from ibe_rl.config.arguments import quoted
+from ibe_rl.config.command_line import installed
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import HumanConfig, TrainConfig
+from ibe_rl.types import ConfigError
+
+VIEWER = ("viewer", "viewer.mode")
+OF_THE_SWEEP = ("run_dir", "runs_at_once", "runs_on")
+"""Settings that its runs do not get."""
+
+
+def launch(
+    sweep: Path, asked: Sequence[Sequence[str]], settings: Sequence[TrainConfig], flags: Sequence[str], first: int = 0
+) -> None:
+    """Run all that is asked for and not finished yet, each in its folder below ``sweep``.
+
+    Args:
+        sweep: the folder of the sweep.
+        asked: the overrides of each run.
+        settings: what they make together with the defaults.
+        flags: of hydra's, that each run gets too.
+        first: the number of the first run.
+
+    Raises:
+        ConfigError: before anything is started, if one of them cannot work.
+        KeyboardInterrupt: if it was stopped; in order, the runs can be taken up again.
+        SystemExit: with 1 if one of them failed.
+    """
+    for overrides, cfg in zip(asked, settings, strict=True):
+        refuse(overrides, cfg, sweep)
+    console = Console(highlight=False, soft_wrap=True)
+    recorded = any(cfg.viewer.mode == "live" for cfg in settings)
+    extra = ["viewer=file"] if recorded else []
+    jobs = plan(sweep, asked, [cfg.total_frames for cfg in settings], first)
+    at_once = how_many(settings)
+    console.print(f"{len(jobs)} runs, {at_once} at once, each in a folder of its own below {sweep}", markup=False)
+    if recorded:
+        console.print(f"  they are recorded, not served; to watch them: {viewer(sweep)}", markup=False)
+    front = elsewhere(settings)
+    outcomes = run_all(
+        jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
+    )
+    console.print(closing_table(outcomes))
+    for line in [*failures(outcomes), *how_to_open(sweep)]:
+        console.print(line, markup=False)
+    became = {outcome.became for outcome in outcomes}
+    if not became <= {DONE, DONE_BEFORE, FAILED}:
+        console.print(f"stopped; the same command with run_dir={sweep} goes on", markup=False)
+        raise KeyboardInterrupt
+    if FAILED in became:
+        console.print(f"the same command with run_dir={sweep} tries those that failed again", markup=False)
+        sys.exit(1)
+
+
+def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
+    """Refuse what cannot work, or not among several runs at once.
+
+    Raises:
+        ConfigError: naming the setting.
+    """
+    check(cfg)
+    if cfg.resume:
+        raise ConfigError(
+            f"resume={cfg.resume} in a sweep: allowed is the command that made the sweep once more, with run_dir=DIR, "
+            f"the folder of the sweep (now {sweep}): it goes on with all its runs"
+        )
+    if cfg.viewer.mode == "live" and any(key_of(one) in VIEWER for one in overrides):
+        raise ConfigError(f"viewer=live in a sweep: allowed is file or off; `{viewer(sweep)}` shows all of its runs")
+    if cfg.runs_on is not None:
+        check_installed(f"runs_on={cfg.runs_on}", "null")
+        check_address("runs_on", cfg.runs_on)
+        if cfg.runs_at_once is None:
+            raise ConfigError(f"runs_on={cfg.runs_on}: allowed only with runs_at_once, as many as the cluster takes")
+    if isinstance(cfg.instructor, HumanConfig):
+        raise ConfigError("instructor=human in a sweep: a person teaches one run; allowed is hydra/launcher=basic")
+
+
+def how_many(settings: Sequence[TrainConfig]) -> int:
+    """How many runs go on at once: as asked for, or as many as have a core for each of their processes."""
+    for cfg in settings:
+        if cfg.runs_at_once is not None:
+            return cfg.runs_at_once
+    return max(1, min(cores() // processors(settings), len(settings)))
+
+
+def processors(settings: Sequence[TrainConfig]) -> int:
+    """How many cores a run can use."""
+    return max(cfg.collect.processes + cfg.collect.overlap for cfg in settings)
+
+
+def elsewhere(settings: Sequence[TrainConfig]) -> list[str]:
+    """What stands before a command that is to run on a cluster; nothing if it is to run here."""
+    on = settings[0].runs_on
+    return [sys.executable, "-m", "ibe_rl.apps.ray.run", on, str(processors(settings))] if on else []
+
+
+def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str]) -> list[str]:
+    """What starts a run, or lets it go on with the settings that it has."""
+    given = [one for one in job.overrides if key_of(one) not in OF_THE_SWEEP]
+    asked = [f"resume={quoted(str(job.folder))}"] if goes_on else [*given, *extra, f"run_dir={quoted(str(job.folder))}"]
+    single = ["hydra.mode=RUN", f"hydra.job.name={quoted(job.name)}"]
+    return [sys.executable, sys.argv[0], *flags, *asked, *single]
+
+
+def viewer(sweep: Path) -> str:
+    """The command that shows all runs of a sweep."""
+    return f"{installed('python')} -m ibe_rl.viewer {sweep}"
+
+
+def how_to_open(sweep: Path) -> list[str]:
+    """How to look at the runs together."""
+    return [
+        f"the runs are in {sweep}",
+        f"  look at all of them:   {viewer(sweep)}",
+        f"  a report of the sweep: {installed('python')} explain.py sweep={sweep}",
+    ]

@@ -1,0 +1,127 @@
+"""What the runs of a sweep left behind: their curves, what they ended on, and under which condition."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ibe_rl.apps.sweep.jobs import OUTPUT, last_line, read_summary
+from ibe_rl.storage.run_folder import EVALUATION, METRICS, NOT_IN_NAMES, is_run, read_rows
+from ibe_rl.types import Array, ConfigError
+from ibe_rl.view.viewer import overrides_of, run_names
+
+SEED = "seed"
+ALL = "all runs"
+"""The condition where nothing but the seed differs."""
+NO_RESULTS = ("frames", "time/", "ibe/skipped")
+JUDGED = ("motion_auc", "motion_auc_disobeyed", "vocabulary_loss", "came_true", "observer_error")
+"""What is taken from ``quality.json``, where a run has been judged by ``explain.py task=evaluate``."""
+Curve = tuple[Array, Array]
+"""Frames and values ``(rows,)`` of the rows that have one."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run of a sweep.
+
+    Attributes:
+        name: the settings in which it differs from the others.
+        condition: the same without the seed.
+        seed: its seed.
+        folder: where it lies.
+        missing: why it does not count, empty if it does.
+        curves: columns of metrics.csv.
+        ends: what these ended on, and what it was judged to be.
+    """
+
+    name: str
+    condition: str
+    seed: str
+    folder: Path
+    missing: str
+    curves: dict[str, Curve]
+    ends: dict[str, float]
+
+
+def read_sweep(sweep: Path) -> list[Record]:
+    """Read the runs of a sweep in the order of their numbers.
+
+    Raises:
+        ConfigError: if there are none, or a file of one is damaged.
+    """
+    if is_run(sweep):
+        raise ConfigError(f"sweep={sweep}: it is one run; allowed is run={sweep}, or the folder of a sweep")
+    runs = [path for path in sweep.glob("*") if is_run(path) or (path / OUTPUT).is_file()]
+    if not runs:
+        raise ConfigError(f"sweep={sweep}: there is no run in it; allowed is a folder that train.py -m made")
+    runs.sort(key=lambda path: (int("0" + re.sub(r"\D.*", "", path.name)), path.name))
+    every = zip(runs, run_names(runs), conditions(runs), strict=True)
+    return [_read(run, name, condition) for run, name, condition in every]
+
+
+def conditions(runs: Sequence[Path]) -> list[str]:
+    """The settings of each run in which the runs differ, but for the seed."""
+    given = [overrides_of(run) for run in runs]
+    told = [overrides for overrides in given if overrides]
+    keys = dict.fromkeys(key for overrides in told for key in overrides if key not in (*NOT_IN_NAMES, SEED))
+    differ = [key for key in keys if len({overrides.get(key) for overrides in told}) > 1]
+    names = [", ".join(f"{key}={one.get(key, 'default')}" for key in differ) for one in given]
+    return [name or ALL for name in names]
+
+
+def _read(run: Path, name: str, condition: str) -> Record:
+    rows = read_rows(run / METRICS) if (run / METRICS).is_file() else []
+    columns = [column for column in (rows[0] if rows else ()) if not column.startswith(NO_RESULTS)]
+    curves = {column: curve(run / METRICS, rows, column) for column in columns}
+    curves = {column: found for column, found in curves.items() if len(found[0])}
+    ends = {column: float(values[-1]) for column, (_, values) in curves.items()} | judged(run)
+    seed = overrides_of(run).get(SEED, "0")
+    return Record(name, condition, seed, run, missing(run, rows), curves, ends)
+
+
+def curve(path: Path, rows: Sequence[dict[str, str]], column: str) -> Curve:
+    """Frames and values of those of a table's rows in which a column is filled.
+
+    Raises:
+        ConfigError: if one of them is no number.
+    """
+    filled = [row for row in rows if row[column]]
+    try:
+        return np.array([int(row["frames"]) for row in filled]), np.array([float(row[column]) for row in filled])
+    except ValueError as error:
+        raise ConfigError(f"{path}: column {column} holds what is no number ({error})") from None
+
+
+def missing(run: Path, rows: Sequence[dict[str, str]]) -> str:
+    """Why a run does not count; empty if it is finished."""
+    summary, frames = read_summary(run), int(rows[-1]["frames"]) if rows else 0
+    if summary is not None:
+        return f"stopped early, at {frames:,} frames" if summary.get("stopped_early") else ""
+    last = last_line(run / OUTPUT) if (run / OUTPUT).is_file() else ""
+    said = f"; the last it said: {last}" if "error" in last.lower() else ""
+    return (f"not finished, at {frames:,} frames" if frames else "it has not begun") + said
+
+
+def judged(run: Path) -> dict[str, float]:
+    """How true what it says was found to be; nothing where it has not been judged.
+
+    Raises:
+        ConfigError: if the file is damaged.
+    """
+    path = run / EVALUATION / "quality.json"
+    if not path.is_file():
+        return {}
+    try:
+        told = json.loads(path.read_text())
+        about = told["protocol"]
+        mine = {"explainer": f"ibe:{about['mapping']}", "horizon_steps": about["horizon_steps"]}
+        row = next(row for row in told["rows"] if {key: row[key] for key in mine} == mine)
+        values = {name: row[name]["value"] for name in JUDGED if name in row}
+        return {f"quality/{name}": float(value) for name, value in values.items() if value is not None}
+    except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
+        raise ConfigError(f"{path}: not a readable judgement ({error!r})") from None

@@ -1,0 +1,159 @@
+"""The report of a sweep: one table, printed and as CSV, and one page with its figures."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from ibe_rl.apps.paper.page import number, template
+from ibe_rl.apps.sweep import figures
+from ibe_rl.apps.sweep.intervals import check_installed, of_runs
+from ibe_rl.apps.sweep.launch import viewer
+from ibe_rl.apps.sweep.records import Record, read_sweep
+from ibe_rl.evaluation.figures import save
+from ibe_rl.evaluation.progress_bar import waiting
+from ibe_rl.storage.run_folder import FIGURES, write_atomically
+from ibe_rl.types import ConfigError
+
+PAGE, TABLE = "report.html", "sweep.csv"
+MAIN = (
+    *("eval/success_rate", "eval/return_mean", "ibe/motion_auc", "ibe/motion_auc_disobeyed", "ibe/came_true"),
+    *("quality/vocabulary_loss", "quality/observer_error"),
+)
+"""What is in the short table, as far as the runs have it."""
+DIGITS = {"eval/return_mean": 1, "train/return_mean": 1, "quality/observer_error": 1}
+
+
+def report(sweep: Path) -> None:
+    """Put the runs of a sweep together; print the table and where the rest is.
+
+    Raises:
+        ConfigError: if there is no run, none is finished, or one of them is damaged.
+    """
+    check_installed()
+    records = read_sweep(sweep)
+    found = put_together(records)
+    folder = sweep / FIGURES
+    try:
+        folder.mkdir(exist_ok=True)
+        write_table(folder / TABLE, found["conditions"])
+        page = write_page(folder, found, sweep)
+    except OSError as error:
+        raise ConfigError(f"sweep={sweep}: allowed is a folder that can be written to ({error.strerror})") from None
+    console = Console(highlight=False, soft_wrap=True)
+    console.width = max(console.width, 110)
+    console.print(short_table(found["conditions"]))
+    for notice in found["notices"]:
+        console.print(f"note: {notice}", markup=False)
+    for what, where in (("table", folder / TABLE), ("report", page), ("all recordings together", viewer(sweep))):
+        console.print(f"{what}: {where}", markup=False)
+
+
+def put_together(records: Sequence[Record]) -> dict[str, Any]:
+    """The finished runs by condition, and what is to be said about the others.
+
+    Raises:
+        ConfigError: if no run is finished.
+    """
+    counted = [record for record in records if not record.missing]
+    if not counted:
+        told = "; ".join(f"{record.name}: {record.missing}" for record in records[:3])
+        raise ConfigError(f"sweep={records[0].folder.parent}: none of its {len(records)} runs is finished ({told})")
+    names = list(dict.fromkeys(record.condition for record in records))
+    by_name = {name: [record for record in counted if record.condition == name] for name in names}
+    having = [(name, runs) for name, runs in by_name.items() if runs]
+    conditions = []
+    with waiting("conditions", len(having)) as step:
+        for name, runs in having:
+            conditions.append(_condition(name, runs))
+            step()
+    metrics = list(dict.fromkeys(metric for one in conditions for metric in one["ends"]))
+    said = notices(records, by_name)
+    return {"runs": records, "conditions": conditions, "metrics": metrics, "notices": said}
+
+
+def _condition(name: str, runs: Sequence[Record]) -> dict[str, Any]:
+    columns = [column for column in (*figures.LEARNING, *figures.TRUTH) if all(column in run.curves for run in runs)]
+    ends, curves = of_runs(
+        [run.ends for run in runs], {column: [run.curves[column] for run in runs] for column in columns}
+    )
+    return {"name": name, "runs": len(runs), "ends": ends, "curves": curves}
+
+
+def notices(records: Sequence[Record], by_name: dict[str, list[Record]]) -> list[str]:
+    """What a reader must know before believing the numbers."""
+    missing = [record for record in records if record.missing]
+    told = [f"{len(missing)} of {len(records)} runs are not finished and do not count"] if missing else []
+    told += [f"{record.name}: {record.missing}" for record in missing]
+    none = [name for name, runs in by_name.items() if not runs]
+    told += [f"no finished run with {name}" for name in none]
+    single = [name for name, runs in by_name.items() if len(runs) == 1]
+    if single:
+        told.append(f"one run only, so no interval and nothing to be concluded: {'; '.join(single)}")
+    few = sorted({len(runs) for runs in by_name.values() if 1 < len(runs) < 5})
+    if few:
+        told.append(f"intervals over {' or '.join(map(str, few))} runs are rough; five or more are better")
+    return told
+
+
+def main_columns(conditions: Sequence[dict[str, Any]]) -> list[str]:
+    """Those of the short table that a condition has."""
+    return [column for column in MAIN if any(column in one["ends"] for one in conditions)]
+
+
+def short_table(conditions: Sequence[dict[str, Any]]) -> Table:
+    """What the runs ended on, for the terminal."""
+    table = Table(box=SIMPLE, show_edge=False, title_justify="left")
+    table.title = "interquartile means over the runs [95 % intervals]"
+    columns = main_columns(conditions)
+    table.add_column("condition", overflow="fold")
+    for heading in ("runs", *columns):
+        lines = heading.replace("/", "/\n").replace("_disobeyed", "\n_disobeyed")
+        table.add_column(lines, justify="right", no_wrap=True)
+    for one in conditions:
+        cells = [number(one["ends"].get(column), DIGITS.get(column, 3)).replace(" [", "\n[") for column in columns]
+        table.add_row(one["name"], str(one["runs"]), *cells)
+    return table
+
+
+def write_table(path: Path, conditions: Sequence[dict[str, Any]]) -> None:
+    """Write a row for each condition and metric, with what each run ended on."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["condition", "metric", "runs", "iqm", "low", "high", "each"])
+    for one in conditions:
+        for metric, told in one["ends"].items():
+            values = [f"{told[name]:.6g}" if told[name] is not None else "" for name in ("value", "low", "high")]
+            each = " ".join(f"{value:.6g}" for value in told["each"])
+            table.writerow([one["name"], metric, told["runs"], *values, each])
+    write_atomically(path, lambda stream: stream.write(text.getvalue().encode()))
+
+
+def write_page(folder: Path, found: dict[str, Any], sweep: Path) -> Path:
+    """Draw the figures and write the page that holds them."""
+    conditions = found["conditions"]
+    columns = main_columns(conditions)
+    drawn = {"learning.png": figures.curves(conditions, figures.LEARNING)}
+    if any(column in one["curves"] for one in conditions for column in figures.TRUTH):
+        drawn["truth.png"] = figures.curves(conditions, figures.TRUTH)
+    drawn["ends.png"] = figures.ends(conditions, columns)
+    files = [save(figure, folder / name) for name, figure in drawn.items()]
+    page = template("ibe_rl.apps.sweep").render(
+        sweep=sweep.resolve().name,
+        found=found,
+        columns=columns,
+        labels=figures.LABELS,
+        digits=DIGITS,
+        encoded={path.name: base64.b64encode(path.read_bytes()).decode() for path in files},
+        viewer=viewer(sweep),
+    )
+    write_atomically(folder / PAGE, lambda stream: stream.write(page.encode()))
+    return folder / PAGE

@@ -1,0 +1,279 @@
+"""The trainer's end of the lesson: where it is held, and what the trainer lets its pages know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, MutableSequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ibe_rl.agents import Agent, GreedyPolicy, make_agent
+from ibe_rl.apps.teach.clock import Clock
+from ibe_rl.apps.teach.lesson import Lesson, Stage
+from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
+from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
+from ibe_rl.apps.teach.server import Server
+from ibe_rl.apps.teach.session import Desk
+from ibe_rl.config.settings import HumanConfig, InstructorConfig, TrainConfig
+from ibe_rl.envs.make import task_of
+from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.explain.explainer import Voice
+from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
+from ibe_rl.instructors import LessonWriter
+from ibe_rl.predict import make_simulator
+from ibe_rl.runtime.ports import HOST, asked_port, free_port
+from ibe_rl.storage.run_folder import LESSON
+from ibe_rl.task import Task
+from ibe_rl.types import CANNOT_TELL, ConfigError, Instructor
+from ibe_rl.view.palette import of_clusters
+
+PORT = 8765
+STEPS_PER_SECOND = 50.0
+"""Where an environment does not say how fast it is played (gymnasium's ``render_fps``)."""
+FAREWELL_S = 3.0
+Games = MutableSequence[gymnasium.Env[Any, Any]]
+OpenLesson = Callable[[Games], Instructor]
+
+
+@dataclass(frozen=True)
+class LessonPlan:
+    """All that the process which plays the games needs for the lesson; it is called there, and can be sent there.
+
+    Attributes:
+        host: that the page is served on.
+        port: likewise.
+        hold_steps: see ``HumanConfig``.
+        speed: see ``HumanConfig``.
+        address: of the trainer.
+        make_agent: makes an agent whose ``greedy`` takes the trainer's weights.
+        make_predictor: makes a predictor with environments of its own.
+        record: the file of all that is said.
+        about: what a page has to know from the beginning.
+    """
+
+    host: str
+    port: int
+    hold_steps: int | None
+    speed: float | None
+    address: Address
+    make_agent: Callable[[], Agent]
+    make_predictor: Callable[[], Any]
+    record: Path
+    about: Mapping[str, Any]
+
+    def __call__(self, games: Games) -> Lesson:
+        """Put the first of the ``games`` on stage and open the desk before it."""
+        games[0] = stage = Stage(games[0])
+        values = task_of(stage).instruction_values
+        desk = Desk(values, self.hold_steps, self.speed)
+        server = Server(desk, self.host, self.port)
+        clock = Clock(desk, float(stage.metadata.get("render_fps") or STEPS_PER_SECOND))
+        speaker = Speaker(self.make_agent().greedy, self.make_predictor())
+        lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
+        server.post("about", {**self.about, "values": list(values)})
+        self._listen(lesson, server, speaker, clock)
+        return lesson
+
+    def _listen(self, lesson: Lesson, server: Server, speaker: Speaker, clock: Clock) -> None:
+        """Let the trainer reach the pages."""
+
+        def farewell(text: str) -> None:
+            lesson.finish()
+            server.post("farewell", {"text": text})
+            server.close()
+            trainer.say(BYE)
+
+        def lost() -> None:
+            clock.hurry()
+            lesson.finish()
+            server.post("farewell", {"text": "The training has gone."})
+            server.close()
+
+        hear: dict[str, Callable[[Any], None]] = {
+            "policy": speaker.learn,
+            "voice": speaker.speak_with,
+            "vocabulary": lambda fields: server.post("vocabulary", fields),
+            "figures": lambda fields: server.post("figures", fields),
+            "hurry": lambda _: clock.hurry(),
+            "farewell": farewell,
+        }
+        trainer = GameEnd(self.address, hear, lost)
+
+
+BYE = "bye"
+
+
+class NoClassroom:
+    """Nobody teaches live: nothing is served and nothing is sent."""
+
+    open_lesson: OpenLesson | None = None
+
+    def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
+        """Nobody to tell."""
+
+    def refresh(self, frame: int, voice: Voice) -> None:
+        """Nobody to tell."""
+
+    def hurry(self) -> None:
+        """Nobody waits."""
+
+    def farewell(self) -> None:
+        """Nobody to tell."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class Classroom:
+    """What the trainer tells the lesson; none of it waits for anybody, but for the farewell a moment.
+
+    Args:
+        config: of the person's page.
+        port: that it is served on.
+        record: the file of all that is said.
+        task: of the environment.
+        make_agent: see ``LessonPlan``.
+        make_predictor: see ``LessonPlan``.
+        about: see ``LessonPlan``.
+    """
+
+    def __init__(
+        self,
+        config: HumanConfig,
+        port: int,
+        record: Path,
+        task: Task,
+        make_agent: Callable[[], Agent],
+        make_predictor: Callable[[], Any],
+        about: Mapping[str, Any],
+    ):
+        self._task, self._link = task, TrainerEnd()
+        self._curve: list[tuple[float, float]] = []
+        self.open_lesson: OpenLesson = LessonPlan(
+            host=config.host,
+            port=port,
+            hold_steps=config.hold_steps,
+            speed=config.speed,
+            address=self._link.address,
+            make_agent=make_agent,
+            make_predictor=make_predictor,
+            record=record,
+            about=about,
+        )
+
+    def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
+        """What has been learnt from a batch; ``row`` of metrics.csv."""
+        self._link.tell("policy", weights_of(policy))
+        known = {name: value for name, value in row.items() if math.isfinite(value)}
+        if "train/success_rate" in known:
+            self._curve.append((known["frames"], known["train/success_rate"]))
+        figures = {name.partition("/")[2] or name: value for name, value in known.items()}
+        self._link.tell("figures", {**figures, "curve": self._curve[:: 1 + len(self._curve) // 200]})
+
+    def refresh(self, frame: int, voice: Voice) -> None:
+        """A vocabulary has been learnt at a training ``frame``."""
+        self._link.tell("voice", voice)
+        self._link.tell("vocabulary", vocabulary(frame, voice, self._task))
+
+    def hurry(self) -> None:
+        """Never let the game wait again."""
+        self._link.tell("hurry", None)
+
+    def farewell(self) -> None:
+        """Let the pages know that it is over; returns when they do, or after a moment."""
+        self._link.tell("farewell", "The training is over.")
+        self._link.wait_for(BYE, FAREWELL_S)
+
+    def close(self) -> None:
+        """Close the link."""
+        self._link.close()
+
+
+def open_classroom(
+    cfg: TrainConfig, env: gymnasium.Env[Any, Any], port: int | None, folder: Path, live_view: str | None
+) -> Classroom | NoClassroom:
+    """Make what the settings ask for, and say where the page is.
+
+    Args:
+        cfg: of the run.
+        env: one of its environments.
+        port: from ``choose_port``.
+        folder: of the run.
+        live_view: address of the live rerun view, None without one.
+    """
+    if not isinstance(cfg.instructor, HumanConfig) or port is None:
+        return NoClassroom()
+    task = task_of(env)
+    about = {
+        "name": task.name,
+        "run": folder.name,
+        "total_frames": cfg.total_frames,
+        "hold_steps": cfg.instructor.hold_steps,
+        "others": cfg.collect.envs_per_process - 1,
+        "others_instructed_by": cfg.instructor.others,
+        "live_view": live_view,
+    }
+    print(invitation(cfg.instructor.host, port))  # noqa: T201 - talks to a person
+    return Classroom(
+        cfg.instructor,
+        port,
+        folder / LESSON,
+        task,
+        partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
+        partial(make_simulator, cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed),
+        about,
+    )
+
+
+def invitation(host: str, port: int) -> str:
+    """What to tell the person who is to teach."""
+    shown = f"[{host}]" if ":" in host else host
+    lines = [f"teach it here: http://{shown}:{port}/"]
+    if port != PORT:
+        lines.append(f"  port {PORT} is taken, so this is on {port}")
+    if host not in (HOST, "localhost", "::1"):
+        lines.append(f"  warning: instructor.host={host}: whoever can reach this port can instruct")
+    return "\n".join(lines)
+
+
+def vocabulary(frame: int, voice: Voice, task: Task) -> dict[str, Any]:
+    """The vocabulary as a page shows it."""
+    mapping = voice.mapping
+    assert isinstance(mapping, ClusterMapping)
+    known = sayable(mapping.expressions, mapping.meanings)
+    columns = (
+        mapping.ids.tolist(),
+        mapping.expressions[:, 0].tolist(),
+        mapping.mean_instructions[:, 0].tolist(),
+        np.where(known, phrases_of(mapping.expressions, task.phrases), CANNOT_TELL).tolist(),
+        (mapping.sizes / mapping.sizes.sum()).tolist(),
+        of_clusters(mapping.ids).tolist(),
+        known.tolist(),
+    )
+    names = ("id", "expression", "mean_instruction", "phrase", "share", "colour", "known")
+    clusters = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+    meaning = meaning_lines(mapping.meanings, task)
+    return {"frame": frame, "horizon_steps": voice.horizon_steps, "clusters": clusters, "meaning": meaning}
+
+
+def choose_port(config: InstructorConfig) -> int | None:
+    """Decide where the page is served; None where there is none.
+
+    Raises:
+        ConfigError: if this machine has no such host, or the port asked for is taken.
+    """
+    if not isinstance(config, HumanConfig):
+        return None
+    allowed = f"instructor.host={config.host}: allowed is an address of this machine"
+    if not config.host:  # to a socket that is all of them
+        raise ConfigError(f"{allowed} (0.0.0.0 for all of them)")
+    try:
+        free = free_port(PORT, host=config.host)
+    except OSError as error:
+        raise ConfigError(f"{allowed} ({error.strerror or error})") from None
+    return asked_port("instructor.port", config.port, host=config.host) or free

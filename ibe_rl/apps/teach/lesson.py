@@ -1,0 +1,186 @@
+"""The lesson: the instructor that the environment asks is whoever sits at the desk and watches this game."""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ibe_rl.apps.teach.clock import Clock
+from ibe_rl.apps.teach.live_explainer import Speaker, told
+from ibe_rl.apps.teach.server import Server
+from ibe_rl.apps.teach.session import NOBODY, ORACLE, Desk, Said
+from ibe_rl.envs.make import drawn, task_of
+from ibe_rl.envs.snapshots import stoppable
+from ibe_rl.instructors import LessonWriter, RecordedEpisode
+from ibe_rl.types import Array, Explanation, Moment
+
+FRAME_S = 0.004
+"""Frames that follow each other faster are not shown: no screen would."""
+
+
+class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """The game that is watched, keeping score.
+
+    Attributes:
+        total_reward: of the episode so far.
+        steps: of it.
+        success: whether it has ended well.
+        ended: the same of the episode before, None if it had no step.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]):
+        super().__init__(env)
+        self.total_reward, self.steps, self.success = 0.0, 0, False
+        self.ended: dict[str, Any] | None = None
+
+    def reset(self, **settings: Any) -> Any:
+        """As the game's."""
+        score = {"return": round(self.total_reward, 1), "steps": self.steps, "success": self.success}
+        self.ended = score if self.steps else None
+        self.total_reward, self.steps, self.success = 0.0, 0, False
+        return self.env.reset(**settings)
+
+    def step(self, action: Any) -> Any:
+        """As the game's."""
+        after = self.env.step(action)
+        self.total_reward += float(after[1])
+        self.steps += 1
+        self.success = bool(after[4][task_of(self.env).success_key])
+        return after
+
+
+class Lesson:
+    """The instructor of one game, and what its pages are shown of it; keeps a record of every step.
+
+    Args:
+        stage: the game.
+        desk: where somebody may sit.
+        server: to the pages.
+        speaker: what the agent says.
+        clock: of the game.
+        record: where each episode's instructions go.
+    """
+
+    def __init__(self, stage: Stage, desk: Desk, server: Server, speaker: Speaker, clock: Clock, record: LessonWriter):
+        self._stage, self._desk, self._server, self._speaker = stage, desk, server, speaker
+        self._clock, self._record, self._task = clock, record, task_of(stage)
+        self._episode, self._shown_at = -1, 0.0
+        self._said: list[tuple[Array, Said]] = []
+        self._writing, self._finished = threading.Lock(), False
+
+    def reset(self, rows: Array) -> None:
+        """Begin a new episode, with the record of the one before kept."""
+        if not rows[0]:
+            return
+        self.keep()
+        self._episode += 1
+        self._desk.begin(self._episode)
+        if self._stage.ended is not None:
+            self._server.post("ended", {"episode": self._episode - 1, **self._stage.ended})
+        self._server.post("scene", scene(self._stage, self._episode))
+
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
+        """See ``ibe_rl.types.Instructor``; returns when the step is due."""
+        if rows[0]:
+            self._show(states[0])
+            self._clock.wait()
+            said = self._desk.take()
+            with self._writing:
+                self._said.append((self._number(said, states[:1]), said))
+        instruction, given = self._last()
+        return instruction[None], np.array([[given]], np.float32)
+
+    def keep(self) -> None:
+        """Write down the episode as far as it has come, and begin the next one."""
+        with self._writing:
+            self._write()
+            self._said = []
+
+    def finish(self) -> None:
+        """Write down the episode as far as it has come, and nothing any more; from any thread.
+
+        The game may still go on for what is left of a batch, which nobody learns from.
+        """
+        with self._writing:
+            self._write()
+            self._finished = True
+
+    def _write(self) -> None:
+        if self._said and not self._finished:
+            self._record.write(
+                RecordedEpisode(
+                    self._episode,
+                    instructions=[value.tolist() for value, _ in self._said],
+                    given=[int(said.by != NOBODY) for _, said in self._said],
+                    by=[said.by for _, said in self._said],
+                    heard=[said.heard for _, said in self._said],
+                )
+            )
+
+    def _number(self, said: Said, states: Array) -> Array:
+        if said.by == ORACLE:
+            return np.asarray(self._task.rule(states)[0], np.float32)
+        return np.full(self._task.instruction_size, said.value or 0.0, np.float32)
+
+    def _last(self) -> tuple[Array, float]:
+        if not self._said:
+            return np.zeros(self._task.instruction_size, np.float32), 0.0
+        value, said = self._said[-1]
+        return value, float(said.by != NOBODY)
+
+    def _show(self, state: Array) -> None:
+        """Post what can be seen now: the game, what was said at the step before, what the agent says."""
+        now = time.monotonic()
+        if now - self._shown_at < FRAME_S and self._said:
+            return
+        self._shown_at = now
+        self._server.post("frame", self._frame(state))
+        if self._speaker.due():
+            instruction, given = self._last()
+            moment = Moment(state, instruction, bool(given), self._snapshot())
+            self._speaker.ask(moment, partial(self._explained, self._episode))
+
+    def _explained(self, episode: int, said: Explanation) -> None:
+        """Post what the agent says; from the speaker's thread."""
+        path = None if self._task.scene_path is None else self._task.scene_path(said.path)
+        self._server.post("explanation", {"episode": episode, **told(said, path)})
+
+    def _snapshot(self) -> Any:
+        game = stoppable(self._stage.env)
+        return game.snapshot() if game else None
+
+    def _frame(self, state: Array) -> dict[str, Any]:
+        value, said = self._said[-1] if self._said else (None, Said(None, NOBODY, 0))
+        at = None if self._task.scene_path is None else self._task.scene_path(state).round(2).tolist()
+        return {
+            "episode": self._episode,
+            "step": len(self._said),
+            "shapes": outlines(self._stage, "figure"),
+            "at": at,
+            "told": None if said.by == NOBODY or value is None else float(value[0]),
+            "by": said.by,
+            "heard": said.heard,
+            "return": round(self._stage.total_reward, 1),
+        }
+
+
+def scene(stage: Stage, episode: int) -> dict[str, Any]:
+    """What stands still in an episode."""
+    return {
+        "episode": episode,
+        "size": list(task_of(stage).scene_size),
+        "background": outlines(stage, "background"),
+    }
+
+
+def outlines(game: gymnasium.Env[Any, Any], part: str) -> list[dict[str, Any]]:
+    """The shapes of a game that draws itself, for a page."""
+    return [
+        {"points": shape.points.round(2).tolist(), "colour": list(shape.colour), "closed": shape.closed}
+        for shape in drawn(game, part)
+    ]

@@ -1,0 +1,106 @@
+"""What the agent says at its pupil's desk: its explanations, live, with the policy and the words of now."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import torch
+
+from ibe_rl.agents import GreedyPolicy
+from ibe_rl.explain.explainer import Voice, explain
+from ibe_rl.types import Array, Explanation, Moment, Predictor
+
+Weights = Mapping[str, Array]
+
+
+def weights_of(policy: GreedyPolicy) -> Weights:
+    """Plain arrays of its own, which learning does not change."""
+    return {name: tensor.numpy().copy() for name, tensor in policy.state_dict().items()}
+
+
+class Speaker:
+    """Explains moments with what the trainer last sent; says nothing before the first vocabulary.
+
+    Args:
+        policy: takes the weights that come.
+        predictor: with environments of its own.
+        every_s: it speaks no more often: a prediction takes some 30 ms, which the game has to share its core with.
+        clock: seconds.
+    """
+
+    def __init__(
+        self,
+        policy: GreedyPolicy,
+        predictor: Predictor,
+        every_s: float = 0.25,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._policy, self._predictor, self._every_s, self._clock = policy, predictor, every_s, clock
+        self._lock = threading.Lock()
+        self._weights: Weights | None = None
+        self._voice: Voice | None = None
+        self._spoke_at = -every_s
+        self._thread, self._speaking = ThreadPoolExecutor(1, "speaker"), Future[None]()
+        self._speaking.set_result(None)
+
+    def learn(self, weights: Weights) -> None:
+        """Take in weights of the policy; any thread may call this."""
+        with self._lock:
+            self._weights = weights
+
+    def speak_with(self, voice: Voice) -> None:
+        """Take in a vocabulary; any thread may call this."""
+        with self._lock:
+            self._voice = voice
+
+    def due(self) -> bool:
+        """Whether it is time to say something new, and it has said what it was asked for before."""
+        if self._voice is None or not self._speaking.done():
+            return False
+        self._speaking.result()  # raises what went wrong
+        return self._clock() - self._spoke_at >= self._every_s
+
+    def ask(self, moment: Moment, hear: Callable[[Explanation], None]) -> None:
+        """Explain a moment, when it is due, in a thread of its own: the game goes on.
+
+        Args:
+            moment: to explain.
+            hear: called with what is said, in that thread.
+        """
+        self._speaking = self._thread.submit(lambda: hear(self.say(moment)))
+
+    def wait(self) -> None:
+        """Return when it has said what it was asked for."""
+        self._speaking.result()
+
+    def say(self, moment: Moment) -> Explanation:
+        """Explain a moment; only once there is a vocabulary."""
+        with self._lock:
+            weights, self._weights, voice = self._weights, None, self._voice
+        assert voice is not None
+        if weights is not None:
+            self._policy.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
+        [said] = explain([moment], self._policy, self._predictor, voice)
+        self._spoke_at = self._clock()
+        return said
+
+
+def told(said: Explanation, path: Array | None) -> dict[str, Any]:
+    """What a page shows of an explanation; ``path`` ``(H + 1, 2)`` in scene units.
+
+    No number where the meaning of the word is not known, no confidence that is no probability.
+    """
+    return {
+        "expression": float(said.expression[0]) if said.meant else None,
+        "said": said.said,
+        "in_time": said.in_time(),
+        "known": said.known,
+        "meant": said.meant,
+        "confidence": said.confidence if said.meant and said.calibrated else None,
+        "horizon_steps": said.horizon_steps,
+        "path": None if path is None else path.round(2).tolist(),
+    }

@@ -1,0 +1,172 @@
+"""The instructor's desk: who sits at it, what they say, and what of it counts at which step.
+
+It knows no network and no clock. Pages talk to it from the server's thread, the game takes from it once a step.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed
+
+ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN = "accepted", "watching", "repeated", "past", "unknown value"
+"""What becomes of a message; all but the first change nothing."""
+PERSON, HELD, ORACLE, NOBODY = "person", "held", "oracle", "nobody"
+"""Who says what is said at a step."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said at one step.
+
+    Attributes:
+        value: the instruction, None where nothing is said or the rule is asked.
+        by: one of ``PERSON``, ``HELD``, ``ORACLE``, ``NOBODY``.
+        heard: number of the newest press or release of the person at the desk that is in it, 0 before the first.
+    """
+
+    value: float | None
+    by: str
+    heard: int
+
+
+@dataclass(frozen=True)
+class Controls:
+    """How the game is played now: ``speed`` in times of real time, None as fast as it goes."""
+
+    paused: bool
+    speed: float | None
+    oracle: bool
+
+
+class Desk:
+    """Where one person at a time instructs.
+
+    The first page to come sits down, the others watch. When it leaves, what it pressed is released, and whoever comes
+    or asks next may sit. A press is about the episode that the person sees: what arrives after the end of it is not
+    about the next one. A press counts at each step until it is released, and at one step even if it was released
+    before; of two presses between two steps the later one counts.
+
+    Args:
+        values: that can be said.
+        hold_steps: so long what was said goes on after the release, within the episode; None until its end.
+        speed: at the beginning.
+
+    Attributes:
+        changed: notified, with its lock held, whenever the game may have to go on, to stop or to hurry.
+    """
+
+    def __init__(self, values: Sequence[float], hold_steps: int | None, speed: float | None):
+        self.changed = threading.Condition()
+        self._values, self._hold_steps = tuple(values), hold_steps
+        self._controls = Controls(paused=False, speed=speed, oracle=False)
+        self._present: dict[int, int] = {}  # each page and the number of its newest press or release
+        self._chair: int | None = None
+        self._episode = 0
+        self._pressed: float | None = None
+        self._down = self._taken = False
+        self._last: float | None = None
+        self._since_steps = 0
+
+    @property
+    def controls(self) -> Controls:
+        """How the game is to be played."""
+        with self.changed:
+            return self._controls
+
+    @property
+    def chair(self) -> int | None:
+        """The page that instructs."""
+        with self.changed:
+            return self._chair
+
+    def join(self, page: int) -> None:
+        """A page has come."""
+        with self.changed:
+            self._present[page] = 0
+            if self._chair is None:
+                self._chair = page
+
+    def leave(self, page: int) -> None:
+        """A page has gone, whatever it had pressed; a game that it had paused goes on."""
+        with self.changed:
+            self._present.pop(page, None)
+            if self._chair == page:
+                self._chair, self._controls = None, Controls(False, self._controls.speed, self._controls.oracle)
+                self._silence()
+                self.changed.notify_all()
+
+    def hear(self, page: int, message: Message) -> str:
+        """Take in what a page says; returns what becomes of it."""
+        with self.changed:
+            if isinstance(message, Sit):
+                return self._sit(page)
+            if page != self._chair:
+                return WATCHING
+            if isinstance(message, Press | Release):
+                return self._told(page, message)
+            self._control(message)
+            return ACCEPTED
+
+    def begin(self, episode: int) -> None:
+        """An episode begins; nothing is said in it yet."""
+        with self.changed:
+            self._episode = episode
+            self._silence()
+
+    def take(self) -> Said:
+        """What is said at this step; called once a step."""
+        with self.changed:
+            heard = 0 if self._chair is None else self._present[self._chair]
+            pressed, self._taken = self._pressed, True
+            self._pressed = pressed if self._down else None
+            if self._controls.oracle:
+                return Said(None, ORACLE, heard)
+            return self._said_now(pressed, heard)
+
+    def _said_now(self, pressed: float | None, heard: int) -> Said:
+        if pressed is not None:
+            self._last, self._since_steps = pressed, 0
+            return Said(pressed, PERSON, heard)
+        if self._last is not None and (self._hold_steps is None or self._since_steps < self._hold_steps):
+            self._since_steps += 1
+            return Said(self._last, HELD, heard)
+        return Said(None, NOBODY, heard)
+
+    def _sit(self, page: int) -> str:
+        if page not in self._present or self._chair not in (None, page):
+            return WATCHING
+        self._chair = page
+        return ACCEPTED
+
+    def _told(self, page: int, message: Press | Release) -> str:
+        if message.sequence <= self._present[page]:
+            return REPEATED
+        if isinstance(message, Press) and message.value not in self._values:
+            return UNKNOWN
+        self._present[page] = message.sequence
+        if message.episode != self._episode:
+            return PAST
+        if isinstance(message, Press):
+            self._pressed, self._down, self._taken = message.value, True, False
+        else:
+            self._down = False
+            self._pressed = None if self._taken else self._pressed
+        return ACCEPTED
+
+    def _control(self, message: Pause | Speed | HandOver) -> None:
+        now = self._controls
+        if isinstance(message, Pause):
+            self._controls = Controls(message.on, now.speed, now.oracle)
+        elif isinstance(message, Speed):
+            self._controls = Controls(now.paused, message.times, now.oracle)
+        else:
+            self._controls, self._last = Controls(now.paused, now.speed, message.on), None
+        self.changed.notify_all()
+
+    def _silence(self) -> None:
+        self._pressed = self._last = None
+        self._down = self._taken = False
+        self._since_steps = 0

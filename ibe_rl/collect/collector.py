@@ -1,0 +1,268 @@
+"""Experience: TorchRL's collector over batched environments, in one process or several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, MutableSequence, Sequence
+from copy import deepcopy
+from functools import partial
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.collectors import BaseCollector, Collector
+from torchrl.envs import EnvBase
+
+from ibe_rl.agents import Agent
+from ibe_rl.apps.ray.workers import RayWorkers, check_ray
+from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig, TrainConfig
+from ibe_rl.envs.make import TRAINING_SEEDS, join, make_game
+from ibe_rl.instructors import make_instructor
+from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.runtime.workers import Processes, Workers, end_with_parent, next_of, starting
+from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError, Instructor
+
+SEEDS_PER_RUN = 100_000
+"""Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""
+EVALUATION_SEED = TRAINING_SEEDS
+"""Seeds that no training uses, for the evaluations of ``train.py``."""
+JUDGING_SEED = 2_050_000_000
+"""Seeds that neither uses, for ``explain.py`` to judge explanations on."""
+
+
+OUTLIVES_TRAINER_S = 5.0
+"""So long a lesson goes on whose trainer is gone, to say so."""
+OpenLesson = Callable[[MutableSequence[gymnasium.Env[Any, Any]]], Instructor]
+"""Puts the first environment before a person; returns the instructor of that one."""
+
+
+def env_of_worker(
+    worker: int,
+    env: EnvConfig,
+    collect: CollectConfig,
+    task: Task,
+    instructor: InstructorConfig,
+    seed: int,
+    lesson: OpenLesson | None = None,
+    under_way: Sequence[UnderWay] = (),
+) -> EnvBase:
+    """Make a worker's environments, ``under_way`` those of all workers; runs in the worker's own process."""
+    torch.set_num_threads(1)
+    if apart(collect):
+        end_with_parent(OUTLIVES_TRAINER_S if lesson else 0.0)
+    first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
+    games = [make_game(env) for _ in range(collect.envs_per_process)]
+    person = lesson(games) if lesson else None
+    mine = under_way[worker * collect.envs_per_process :][: collect.envs_per_process]
+    made = join(games, make_instructor(instructor, task, first, person), first, mine)
+    torch.manual_seed(_draws(first, mine))  # the exploring policy's, whatever was drawn to make all this
+    return made
+
+
+def _draws(first: int, under_way: Sequence[UnderWay]) -> int:
+    """Seed of the exploration: of a run that is taken up other draws than at its beginning."""
+    begun = [first, *(one.ended for one in under_way), *(len(one.actions) for one in under_way)]
+    return int(np.random.SeedSequence(begun).generate_state(1)[0]) if under_way else first
+
+
+def apart(collect: CollectConfig) -> bool:
+    """True if others than the training process collect."""
+    return collect.processes > 1 or collect.overlap or collect.engine == "ray"
+
+
+def make_collector(
+    agent: Agent,
+    env: EnvConfig,
+    collect: CollectConfig,
+    task: Task,
+    instructor: InstructorConfig,
+    seed: int,
+    lesson: OpenLesson | None = None,
+    under_way: Sequence[UnderWay] = (),
+) -> BaseCollector:
+    """Make the collector; each of its processes has an instructor of its own.
+
+    Args:
+        agent: its ``policy`` collects.
+        env: made once for each row.
+        collect: how many of them, in how many processes.
+        task: of the environment.
+        instructor: see ``make_instructor``.
+        seed: of the run.
+        lesson: wants a single process.
+        under_way: the episodes that all rows take up.
+
+    Raises:
+        LostWorkerError: if a process dies, or hangs, before it is ready.
+    """
+    rows = collect.processes * collect.envs_per_process
+    settings = (env, collect, task, instructor, seed, lesson, under_way)
+    factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
+    many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
+    if collect.engine == "ray":
+        with interrupts_stay_here():
+            return RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
+    with interrupts_stay_here(), script_stays_here(), starting(collect.timeout_s if apart(collect) else None):
+        return Collector(
+            factories if apart(collect) else factories[0],
+            deepcopy(agent.policy),  # the processes share its weights, and get new ones only between two batches
+            frames_per_batch=rows * collect.steps_per_batch,
+            total_frames=-1,
+            auto_register_policy_transforms=False,  # they are for recurrent policies
+            **(many if apart(collect) else {}),
+        )
+
+
+def check_collect(config: CollectConfig) -> None:
+    """Refuse a setting that nothing would read.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    check_ray(config)
+    if config.ahead_batches > 1 and not config.overlap:
+        raise ConfigError(
+            f"collect.ahead_batches={config.ahead_batches} with collect.overlap=false: allowed is 1, "
+            "or collect.overlap=true, without which no batch is collected ahead"
+        )
+
+
+def workers_of(collector: BaseCollector) -> Workers:
+    """Those who collect for it."""
+    if isinstance(collector, RayWorkers):
+        return collector.workers
+    return Processes(getattr(collector, "procs", ()), getattr(collector, "pipes", ()))
+
+
+def batches(
+    collector: BaseCollector, agent: Agent, overlap: bool, ahead_batches: int = 1, timeout_s: float | None = None
+) -> Generator[TensorDictBase, None, None]:
+    """Yield batches ``[N, T]`` without end; close the generator before the collector.
+
+    Args:
+        collector: from ``make_collector``.
+        agent: the learner; what its ``policy`` has to know is published while nobody collects.
+        overlap: collect batches while the caller learns from the ones before. Then their actions come from the
+            weights of ``ahead_batches`` updates before, however fast either side is: the same seed gives the same
+            batches.
+        ahead_batches: so many may be collected before the caller has learnt from the one before them.
+        timeout_s: a worker without a batch for so long hangs; None: it may take as long as it likes.
+
+    Raises:
+        LostWorkerError: if a worker dies or hangs.
+    """
+    asked: SimpleQueue[TensorDictBase | None] = SimpleQueue()
+    coming: SimpleQueue[TensorDictBase | Exception] = SimpleQueue()
+    workers = workers_of(collector)
+    apart = bool(workers.names)  # one that hangs would keep the program from ending
+    Thread(target=_collect, args=(collector, asked, coming), daemon=apart).start()
+
+    def ask() -> None:
+        agent.publish()
+        asked.put(TensorDict.from_module(agent.policy).data.clone())
+
+    try:
+        for _ in range(ahead_batches if overlap else 1):
+            ask()
+        while True:
+            batch = next_of(coming, workers, timeout_s if apart else None)
+            if overlap:
+                ask()
+            yield batch.reshape(-1, batch.shape[-1])
+            if not overlap:
+                ask()
+    finally:
+        while not asked.empty():
+            asked.get_nowait()
+        asked.put(None)
+
+
+def _collect(
+    collector: BaseCollector,
+    asked: SimpleQueue[TensorDictBase | None],
+    coming: SimpleQueue[TensorDictBase | Exception],
+) -> None:
+    """Collect a batch with each set of weights; be a thread."""
+    source = iter(collector)
+    try:
+        while (weights := asked.get()) is not None:
+            collector.update_policy_weights_(weights)
+            coming.put(next(source))
+    except Exception as error:
+        coming.put(error)
+
+
+def steps_of(batch: TensorDictBase) -> dict[str, Array]:
+    """Plain arrays ``(N, T, ...)`` of a batch ``[N, T]``, as the log takes them."""
+    after = batch["next"]
+    columns = {
+        "state": batch["state"],
+        "action": batch["action"],
+        "reward": after["reward"].squeeze(-1),
+        "instruction": batch["instruction"],
+        "given": batch["instruction_given"].squeeze(-1).bool(),
+        "next_state": after["state"],
+        "done": after["done"].squeeze(-1),
+        "terminated": after["terminated"].squeeze(-1),
+        "success": after["success"].squeeze(-1),
+    }
+    return {name: column.numpy() for name, column in columns.items()}
+
+
+class Every:
+    """A clock: true once in every ``frames`` frames, at the first batch that reaches them, and at the end.
+
+    Args:
+        frames: between two times; None stands for never, not even at the end.
+        now: what it starts at.
+    """
+
+    def __init__(self, frames: int | None, now: int = 0):
+        self._frames, self._passed = frames, now // (frames or 1)
+
+    def __call__(self, frames: int, last: bool = False) -> bool:
+        """Whether a multiple has been reached since the last call, or this is the ``last`` one."""
+        if self._frames is None:
+            return False
+        before, self._passed = self._passed, frames // self._frames
+        return last or self._passed > before
+
+
+REFRESHES_OF_A_RUN, REFRESH_AT_MOST_EVERY = 8, 250_000
+
+
+def refresh_interval(config: TrainConfig) -> int | None:
+    """Frames from one refresh to the next; None if there is none."""
+    if config.refresh_every_frames != 0:
+        return config.refresh_every_frames
+    return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
+
+
+DENSE = 200
+"""So many times a ``Rarer`` clock is as fast as it began, twice; then it is half as fast as often again, and so on."""
+
+
+class Rarer:
+    """A clock for what stays for ever: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
+
+    Args:
+        frames: between two times, at the beginning; None stands for never.
+        now: what it starts at.
+    """
+
+    def __init__(self, frames: int | None, now: int = 0):
+        self._frames, self._last = frames, now
+
+    def __call__(self, frames: int) -> bool:
+        """Whether a multiple has been reached since the last call."""
+        if self._frames is None:
+            return False
+        every = self._frames * 2 ** max(0, int(math.log2(frames / (DENSE * self._frames))))
+        before, self._last = self._last, frames
+        return frames // every > before // every

@@ -1,0 +1,58 @@
+"""The limits of settings: declared beside each of them, checked before anything is built."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import field, fields, is_dataclass
+from typing import Any
+
+from ibe_rl.types import ConfigError
+
+TINY = 1e-9
+"""The lower limit of what must be above 0."""
+
+
+def setting(default: Any, *, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()) -> Any:
+    """A field with limits; ``low`` and ``high`` are themselves allowed."""
+    return field(default=default, metadata={"low": low, "high": high, "choices": tuple(choices)})
+
+
+def check(config: Any) -> None:
+    """Refuse values outside their limits, and settings that nothing reads.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    for key, value, limits in _settings(config, ""):
+        allowed = _allowed(limits) if limits else ""
+        if value is not None and allowed and not _fits(value, limits):
+            raise ConfigError(f"{key}={value}: allowed is {allowed}")
+
+
+def _settings(config: Any, prefix: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    known = [item.name for item in fields(config)]
+    for added in vars(config).keys() - set(known):  # what `+key=value` has put there
+        raise ConfigError(f"{prefix}{added}={getattr(config, added)}: no such setting; allowed are {', '.join(known)}")
+    for item in fields(config):
+        value = getattr(config, item.name)
+        if is_dataclass(value):
+            yield from _settings(value, f"{prefix}{item.name}.")
+        else:
+            yield f"{prefix}{item.name}", value, dict(item.metadata)
+
+
+def _fits(value: Any, limits: dict[str, Any]) -> bool:
+    if limits["choices"]:
+        return value in limits["choices"]
+    low, high = limits["low"], limits["high"]
+    return math.isfinite(value) and (low is None or value >= low) and (high is None or value <= high)
+
+
+def _allowed(limits: dict[str, Any]) -> str:
+    if limits.get("choices"):
+        return "one of " + ", ".join(limits["choices"])
+    low = limits.get("low")
+    parts = [] if low is None else ["above 0" if low == TINY else f"at least {low:g}"]
+    parts += [f"at most {limits['high']:g}"] if limits.get("high") is not None else []
+    return " and ".join(parts)

@@ -1,0 +1,24 @@
+"""Environments, each with all that is its own; importing this registers them with gymnasium."""
+
+import gymnasium
+
+from ibe_rl.envs.cart_pole_task import CART_POLE_TASK
+from ibe_rl.envs.instructed import Instructed
+from ibe_rl.envs.lander_task import LANDER_TASK
+
+LANDER_ID, CART_POLE_ID = "ibe_rl/LunarLanderPads-v0", "ibe_rl/CartPoleTarget-v0"
+
+if LANDER_ID not in gymnasium.registry:
+    gymnasium.register(
+        id=LANDER_ID,
+        entry_point="ibe_rl.envs.lander:LunarLanderPads",
+        max_episode_steps=LANDER_TASK.max_episode_steps,
+        reward_threshold=200,
+    )
+    gymnasium.register(
+        id=CART_POLE_ID,
+        entry_point="ibe_rl.envs.cart_pole:CartPoleTarget",
+        max_episode_steps=CART_POLE_TASK.max_episode_steps,
+    )
+
+__all__ = ["CART_POLE_ID", "CART_POLE_TASK", "LANDER_ID", "LANDER_TASK", "Instructed"]

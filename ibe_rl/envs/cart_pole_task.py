@@ -1,0 +1,85 @@
+"""What the cart-pole with a target declares of its own: rule, names, units, phrases, places, scene.
+
+Units are gymnasium's: metres, seconds, radians; x is 0 in the middle of the rail, which ends at 2.4 m to each side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibe_rl.task import Phrases, Task
+from ibe_rl.types import Array
+
+TARGET_X: dict[str, float] = {"left": -1.2, "center": 0.0, "right": 1.2}
+MAX_EPISODE_STEPS = 400
+NEAR = 0.2
+"""This near to the target the cart is there, and told to stay."""
+RAIL_END = 2.4
+STEP_S = 0.02
+
+X, VX, ANGLE, TARGET = 0, 1, 2, 4
+PER_METRE = 4.0
+"""Scene units in a metre; the scene is as large as others, so that lines and labels look alike."""
+SCENE_WIDTH, SCENE_HEIGHT, RAIL_Y, AXLE_Y = 22.0, 11.0, 3.0, 3.5
+
+
+def instruct(states: Array) -> Array:
+    """Say which way to go: states ``(..., 5)`` to ``(..., 1)`` float32, -1 right of the target, +1 left of it."""
+    offset = goal_offset(states)
+    instruction = np.where(offset < -NEAR, -1.0, np.where(offset > NEAR, 1.0, 0.0))
+    return instruction.astype(np.float32)
+
+
+def place_of(state: Array) -> str:
+    """Name the place that the target in ``state`` ``(5,)`` is at."""
+    return min(TARGET_X, key=lambda name: abs(TARGET_X[name] - float(state[TARGET])))
+
+
+def motion(states: Array) -> Array:
+    """States ``(..., 5)`` to the change ``(..., 1)`` of x in one step at the present velocity, in m."""
+    return STEP_S * states[..., VX, None]
+
+
+def goal_offset(states: Array) -> Array:
+    """States ``(..., 5)`` to how far ``(..., 1)`` right of the cart the target lies, in m."""
+    return (states[..., TARGET] - states[..., X])[..., None]
+
+
+def scene_x(x: Array) -> Array:
+    """Metres on the rail to scene units."""
+    return SCENE_WIDTH / 2 + PER_METRE * x
+
+
+def scene_path(states: Array) -> Array:
+    """States ``(..., 5)`` to the place of the cart's axle ``(..., 2)`` in scene units, y up."""
+    x = scene_x(states[..., X])
+    return np.stack([x, np.full_like(x, AXLE_Y)], axis=-1)
+
+
+CART_POLE_TASK = Task(
+    name="Cart-pole with a moving target",
+    state_names=("x", "vx", "angle", "angular_velocity", "target_x"),
+    state_units=("m", "m/s", "rad", "rad/s", "m"),
+    rule=instruct,
+    instruction_values=(-1.0, 0.0, 1.0),
+    phrases=(
+        Phrases(
+            zero="staying",
+            negative="going {degree}to the left",
+            positive="going {degree}to the right",
+            degrees=((0.15, "slightly "), (0.4, "moderately "), (0.75, "")),
+        ),
+    ),
+    context=place_of,
+    contexts=tuple(TARGET_X),
+    context_option="target",
+    success_key="there",
+    explained=(X,),
+    explained_band=(0.1,),
+    max_episode_steps=MAX_EPISODE_STEPS,
+    explained_range=(2 * RAIL_END,),
+    motion=motion,
+    goal_offset=goal_offset,
+    scene_path=scene_path,
+    scene_size=(SCENE_WIDTH, SCENE_HEIGHT),
+)

@@ -1,0 +1,223 @@
+"""What a config declares of an environment that does not declare it itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from ibe_rl.config.task import FUNCTIONS, PhrasesConfig, TaskConfig
+from ibe_rl.runtime.import_string import import_named, raised
+from ibe_rl.task import Phrases, Task
+from ibe_rl.types import Array, ConfigError
+
+SUCCESS = "success"
+"""The key in ``info`` of what a declared rule says."""
+ANY = "any"
+"""The context where none is declared."""
+
+DRAWN = ("background", "figure")
+
+
+def load_function(key: str, name: str) -> Callable[..., Any]:
+    """The function, or the object of a small class, that ``module:name`` names.
+
+    Raises:
+        ConfigError: if it is not there or cannot be called; ``key`` is the setting.
+    """
+    found = import_named(key, name, "module:function or module:class", made=True)
+    if not callable(found):
+        raise ConfigError(f"{key}={name}: allowed is what can be called, this is {type(found).__name__}")
+    called: Callable[..., Any] = found
+    return called
+
+
+class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
+    """An environment of which a config declares a task.
+
+    States come as float32, and ``info["success"]`` says at each step whether the episode has ended well.
+
+    Args:
+        env: with its time limit.
+        task: what was declared.
+        success: last state ``(S,)``, terminated, truncated to bool; None: ``info`` says it under the task's key, or
+            nobody does.
+        draw: functions of the environment to shapes, under "background" and "figure".
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        task: Task,
+        success: Callable[[Array, bool, bool], bool] | None = None,
+        draw: dict[str, Callable[[Any], Any]] | None = None,
+    ):
+        super().__init__(env)
+        self.task, self._success, self._draw = task, success, draw or {}
+        shape = env.observation_space.shape
+        self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """As the environment's."""
+        state, info = self.env.reset(seed=seed, options=options)
+        return np.asarray(state, np.float32), {**info, self.task.success_key: False}
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """As the environment's."""
+        raw, reward, terminated, truncated, info = self.env.step(action)
+        state = np.asarray(raw, np.float32)
+        if self._success is not None:
+            info = {**info, SUCCESS: bool(self._success(state, bool(terminated), bool(truncated)))}
+        elif self.task.success_key not in info:
+            info = {**info, self.task.success_key: False}
+        return state, float(reward), bool(terminated), bool(truncated), info
+
+    def background(self) -> list[Any]:
+        """What stands still in the drawing."""
+        return self._shapes("background")
+
+    def figure(self) -> list[Any]:
+        """What moves in the drawing."""
+        return self._shapes("figure")
+
+    def _shapes(self, part: str) -> list[Any]:
+        return list(self._draw[part](self.unwrapped)) if part in self._draw else []
+
+
+def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
+    """Make an environment one that declares a task.
+
+    Args:
+        env: with states in a ``Box`` of one dimension.
+        config: what is declared of it.
+
+    Raises:
+        ConfigError: naming the setting that cannot be, its value and what is allowed.
+    """
+    made: dict[str, Callable[..., Any]] = {
+        name: load_function(f"env.task.{name}", getattr(config, name)) for name in FUNCTIONS if getattr(config, name)
+    }
+    task = _task(env, config, made)
+    _try(env, task, config)
+    draw = {part: made[part] for part in DRAWN if part in made}
+    return Declared(env, task, made.get("success"), draw)
+
+
+def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str, Callable[..., Any]]) -> Task:
+    size = _state_size(env)
+    names = _names("state_names", config.state_names or [f"state_{i}" for i in range(size)], size)
+    units = _names("state_units", config.state_units or [""] * size, size, distinct=False)
+    unknown = [name for name in config.explained if name not in names]
+    if unknown or len(config.explained) != len(config.phrases) or not config.explained:
+        raise ConfigError(
+            f"env.task.explained={config.explained}: allowed are {len(config.phrases)} of {', '.join(names)}, one for "
+            "each entry of env.task.phrases"
+        )
+    for key in ("explained_band", "explained_range"):
+        numbers = getattr(config, key)
+        if (numbers or key == "explained_band") and (len(numbers) != len(config.explained) or min(numbers) <= 0):
+            raise ConfigError(f"env.task.{key}={numbers}: allowed are {len(config.explained)} numbers above 0")
+    contexts = config.contexts or [ANY]
+    if bool(config.contexts) != bool(config.context):
+        raise ConfigError(
+            f"env.task.context={config.context} with env.task.contexts={config.contexts}: allowed is both or neither"
+        )
+    return Task(
+        name=config.name,
+        state_names=names,
+        state_units=units,
+        rule=functions["rule"],
+        instruction_values=tuple(sorted(config.instruction_values)),
+        phrases=tuple(_phrases(one) for one in config.phrases),
+        context=functions.get("context", _anything),
+        contexts=tuple(contexts),
+        context_option=config.context_option or "",
+        success_key=SUCCESS if config.success else config.success_key or SUCCESS,
+        judges_success=bool(config.success or config.success_key),
+        explained=tuple(names.index(name) for name in config.explained),
+        explained_band=tuple(config.explained_band),
+        explained_range=tuple(config.explained_range),
+        max_episode_steps=_steps(env, config),
+        **{name: functions.get(name) for name in ("motion", "goal_offset", "first_contact", "scene_path")},
+        hidden_goal=dict(config.hidden_goal),
+        scene_size=(float(config.scene_size[0]), float(config.scene_size[1])),
+    )
+
+
+def _anything(_: Array) -> str:
+    return ANY
+
+
+def _state_size(env: gymnasium.Env[Any, Any]) -> int:
+    space = env.observation_space
+    if not isinstance(space, spaces.Box) or len(space.shape) != 1:
+        raise ConfigError(f"env.id={_id(env)}: its states are {space}; allowed is a Box with one dimension")
+    return space.shape[0]
+
+
+def _id(env: gymnasium.Env[Any, Any]) -> str:
+    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+
+
+def _names(key: str, names: Sequence[str], size: int, distinct: bool = True) -> tuple[str, ...]:
+    if len(names) != size or (distinct and len(set(names)) != size):
+        raise ConfigError(
+            f"env.task.{key}={list(names)}: allowed are {size}{' different' if distinct else ''} names, "
+            "one for each number of the state"
+        )
+    return tuple(names)
+
+
+def _phrases(config: PhrasesConfig) -> Phrases:
+    limits = list(config.degrees.values())
+    if limits != sorted(limits) or not limits:
+        raise ConfigError(f"env.task.phrases: degrees={dict(config.degrees)}: allowed are rising limits, at least one")
+    degrees = tuple((limit, f"{word} " if word else "") for word, limit in config.degrees.items())
+    try:
+        for words in (config.negative, config.positive):
+            words.format(degree="")
+    except (KeyError, IndexError, ValueError):
+        raise ConfigError(f"env.task.phrases: {words!r}: allowed in braces is {{degree}} only") from None
+    return Phrases(config.zero, config.negative, config.positive, degrees)
+
+
+def _steps(env: gymnasium.Env[Any, Any], config: TaskConfig) -> int:
+    registered = env.spec.max_episode_steps if env.spec is not None else None
+    if registered is None:
+        raise ConfigError(
+            f"env.task.max_episode_steps={config.max_episode_steps}: {_id(env)} is registered without a time limit, "
+            "so this has to say how many steps an episode has at most"
+        )
+    return int(registered)
+
+
+def _try(env: gymnasium.Env[Any, Any], task: Task, config: TaskConfig) -> None:
+    """Let the functions that are called from now on have a first state, so that their errors come now."""
+    state = np.asarray(env.reset(seed=0)[0], np.float32)
+    several, size = np.stack([state, state]), task.instruction_size
+    shapes = {"rule": (2, size), "motion": (2, size), "goal_offset": (2, size), "scene_path": (2, 2)}
+    for name in [name for name in shapes if getattr(config, name)]:
+        got = np.shape(_called(config, name, getattr(task, name), several))
+        if got != shapes[name]:
+            raise ConfigError(
+                f"env.task.{name}={getattr(config, name)}: for 2 states it gave an array of shape {got}; allowed is "
+                f"{shapes[name]}"
+            )
+    said = np.asarray(task.rule(several))
+    if not np.all(np.abs(said) <= 1):
+        raise ConfigError(f"env.task.rule={config.rule}: it said {said[0].tolist()}; allowed is -1 to 1")
+    about = _called(config, "context", task.context, state)
+    if about not in task.contexts:
+        raise ConfigError(
+            f"env.task.context={config.context}: it said {about!r}; allowed is one of {', '.join(task.contexts)}"
+        )
+
+
+def _called(config: TaskConfig, name: str, function: Callable[..., Any], given: Array) -> Any:
+    try:
+        return function(given)
+    except Exception as error:
+        raise ConfigError(f"env.task.{name}={getattr(config, name)}: it raised {raised(error)}") from None

@@ -1,0 +1,69 @@
+"""The lander told two numbers at once: which way to fall, and whether to fall faster or slower.
+
+The expert wants it to sink the more slowly the lower it is, and to stand still on the ground.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ibe_rl.envs.lander_task import LANDER_TASK, VY, X, Y, goal_offset, instruct, motion
+from ibe_rl.task import Phrases
+from ibe_rl.types import Array
+
+SPEED_AT_GROUND, SPEED_BY_HEIGHT = 0.08, 0.6
+"""The wanted sinking speed, in the units of vy (7.5 m/s): on the ground, and what each half height adds."""
+SPEED_TOLERANCE = 0.1
+"""Up to which, either way, the speed is as wanted."""
+
+
+def too_slow(states: Array) -> Array:
+    """States ``(..., 9)`` to how much more slowly ``(...)`` the lander sinks than the expert wants, in units of vy."""
+    return states[..., VY] + SPEED_AT_GROUND + SPEED_BY_HEIGHT * np.maximum(states[..., Y], 0)
+
+
+def instruct_both(states: Array) -> Array:
+    """Say which way to fall, and how fast.
+
+    Args:
+        states: ``(..., 9)``.
+
+    Returns:
+        ``(..., 2)`` float32: the lander's own rule; and -1 sink faster, +1 sink slower, 0 go on like this.
+    """
+    slow = too_slow(states)
+    speed = np.where(slow > SPEED_TOLERANCE, -1.0, np.where(slow < -SPEED_TOLERANCE, 1.0, 0.0))
+    return np.concatenate([instruct(states), speed.astype(np.float32)[..., None]], axis=-1)
+
+
+def motion_of_both(states: Array) -> Array:
+    """States ``(..., 9)`` to the changes ``(..., 2)`` of x and vy in one step, if the velocity stays what it is."""
+    return np.concatenate([motion(states), np.zeros_like(states[..., [VY]])], axis=-1)
+
+
+def offset_of_both(states: Array) -> Array:
+    """States ``(..., 9)`` to how far ``(..., 2)`` the pad's middle and the wanted velocity lie above x and vy."""
+    return np.concatenate([goal_offset(states), -too_slow(states)[..., None]], axis=-1)
+
+
+LANDER_SPEED_TASK = replace(
+    LANDER_TASK,
+    name="Lunar Lander, way and speed",
+    rule=instruct_both,
+    phrases=(
+        *LANDER_TASK.phrases,
+        Phrases(
+            zero="as fast as now",
+            negative="{degree}faster",
+            positive="{degree}slower",
+            degrees=((0.15, "slightly "), (0.4, "moderately "), (0.75, "")),
+        ),
+    ),
+    explained=(X, VY),
+    explained_band=(0.05, 0.1),
+    explained_range=(2.0, 1.0),
+    motion=motion_of_both,
+    goal_offset=offset_of_both,
+)

@@ -1,0 +1,243 @@
+"""From a gymnasium environment to what the collector steps: many copies as one TorchRL environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import Bounded, Composite, Unbounded
+from torchrl.envs import EnvBase
+from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
+
+from ibe_rl.config.settings import EnvConfig
+from ibe_rl.config.task import TaskConfig
+from ibe_rl.envs.declare import Declared, declare
+from ibe_rl.runtime.import_string import import_from_here
+from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.task import Shape, Task
+from ibe_rl.types import Array, ConfigError, Instructor, observe
+
+TRAINING_SEEDS = 2_000_000_000
+"""Seeds of training episodes are below it, those of all others are not."""
+
+
+def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None = None) -> gymnasium.Env[Any, Any]:
+    """Make one environment, with its time limit.
+
+    Args:
+        env_id: as gymnasium knows it; ``module:id`` for one that a module registers.
+        kwargs: of its constructor.
+        declared: what a config declares of it; None: the environment has a ``task``.
+
+    Raises:
+        ConfigError: if ``env_id`` is not registered, cannot be made, nobody declares a task, or it does not fit.
+    """
+    _check_registered(env_id)
+    limit = (
+        {}
+        if declared is None or declared.max_episode_steps is None
+        else {"max_episode_steps": declared.max_episode_steps}
+    )
+    try:
+        env = gymnasium.make(env_id, disable_env_checker=True, **limit, **kwargs)
+    except (TypeError, ValueError, AssertionError, ImportError, gymnasium.error.Error) as error:
+        raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
+    if declared is not None:
+        return declare(env, declared)
+    if not env.has_wrapper_attr("task") or not isinstance(task_of(env), Task):
+        raise ConfigError(
+            f"env.id={env_id}: it declares no task; allowed is an environment with an attribute task of type "
+            "ibe_rl.task.Task, or to declare it in env.task (docs/OWN_ENVIRONMENT.md)"
+        )
+    return env if env.observation_space.dtype == np.float32 else Declared(env, task_of(env))
+
+
+def _check_registered(env_id: str) -> None:
+    module, colon, name = env_id.rpartition(":")
+    if colon:
+        try:
+            import_from_here(module)
+        except Exception as error:
+            raise ConfigError(f"env.id={env_id}: {module} cannot be imported ({error})") from None
+    if name not in gymnasium.registry:
+        ours = ", ".join(known for known in gymnasium.registry if known.startswith("ibe_rl/"))
+        raise ConfigError(f"env.id={env_id}: not registered with gymnasium; of ours allowed are {ours}")
+
+
+def make_game(env: EnvConfig) -> gymnasium.Env[Any, Any]:
+    """As ``make_gym``, from the settings of an environment."""
+    return make_gym(env.id, env.kwargs, env.task)
+
+
+def task_of(env: gymnasium.Env[Any, Any]) -> Task:
+    """What is declared of the environment."""
+    task: Task = env.get_wrapper_attr("task")
+    return task
+
+
+def drawn(env: gymnasium.Env[Any, Any], part: str) -> list[Shape]:
+    """The "background" or the "figure" of an environment as it is now; empty if it cannot be drawn."""
+    return list(env.get_wrapper_attr(part)()) if env.has_wrapper_attr(part) else []
+
+
+class InstructedEnvs(EnvBase):
+    """Games that step together and are instructed together, one row each.
+
+    Writes ``state``, ``instruction``, ``instruction_given``, ``observation`` (all three, what the policy reads) and
+    ``success`` (``info`` at the task's success key) in reset and step alike. It leaves beginning anew to the
+    collector: nothing is lost at the end of an episode. One object for all, without gymnasium's vector environment
+    and TorchRL's transforms, which took a third of the time (docs/LOG.md).
+
+    Each episode has a seed of its own (``episode_seed``), so that it can be played again by itself.
+
+    Args:
+        games: environments of one kind that declare a task.
+        instructor: instructs all rows.
+        under_way: the episode of each row that the first reset takes up, instead of beginning anew.
+    """
+
+    def __init__(
+        self, games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor, under_way: Sequence[UnderWay] = ()
+    ):
+        super().__init__(batch_size=[len(games)])
+        self._games, self._instructor, self._task = games, instructor, task_of(games[0])
+        self._under_way, self._first_seed, self._begun = list(under_way), 0, [0] * len(games)
+        self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
+        self._said = np.zeros((len(games), self._task.instruction_size + 1), np.float32)
+        self._declare()
+
+    def _declare(self) -> None:
+        """Say which entries there are."""
+        rows, task, game = len(self._games), self._task, self._games[0]
+        state = torchrl_spec(game.observation_space, categorical_action_encoding=True)
+        flag = Unbounded(shape=(rows, 1), dtype=torch.bool)
+        self.observation_spec = Composite(
+            observation=Unbounded(shape=(rows, task.observation_size), dtype=torch.float32),
+            state=state.expand(rows, *state.shape),
+            instruction=Bounded(-1.0, 1.0, shape=(rows, task.instruction_size), dtype=torch.float32),
+            instruction_given=Bounded(0.0, 1.0, shape=(rows, 1), dtype=torch.float32),
+            success=flag,
+            shape=[rows],
+        )
+        action = torchrl_spec(game.action_space, categorical_action_encoding=True)
+        self.action_spec = action.expand(rows, *action.shape)
+        self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
+        self.done_spec = Composite(
+            {name: flag.clone() for name in ("done", "terminated", "truncated")},
+            shape=[rows],
+        )
+
+    def _set_seed(self, seed: int | None) -> None:
+        self._first_seed = episode_seed(0, 0) if seed is None else seed
+        self._begun = [0] * len(self._games)
+
+    def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
+        asked = None if tensordict is None else tensordict.get("_reset", None)
+        rows = np.ones(len(self._games), bool) if asked is None else asked.numpy().reshape(-1)
+        no = torch.zeros(len(self._games), 1, dtype=torch.bool)
+        fresh = self._take_up() if self._under_way else rows
+        for row in np.flatnonzero(fresh).tolist():
+            self._states[row] = self._begin(row)
+        self._instructor.reset(fresh)
+        return TensorDict(self._seen(rows) | {"success": no}, self.batch_size)
+
+    def _begin(self, row: int) -> Array:
+        """Begin the next episode of a game; returns its first state."""
+        seed = episode_seed(self._first_seed + row, self._begun[row])
+        self._begun[row] += 1
+        state: Array = self._games[row].reset(seed=seed)[0]
+        return state
+
+    def _take_up(self) -> Array:
+        """Play the episodes under way once more, as far as they had come, with the instructor listening.
+
+        Returns:
+            the rows ``(N,)`` that came out otherwise, or of which none was under way: they have to begin anew.
+        """
+        under_way, self._under_way = self._under_way, []
+        self._begun = [one.ended for one in under_way]
+        going = np.array([one.state is not None for one in under_way])
+        for row in np.flatnonzero(going).tolist():
+            self._states[row] = self._begin(row)
+        self._instructor.reset(going)
+        for step in range(max(len(one.actions) for one in under_way)):
+            playing = going & [step < len(one.actions) for one in under_way]
+            self._instructor.instruct(self._states, playing)
+            for row in np.flatnonzero(playing).tolist():
+                action = plain(under_way[row].actions[step])
+                self._states[row], _, terminated, truncated, _ = self._games[row].step(action)
+                going[row] = not (terminated or truncated)
+        same = [
+            one.state is not None and np.array_equal(state, one.state)
+            for state, one in zip(self._states, under_way, strict=True)
+        ]
+        return ~(going & same)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        actions = tensordict.get("action")
+        steps = [game.step(action) for game, action in zip(self._games, plain(actions.numpy()), strict=True)]
+        states, rewards, terminated, truncated, infos = zip(*steps, strict=True)
+        self._states = np.array(states, np.float32)
+        ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
+        success = [info[self._task.success_key] for info in infos]
+        entries = self._seen(~np.array(terminated)) | {
+            "reward": torch.tensor(rewards, dtype=torch.float32).unsqueeze(-1),
+            "terminated": ended[0],
+            "truncated": ended[1],
+            "done": ended.any(dim=0),
+            "success": torch.tensor(success).unsqueeze(-1),
+        }
+        return TensorDict(entries, self.batch_size)
+
+    def _seen(self, asked: Array) -> dict[str, torch.Tensor]:
+        """What the policy and IBE read of the present states, in memory of its own.
+
+        Only the rows ``(N,)`` that are ``asked`` for get a new instruction: the others had theirs for this state, or
+        have ended where nobody acts any more.
+        """
+        instruction, given = self._instructor.instruct(self._states, asked)
+        self._said = np.where(asked[:, None], np.concatenate([instruction, given], axis=1), self._said)
+        observation = torch.from_numpy(observe(self._states, self._said[:, :-1], self._said[:, -1:]))
+        state_end = self._states.shape[1]
+        return {
+            "observation": observation,
+            "state": observation[:, :state_end].clone(),
+            "instruction": observation[:, state_end:-1].clone(),
+            "instruction_given": observation[:, -1:].clone(),
+        }
+
+
+def plain(actions: Array) -> Any:
+    """Actions ``()`` or ``(N,)`` as plain ints, which games read faster; rows of numbers as they are."""
+    return actions.tolist() if actions.dtype.kind in "iu" else actions
+
+
+def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:
+    """Make ``count`` copies of an environment that step together, seeded ``seed`` to ``seed + count - 1``."""
+    return join([make_gym(env_id, kwargs) for _ in range(count)], instructor, seed)
+
+
+def join(
+    games: Sequence[gymnasium.Env[Any, Any]],
+    instructor: Instructor,
+    seed: int,
+    under_way: Sequence[UnderWay] = (),
+) -> EnvBase:
+    """Let environments step together, seeded ``seed`` and up; see ``InstructedEnvs``."""
+    env = InstructedEnvs(games, instructor, under_way)
+    env.set_seed(seed)
+    return env
+
+
+def episode_seed(row_seed: int, number: int) -> int:
+    """The seed of a training episode.
+
+    Args:
+        row_seed: of the environment that it is played in.
+        number: of episodes before it there.
+    """
+    return int(np.random.SeedSequence([row_seed, number]).generate_state(1, np.uint64)[0]) % TRAINING_SEEDS

@@ -1,0 +1,142 @@
+"""One episode in words: flown, explained step by step, and told as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from ibe_rl.collect.rollout import watch
+from ibe_rl.config.settings import ExplainConfig, GuestConfig
+from ibe_rl.evaluation import TrainedRun
+from ibe_rl.evaluation.advice import advice, lines_of, text_of
+from ibe_rl.evaluation.run_predictor import predictor_of
+from ibe_rl.explain.explainer import explain
+from ibe_rl.ibe import meaning_lines, phrase
+from ibe_rl.instructors import make_instructor, stand_in
+from ibe_rl.metrics import (
+    Verdict,
+    episode_scores,
+    in_one_line,
+    phrases_true,
+    share_true,
+    verdicts_of,
+    worst,
+    wrong_signs,
+)
+from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED
+from ibe_rl.task import Task, Watched
+from ibe_rl.types import Array, ConfigError, Explanation
+from ibe_rl.view import SILENCE, short
+
+NOT_TRUSTED = "(?)"
+
+
+def check_context(context: str | None, run: TrainedRun) -> None:
+    """Refuse a context that the run's environment does not have.
+
+    Raises:
+        ConfigError: naming those that it has, or that none can be asked for.
+    """
+    if context is not None and not run.task.context_option:
+        raise ConfigError(
+            f"context={context}: allowed is none, nothing fixes it in this environment (task.context_option)"
+        )
+    if context is not None and context not in run.task.contexts:
+        allowed = ", ".join(run.task.contexts)
+        raise ConfigError(f"context={context}: allowed is one of {allowed}, or none to draw one")
+
+
+def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
+    """Fly the episode, then explain its every step."""
+    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
+    voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
+    with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
+        said = explain(watched.moments, run.policy, predictor, voice)
+    return watched, said
+
+
+def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation], console: Console | None = None) -> None:
+    """Print what was said, one row for each stretch of steps with the same words."""
+    true = phrases_true(watched.episode, said, run.mapping, run.task.phrases)
+    verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
+    console = console or Console(highlight=False)
+    console.width = max(console.width, 110)
+    for line in _opening(run, verdicts):
+        console.print(line, markup=False)
+    console.print(_table(run, watched, said, true))
+    whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
+    if isinstance(run.config.agent, GuestConfig):
+        whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
+    console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}", markup=False)
+    if not all(span.trusted for one in said for span in one.all_spans):
+        console.print(f"{NOT_TRUSTED}: its predictor does not stand by a path that long.")
+
+
+def _opening(run: TrainedRun, verdicts: Sequence[Verdict]) -> list[str]:
+    """The verdict in plain words, on this episode or else on the last refresh, and what the words mean."""
+    refreshed = verdicts_of(run.scores_of_numbers, run.mapping.meanings, run.task)
+    untold = worst(verdicts).why == NOT_TOLD
+    lines = ["From this episode it cannot be told whether its words tell which way it goes."] if untold else []
+    judged = refreshed if untold and run.scores_of_numbers else verdicts
+    if not untold or run.scores_of_numbers:
+        lines += lines_of(text_of(judged, run), advice(judged, run))
+    if run.scores_of_numbers:
+        lines.append(f"At the last refresh, over many episodes, {in_one_line(refreshed)}.")
+    wrong = [] if worst(judged).level == REVERSED else wrong_signs(refreshed, run.mapping.meanings, run.task)
+    meanings = meaning_lines(run.mapping.meanings, run.task)
+    new = [line for line in meanings if not any(line in told for told in lines)]  # the verdict may have said it
+    return [*lines, *wrong, *new, ""]
+
+
+def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
+    """How much of what was really said went as predicted."""
+    spoken = np.array([one.known for one in said], bool)
+    if not spoken.any():
+        return "It said nothing"
+    at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
+    about = f"about its next {run.horizon_steps} steps went as predicted"
+    return f"{share_true(true[spoken]):.0%} of what it said{at} {about}"
+
+
+def _spoken(said: Explanation, task: Task) -> list[str]:
+    """What is said of each span of time, with a mark where the predictor does not stand by it to the end."""
+    spans = said.all_spans
+    words = short([one.said for one in spans], task.phrases)
+    return [text if one.trusted else f"{text} {NOT_TRUSTED}" for text, one in zip(words, spans, strict=True)]
+
+
+def _table(run: TrainedRun, watched: Watched, said: Sequence[Explanation], true: np.ndarray) -> Table:
+    episode, words = watched.episode, run.task.phrases
+    told = [
+        short([phrase(moment.instruction, words)], words)[0] if moment.given else SILENCE for moment in watched.moments
+    ]
+    outcome = "success" if episode.success else "no success"
+    table = Table(box=SIMPLE, title_justify="left", show_edge=False)
+    table.title = (
+        f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
+    )
+    ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
+    for column in ("steps", "is told", *ahead, "number", "sure", "as predicted"):
+        table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
+    spoken = [_spoken(each, run.task) for each in said]
+    for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
+        steps = list(group)
+        span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
+        table.add_row(span, instruction, *heard, *_figures([said[step] for step in steps], true[steps]))
+    return table
+
+
+def _figures(said: Sequence[Explanation], true: Array) -> tuple[str, str, str]:
+    """Number, how sure, and how much went as predicted, of what was said alike; "-" where that says nothing."""
+    meant = said[0].meant
+    numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
+    sure = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
+    share = share_true(true[[one.known for one in said]])
+    return numbers if meant else "-", sure, "-" if np.isnan(share) else f"{share:.0%}"

@@ -1,0 +1,62 @@
+"""A model of a person's habits, so that they need not be everywhere at once."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from sklearn.tree import DecisionTreeClassifier
+
+from ibe_rl.types import Array
+
+MAX_STEPS = 5_000
+"""The newest that the habits are learnt from."""
+MIN_STEPS = 100
+SILENCE = 2.0
+"""Stands for it among the instructions, which are at most 1."""
+
+
+class Habits:
+    """Says in each state what the person said in states like it, silence included.
+
+    A small decision tree, learnt anew after each episode: people decide by "is it too far left", and a tree can be
+    fitted between two frames. People react late, so what it learns is as late as they are.
+
+    Args:
+        instruction_size: d.
+    """
+
+    def __init__(self, instruction_size: int):
+        self._said: list[Array] = []  # what a class of the tree stands for
+        self._size, self._episodes = instruction_size, deque[tuple[Array, Array]]()
+        self._tree: DecisionTreeClassifier | None = None
+
+    def learn(self, states: Array, instructions: Array, given: Array) -> None:
+        """Take in an episode of the person's.
+
+        Args:
+            states: ``(T, S)``.
+            instructions: ``(T, d)``.
+            given: ``(T, 1)``.
+        """
+        self._episodes.append((states, np.where(given > 0, instructions, SILENCE)))
+        while sum(len(one) for one, _ in self._episodes) - len(self._episodes[0][0]) >= MAX_STEPS:
+            self._episodes.popleft()
+        seen, said = (np.concatenate(column) for column in zip(*self._episodes, strict=True))
+        if len(seen) < MIN_STEPS:
+            return
+        kinds, classes = np.unique(said, axis=0, return_inverse=True)
+        self._said = list(kinds)
+        tree = DecisionTreeClassifier(max_depth=8, min_samples_leaf=20, random_state=0)
+        self._tree = tree.fit(seen, classes.reshape(-1))
+
+    def reset(self, rows: Array) -> None:
+        """Nothing to forget."""
+
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
+        """See ``ibe_rl.types.Instructor``; silent before enough was learnt."""
+        if self._tree is None:
+            return np.zeros((len(states), self._size), np.float32), np.zeros((len(rows), 1), np.float32)
+        said = np.array(self._said, np.float32)[self._tree.predict(states)]
+        silent = (said == SILENCE).any(axis=1, keepdims=True)
+        return np.where(silent, 0.0, said).astype(np.float32), (~silent).astype(np.float32)

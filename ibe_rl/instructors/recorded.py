@@ -1,0 +1,135 @@
+"""A person's session on disk: one line of JSON for each episode, and the instructor that repeats it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.types import Array, ConfigError
+
+SPEAKERS = ("person", "held", "oracle", "nobody")
+"""Who says what is said at a step; "held" is what the person said before and that still counts, "oracle" the rule."""
+
+NO_EPISODE = "not an episode with instructions, given, by and heard"
+
+
+@dataclass(frozen=True)
+class RecordedEpisode:
+    """What was said at each step of an episode.
+
+    Attributes:
+        episode: 0, 1, 2 and so on.
+        instructions: of each step ``d`` numbers, 0 in silence.
+        given: of each step 1, or 0 in silence.
+        by: of each step one of ``SPEAKERS``.
+        heard: of each step the number of the newest press or release that counted in it, as the page numbered them.
+    """
+
+    episode: int
+    instructions: Sequence[Sequence[float]]
+    given: Sequence[int]
+    by: Sequence[str]
+    heard: Sequence[int]
+
+
+class LessonWriter:
+    """Writes episodes as they end, each to the disk before the next.
+
+    Args:
+        path: a new file.
+    """
+
+    def __init__(self, path: Path):
+        self._path = path
+
+    def write(self, episode: RecordedEpisode) -> None:
+        """Append an episode."""
+        with self._path.open("a") as stream:
+            stream.write(json.dumps(asdict(episode)) + "\n")
+
+
+def read_lesson(path: Path, instruction_size: int) -> list[RecordedEpisode]:
+    """Read a session; a last line that was cut off when the run was killed is left out.
+
+    Raises:
+        ConfigError: if the file cannot be read, or a line is not an episode.
+    """
+    try:
+        lines = path.read_text().split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: allowed is the record of a person's session ({error})") from None
+    return [_episode(line, number, instruction_size, path) for number, line in enumerate(lines[:-1])]
+
+
+def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
+    try:
+        episode = RecordedEpisode(**json.loads(line))
+        wrong = _wrong(episode, number, size)
+    except (ValueError, TypeError, RecursionError):
+        wrong = NO_EPISODE
+    if wrong:
+        raise ConfigError(f"{path}, line {number + 1}: {wrong}; allowed is what a person's session has left")
+    return episode
+
+
+def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
+    """What no session would have left; raises TypeError where it is of another kind altogether."""
+    columns = (episode.instructions, episode.given, episode.by, episode.heard)
+    if {type(column) for column in columns} != {list}:
+        return NO_EPISODE
+    if type(episode.episode) is not int or episode.episode != number:
+        return f"episode {episode.episode} instead of {number}"
+    if len({len(column) for column in columns}) > 1:
+        return "not the same number of steps of everything"
+    if not all(len(one) == size and all(map(_in_range, one)) for one in episode.instructions):
+        return f"an instruction is not {size} number(s) from -1 to 1"
+    if not all(type(one) is int and one in (0, 1) for one in episode.given):
+        return "given is neither 0 nor 1"
+    if any(any(said) and not given for said, given in zip(episode.instructions, episode.given, strict=True)):
+        return "an instruction in silence"
+    if not set(episode.by) <= set(SPEAKERS) or not all(type(one) is int for one in episode.heard):
+        return f"by is not one of {', '.join(SPEAKERS)}, or heard not a number"
+    return None
+
+
+def _in_range(value: Any) -> bool:
+    return type(value) in (int, float) and -1 <= value <= 1
+
+
+class Recorded:
+    """Instructs one agent as it was done in a session: the same at the same step of the same episode.
+
+    What comes after the end of the session, or of an episode in it, is silence.
+
+    Args:
+        episodes: of the session.
+        instruction_size: d.
+    """
+
+    def __init__(self, episodes: Sequence[RecordedEpisode], instruction_size: int):
+        self._said = [_table(one, instruction_size) for one in episodes]
+        self._episode, self._step, self._silence = -1, 0, np.zeros((1, instruction_size + 1), np.float32)
+
+    def reset(self, rows: Array) -> None:
+        """Go on to the next episode."""
+        if rows[0]:
+            self._episode, self._step = self._episode + 1, 0
+
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:  # noqa: ARG002 - the protocol's
+        """See ``ibe_rl.types.Instructor``."""
+        said = self._silence
+        if rows[0]:
+            told = self._said[self._episode] if 0 <= self._episode < len(self._said) else self._silence[:0]
+            said, self._step = told[self._step : self._step + 1], self._step + 1
+        said = said if len(said) else self._silence
+        return said[:, :-1].copy(), said[:, -1:].copy()
+
+
+def _table(episode: RecordedEpisode, size: int) -> Array:
+    instructions = np.array(episode.instructions, np.float32).reshape(-1, size)
+    return np.column_stack([instructions, np.array(episode.given, np.float32)]).astype(np.float32)

@@ -1,0 +1,56 @@
+"""Ports of this machine: which are free, and what to say where one is not."""
+
+from __future__ import annotations
+
+import socket
+
+from ibe_rl.types import ConfigError
+
+HOST = "127.0.0.1"
+"""What servers bind unless told otherwise."""
+
+
+def asked_port(key: str, port: int | None, other: int | None = None, host: str = HOST) -> int | None:
+    """Check a port that was asked for by its number; None passes.
+
+    Args:
+        key: of the setting.
+        port: its value.
+        other: one that is spoken for already.
+        host: to bind.
+
+    Raises:
+        ConfigError: if there is no such port or it is taken.
+    """
+    if port is None:
+        return None
+    allowed = "allowed is a free port from 1 to 65535, or null to choose one"
+    if not 1 <= port <= 65535:
+        raise ConfigError(f"{key}={port}: no such port, {allowed}")
+    if port == other or not is_free(port, host):
+        raise ConfigError(f"{key}={port}: taken, {allowed}")
+    return port
+
+
+def free_port(default: int, other: int | None = None, host: str = HOST) -> int:
+    """The ``default`` if it is free and not the ``other`` one, else any that is free."""
+    if default != other and is_free(default, host):
+        return default
+    with socket.create_server((host, 0), family=_family(host)) as probe:
+        found = int(probe.getsockname()[1])
+        return found if found != other else free_port(default, other, host)  # this one is held until then
+
+
+def is_free(port: int, host: str = HOST) -> bool:
+    """True if a server could listen on this port of this machine."""
+    with socket.socket(_family(host)) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError:
+            return False
+    return True
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET

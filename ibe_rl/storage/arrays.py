@@ -1,0 +1,67 @@
+"""Arrays on disk: opening one runs no code, and asks for no more than what is there."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ibe_rl.types import Array
+
+CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
+
+
+def make_array(path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> Array:
+    """Make a ``.npy`` file of zeros, mapped into memory, with all its room on the disk.
+
+    Raises:
+        OSError: if the disk has no room for it.
+    """
+    try:
+        array = np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
+        reserve(path)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    return array
+
+
+def reserve(path: Path) -> None:
+    """Take up the room of a whole file now: where a mapped file finds none later on, the system kills the process.
+
+    Raises:
+        OSError: if there is none; not where a file system cannot tell.
+    """
+    if not hasattr(os, "posix_fallocate"):
+        return
+    with path.open("r+b") as stream:
+        try:
+            os.posix_fallocate(stream.fileno(), 0, os.fstat(stream.fileno()).st_size)
+        except OSError as error:
+            if error.errno not in CANNOT_RESERVE:
+                raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def map_array(path: Path, mode: Literal["r", "r+"] = "r") -> Array:
+    """Map a whole ``.npy`` file into memory; ``r+`` writes through to it.
+
+    Raises:
+        OSError: for ``r+``, if the disk has no room for all of it.
+        ValueError: if it is missing, cut short, damaged, or holds anything that would have to run code.
+    """
+    try:
+        with np.errstate(over="raise"):
+            array: Array = np.load(path, mmap_mode="r", allow_pickle=False)
+        there, declared = path.stat().st_size, array.offset + array.nbytes  # type: ignore[attr-defined]  # a memmap
+        if there != declared:
+            raise ValueError(f"{there:,} bytes are there, its head declares {declared:,}")
+    except Exception as error:  # numpy raises a dozen types for damaged files
+        first = str(error).partition(". If you trust")[0].splitlines()[0][:200] if str(error) else type(error).__name__
+        raise ValueError(f"{path.name} is not a readable array ({first})") from None
+    if mode == "r+":  # only now: numpy fills up with zeros what is cut short, as long as it declares to be
+        reserve(path)
+        array = np.load(path, mmap_mode=mode, allow_pickle=False)
+    return array

@@ -1,0 +1,272 @@
+"""The folder of a run: its names, writing into it without losing anything, finding it again."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import json
+import math
+import os
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from io import FileIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import yaml
+
+from ibe_rl.types import ConfigError
+
+CONFIG = ".hydra/config.yaml"
+LOCK = ".hydra/lock"
+OVERRIDES = ".hydra/overrides.yaml"
+METRICS = "metrics.csv"
+SUMMARY = "summary.json"
+RECORDING = "recording.rrd"
+CHECKPOINTS = "checkpoints"
+TRAJECTORIES = "trajectories"
+REFRESHES = "refreshes"
+EVALUATION = "evaluation"
+CALIBRATION = "calibration.json"
+FIGURES = "figures"
+LESSON = "lesson.jsonl"
+REPLACED = "replaced"
+LONGEST_YAML, DEEPEST_YAML = 100_000, 500
+NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once", "runs_on")
+"""Settings that say nothing about a run when it is named after its settings."""
+
+
+def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Let ``write`` fill a file under another name, then put it in the place of ``path`` in one go.
+
+    Raises:
+        OSError: naming ``path``; what was there before is there still.
+    """
+    temporary = path.with_name(path.name + ".partial")
+    try:
+        with temporary.open("wb") as stream:
+            write(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    except Exception as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        failed = error if isinstance(error, OSError) else error.__context__  # torch raises another one on top
+        if isinstance(failed, OSError) and failed.errno:
+            raise OSError(failed.errno, failed.strerror, str(path)) from None
+        raise
+
+
+def write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write ``values`` atomically, readable for people too."""
+    text = json.dumps(values, indent=2, allow_nan=False) + "\n"
+    write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def read_json(path: Path) -> Any:
+    """Read values back.
+
+    Raises:
+        ValueError: if it is no JSON.
+        OSError: if it cannot be read.
+    """
+    try:
+        return json.loads(path.read_text())
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+def read_yaml(path: Path) -> Any:
+    """Read plain values back: no tags of other types, nothing that stands for more than is written.
+
+    Raises:
+        ValueError: if it is no such YAML.
+        OSError: if it cannot be read.
+    """
+    try:
+        text = path.read_text()
+        if len(text) > LONGEST_YAML or text.count("[") + text.count("{") > DEEPEST_YAML:
+            raise ValueError("longer, or nested more deeply, than settings are")  # the parser would take minutes
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+            raise ValueError("an alias (*) in it; allowed are plain values")
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f"no plain YAML: {' '.join(str(error).split())[:200]}") from None
+
+
+def read_overrides(path: Path) -> list[str]:
+    """The settings that a run was started with; none if that cannot be told."""
+    try:
+        given = read_yaml(path)
+    except (OSError, ValueError):
+        return []
+    return [one for one in given if isinstance(one, str)] if isinstance(given, list) else []
+
+
+def refuse_special_files(path: Path) -> None:
+    """Refuse a run's folder with a link in it, through which files elsewhere would be written, or a pipe, which hangs.
+
+    Raises:
+        ConfigError: naming it.
+    """
+    for found in path.rglob("*"):
+        with suppress(FileNotFoundError):  # a run that still trains replaces files
+            mode = found.lstat().st_mode
+            if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+                kind = "a link to another place" if stat.S_ISLNK(mode) else "neither a file nor a folder"
+                raise ConfigError(f"{found}: {kind}; allowed is a run folder of plain files")
+
+
+def create_run_folder(path: Path) -> Path:
+    """Make the folder of a new run, with the folders in it.
+
+    Raises:
+        ConfigError: if it holds a run already, or cannot be written to.
+    """
+    try:
+        if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
+            raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
+        for name in (CHECKPOINTS, TRAJECTORIES, REFRESHES, ".hydra"):
+            (path / name).mkdir(parents=True, exist_ok=True)
+        write_atomically(path / CONFIG, lambda stream: stream.write(b""))
+    except OSError as error:
+        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
+    return path
+
+
+@contextmanager
+def hold_folder(path: Path) -> Iterator[None]:
+    """Keep other trainings out of a run's folder; the system lets go of it, however the process ends.
+
+    Raises:
+        ConfigError: if another process holds it.
+    """
+    try:
+        lock = (path / LOCK).open("w")
+    except OSError as error:
+        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ConfigError(f"resume={path}: it is training; allowed is a run that has ended") from None
+        yield
+
+
+def is_run(path: Path) -> bool:
+    """True for a folder with a run's config in it."""
+    return (path / CONFIG).is_file()
+
+
+def find_run(run: str | None, below: Path) -> Path:
+    """Find the folder of a run.
+
+    Args:
+        run: its path; None takes the newest anywhere below ``below``.
+        below: where runs are looked for.
+
+    Raises:
+        ConfigError: if ``run`` is not a run, or there is none.
+    """
+    if run is not None:
+        if not is_run(Path(run)):
+            raise ConfigError(f"run={run}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
+        return Path(run)
+    runs = [config.parent.parent for config in below.glob(f"**/{CONFIG}") if is_run(config.parent.parent)]
+    if not runs:
+        raise ConfigError(f"run=null: there is no run below {below}; train one, or name one with run=DIR")
+    return max(runs, key=lambda path: (path / CONFIG).stat().st_mtime)
+
+
+class MetricsTable:
+    """``metrics.csv``: one row at a time, each on disk before the next; use as a context manager.
+
+    Args:
+        path: the file.
+        later: columns that the first row may lack; the others are the first row's.
+        until_frames: go on with the rows that the file has up to there; the others are dropped. None: a new file.
+    """
+
+    def __init__(self, path: Path, later: Iterable[str] = (), until_frames: int | None = None):
+        self._path, self._later = path, tuple(later)
+        self._rows = [] if until_frames is None else read_rows(path, until_frames=until_frames)
+        self._columns: list[str] = []
+        self._stream: FileIO | None = None
+
+    def __enter__(self) -> MetricsTable:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._stream is not None:
+            self._stream.close()
+
+    def write(self, row: Mapping[str, float]) -> None:
+        """Append a row; columns that it lacks stay empty.
+
+        Raises:
+            ValueError: for a name that is no column.
+            OSError: if the disk does not take it; the file ends with the row before.
+        """
+        if self._stream is None:
+            self._stream = self._begin(row)
+        line = _table([{name: _short(value) for name, value in row.items()}], self._columns)
+        append(self._stream, line, self._path)
+
+    def _begin(self, row: Mapping[str, float]) -> FileIO:
+        """Write the head and the rows before, in one go, with the columns of them all."""
+        self._columns = list(dict.fromkeys([*row, *self._later, *(self._rows[0] if self._rows else ())]))
+        write_rows(self._path, self._rows, self._columns)
+        self._rows = []
+        return self._path.open("ab", buffering=0)
+
+
+def append(stream: FileIO, data: bytes, path: Path) -> None:
+    """Write all of it at the end of a file, or nothing.
+
+    Raises:
+        OSError: naming ``path``.
+    """
+    before, left = os.fstat(stream.fileno()).st_size, memoryview(data)
+    try:
+        while left:
+            left = left[stream.write(left) :]
+    except OSError as error:
+        with suppress(OSError):
+            stream.truncate(before)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def read_rows(path: Path, above_frames: float = -1, until_frames: float = math.inf) -> list[dict[str, str]]:
+    """The rows of a ``metrics.csv`` between two frames, the first one excluded; a last one that was cut off is not.
+
+    Raises:
+        ConfigError: if it cannot be read.
+    """
+    try:
+        whole, _, _ = path.read_bytes().decode().rpartition("\n")
+        rows = csv.DictReader(io.StringIO(whole, newline=""))
+        return [row for row in rows if above_frames < int(row["frames"]) <= until_frames]
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+        raise ConfigError(f"{path}: not the readable table of a run ({error!r:.200})") from None
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, str]], columns: Iterable[str] = ()) -> None:
+    """Write a table in one go, by default with the columns of its first row."""
+    names = list(columns) or list(rows[0])
+    table = _table([dict(zip(names, names, strict=True)), *rows], names)
+    write_atomically(path, lambda stream: stream.write(table))
+
+
+def _table(rows: Iterable[Mapping[str, str]], columns: Sequence[str]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.DictWriter(text, columns, restval="").writerows(rows)
+    return text.getvalue().encode()
+
+
+def _short(value: float) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)

@@ -1,9 +1,0 @@
-"""A run as a rerun recording: what is drawn and said, and the file that it goes to."""
-
-from ibe_rl.stream.film import SILENCE
-from ibe_rl.stream.recorder import NoRecorder, Recorder
-from ibe_rl.stream.recording_file import set_back
-from ibe_rl.stream.run_recorder import RunRecorder
-from ibe_rl.stream.sentences import short
-
-__all__ = ["SILENCE", "NoRecorder", "Recorder", "RunRecorder", "set_back", "short"]

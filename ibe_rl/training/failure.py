@@ -1,0 +1,60 @@
+"""How a training ends that cannot go on: in one line that says what to do, with all that it has logged kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ibe_rl.config.command_line import own_configs
+from ibe_rl.storage.checkpoint import LATEST, load
+from ibe_rl.storage.run_folder import CHECKPOINTS
+from ibe_rl.types import ConfigError
+
+
+@contextmanager
+def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], int]) -> Iterator[None]:
+    """Keep what has been logged, and say how to go on, if what is done in here cannot.
+
+    What no user could do anything about stays the error that it is, with a note.
+
+    Args:
+        folder: of the run.
+        keep: brings to disk what is not there yet.
+        frames: that have been logged so far.
+
+    Raises:
+        ConfigError: in the place of a loss or weights that are no numbers, and of a file that cannot be written.
+    """
+    try:
+        yield
+    except ConfigError:
+        raise
+    except Exception as error:
+        with suppress(Exception):  # the disk may be full
+            keep()
+        if isinstance(error, FloatingPointError):
+            raise ConfigError(
+                f"learning from the frames after {frames():,} gave {error}, the training has ended; "
+                f"{how_to_go_on(folder)} with a smaller agent.learning_rate or agent.reward_scale"
+            ) from None
+        if isinstance(error, OSError) and _is_in(error.filename, folder):
+            raise ConfigError(
+                f"{error.filename} cannot be written ({error.strerror}), the training has ended at {frames():,} "
+                f"frames; make room, then {how_to_go_on(folder)}"
+            ) from None
+        error.add_note(f"What was logged is in {folder}; {how_to_go_on(folder)}")
+        raise
+
+
+def how_to_go_on(folder: Path) -> str:
+    """What to type to go on from the newest state of a run."""
+    try:
+        frames = load(folder / CHECKPOINTS / LATEST)["frames"]
+    except (ConfigError, KeyError, TypeError):
+        return "it has kept no state to go on from: train it anew"
+    return f"its state at {frames:,} frames is kept, go on from it: train.py {own_configs()}resume={folder}"
+
+
+def _is_in(filename: object, folder: Path) -> bool:
+    return isinstance(filename, str) and Path(filename).absolute().is_relative_to(folder.absolute())

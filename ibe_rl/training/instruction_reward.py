@@ -1,0 +1,157 @@
+"""Did the agent do what it was told? Extra reward for it, which fades out.
+
+The paper proposes to use what the agent has learnt of its instructor's words to learn faster. Here the change of the
+state over the last n steps is put on the instructor's scale and held against the instruction at the beginning of these
+steps. The weight falls to 0, and from there on the best policy is that of the environment's own reward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+
+from ibe_rl.config.settings import ObedienceConfig, TrainConfig
+from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError
+from ibe_rl.vocabulary.tracker import Development
+
+Judge = Callable[[Array], Array]
+"""Changes ``(W, S)`` of the state over n steps to what they mean ``(W, d)`` on the instructor's scale."""
+
+
+class Obedience:
+    """Adds ``extra_reward`` to batches.
+
+    Args:
+        config: see ``ObedienceConfig``.
+        horizon_steps: n; None as long as it has not been found, and nothing is judged.
+        judge: what there is to judge with now; None as long as there is nothing.
+    """
+
+    def __init__(
+        self, config: ObedienceConfig, horizon_steps: Callable[[], int | None], judge: Callable[[], Judge | None]
+    ):
+        self._config, self._horizon_steps, self._judge = config, horizon_steps, judge
+        self._before: dict[str, Array] | None = None
+
+    def add(self, batch: TensorDictBase, frames: int) -> dict[str, float]:
+        """Judge a batch ``[N, T]`` and reward it, in the environment's units, under ``("next", "extra_reward")``.
+
+        The step that ends n steps gets ``weight * (1 - |meaning - instruction|)``, between 1 and -1 times the weight
+        that is left; where nothing was said, or an episode is younger, 0.
+
+        Args:
+            batch: row i of every batch is the same environment, going on where it stopped.
+            frames: seen before this batch.
+
+        Returns:
+            Means over the judged steps for metrics.csv, nothing if there is no such reward at all.
+        """
+        if self._config.judge == "none":
+            return {}
+        weight = self._config.weight * max(0.0, 1 - frames / self._config.until_frames)
+        steps = self._horizon_steps()
+        if steps is None:
+            batch["next", "extra_reward"] = torch.zeros(*batch.shape, 1)
+            return {"obeyed": float("nan"), "extra_reward": 0.0}
+        start, delta, valid = self._windows(batch, steps)
+        judge = self._judge() if weight and valid.any() else None
+        agreement = np.zeros(valid.shape)
+        if judge is not None:
+            agreement[valid] = 1 - np.abs(judge(delta[valid]) - start["instruction"][valid]).max(axis=-1)
+        extra = torch.from_numpy(weight * agreement).float().unsqueeze(-1)
+        batch["next", "extra_reward"] = extra
+        mean = float(agreement[valid].mean()) if judge is not None else float("nan")
+        return {"obeyed": mean, "extra_reward": float(extra.mean())}
+
+    def state_dict(self) -> dict[str, Any]:
+        """The newest steps, which those to come are judged with, as arrays."""
+        return dict(self._before or {})
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        self._before = dict(state) or None
+
+    def _windows(self, batch: TensorDictBase, horizon_steps: int) -> tuple[dict[str, Array], Array, Array]:
+        """The steps that n steps begin with, the changes over these, and where both can be judged: ``(N, T, ...)``."""
+        now = {
+            "state": batch["state"].numpy(),
+            "instruction": batch["instruction"].numpy(),
+            "given": batch["instruction_given"].numpy()[..., 0] > 0,
+            "done": batch["next", "done"].numpy()[..., 0],
+        }
+        steps, back = now["done"].shape[1], horizon_steps - 1
+        before = self._before
+        if before is None or before["done"].shape[1] != back:  # it begins, or a horizon has been found anew
+            before = {name: _none(column, back) for name, column in now.items()}
+        whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
+        self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
+        start = {name: column[:, :steps] for name, column in whole.items()}
+        ends = np.pad(whole["done"].cumsum(axis=1), ((0, 0), (1, 0)))
+        unbroken = ends[:, back : back + steps] == ends[:, :steps]
+        return start, batch["next", "state"].numpy() - start["state"], unbroken & start["given"]
+
+
+def _none(like: Array, steps: int) -> Array:
+    """Steps before the first: nothing was said."""
+    return np.zeros((len(like), steps, *like.shape[2:]), like.dtype)
+
+
+def make_obedience(cfg: TrainConfig, task: Task, development: Development) -> Obedience:
+    """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for."""
+
+    def shortest() -> int | None:
+        return min(development.horizons_steps, default=None)
+
+    def oracle() -> Judge:
+        horizons = development.horizons_steps
+        return meant(task, min(horizons), horizons[0])
+
+    def learnt() -> Judge | None:
+        mapping = development.mapping_of(min(development.horizons_steps))
+        if mapping is None or not all(one.known for one in mapping.meanings):
+            return None
+        return mapping.express
+
+    return Obedience(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt)
+
+
+def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
+    """What changes mean to the instructor: the way each of the explained dimensions went.
+
+    Args:
+        task: of the environment.
+        horizon_steps: of the changes.
+        full_horizon_steps: that the task's band is declared for; over fewer steps it is narrower.
+    """
+    bands = [band * horizon_steps / full_horizon_steps for band in task.explained_band]
+
+    def judge(delta: Array) -> Array:
+        change = delta[:, task.explained]
+        return np.where(np.abs(change) > np.array(bands, delta.dtype), np.sign(change), 0.0)
+
+    return judge
+
+
+def check_obedience(cfg: TrainConfig) -> None:
+    """Refuse an extra reward that nothing could be judged for.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    asked = f"obedience.judge={cfg.obedience.judge}"
+    if cfg.obedience.judge == "none":
+        return
+    if cfg.instructor.kind == "silent":
+        raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
+    if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:
+        raise ConfigError(f"{asked} with refresh_every_frames=null: allowed is none or oracle, without a vocabulary")
+    if cfg.mapping.horizon_steps is None and cfg.refresh_every_frames is None:
+        raise ConfigError(
+            f"{asked} with refresh_every_frames=null and mapping.horizon_steps=null, which no refresh finds: "
+            "allowed is a number of steps"
+        )

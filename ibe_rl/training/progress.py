@@ -1,0 +1,132 @@
+"""What the person in front of the terminal sees: a bar while it runs, lines at refreshes, a table at the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from ibe_rl.config.command_line import installed, own_configs
+from ibe_rl.task import Task
+from ibe_rl.types import Array
+from ibe_rl.view import sentences
+from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.training_episodes import horizon_told
+
+
+class TrainingProgress:
+    """A progress bar over frames with rate, return, success and the last phrase; use as a context manager.
+
+    Args:
+        total_frames: where the bar ends.
+    """
+
+    def __init__(self, total_frames: int):
+        self._console = Console(highlight=False, soft_wrap=True)
+        self._bar = Progress(
+            BarColumn(bar_width=12),
+            TextColumn("{task.percentage:>3.0f}% {task.fields[rate]:,.0f} frames/s"),
+            TextColumn("return {task.fields[reward]:.0f} success {task.fields[success]:.0%}"),
+            TextColumn("“{task.fields[phrase]}”"),
+            TimeRemainingColumn(compact=True),
+            console=self._console,
+        )
+        self._total = total_frames
+        self._task = self._bar.add_task("", total=total_frames, rate=0.0, reward=float("nan"), success=0.0, phrase="…")
+
+    def __enter__(self) -> TrainingProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def batch(self, frames: int, frames_per_s: float, row: Mapping[str, float]) -> None:
+        """Move the bar; ``row`` is the row of metrics.csv."""
+        reward, success = row["train/return_mean"], row["train/success_rate"]
+        shown = min(frames, self._total)
+        self._bar.update(self._task, completed=shown, rate=frames_per_s, reward=reward, success=success)
+
+    def say(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._console.print(line, markup=False)
+
+    def say_all(self, lines: Iterable[str]) -> None:
+        """Print lines above the bar."""
+        for line in lines:
+            self.say(line)
+
+    def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float, task: Task) -> None:
+        """Report a refresh and what the watched episode ended on."""
+        self._bar.update(self._task, phrase=phrase)
+        done = f"refresh {number}" if refresh.taken else f"refresh {number} stays"
+        numbers = [" ".join(f"{value:+.2f}" for value in column) for column in refresh.standing.expressions.T]
+        episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
+        windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
+        self.say(
+            f"{done} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
+            f"{windows}instruction {_counts(refresh.windows_by_instruction)})\n"
+            f"  expressions {' | '.join(numbers)}; {as_predicted(came_true)}\n"
+            f"  {'; '.join(sentences.moved(refresh)) or 'the first vocabulary'}"
+        )
+        self.say_all(f"  {line}" for line in sentences.worth(refresh, task))
+
+    def horizon(self, refresh: Refresh) -> None:
+        """Say once how far ahead is explained, where that was found and not set."""
+        if refresh.horizon_found:
+            self.say(horizon_told(refresh.top.horizon_steps))
+
+    def skipped(self, frames: int, reason: str) -> None:
+        """Report a refresh that could not be made."""
+        self.say(f"refresh skipped at {frames:,} frames: {reason}")
+
+
+def as_predicted(share: float) -> str:
+    """How much of what was said of a watched episode went as predicted."""
+    if math.isnan(share):
+        return "it could say nothing of the watched episode"
+    return f"{share:.0%} of what it said of the watched episode went as predicted"
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count:,}" for name, count in counts.items())
+
+
+def closing_table(summary: Mapping[str, Any]) -> None:
+    """Print the summary of a run as a table."""
+    table = Table("what", "value", title="the run in numbers")
+    for key in ("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"):
+        table.add_row(key, f"{summary[key]:,.3g}" if isinstance(summary[key], float) else f"{summary[key]:,}")
+    for key in ("refreshes_kept", "refreshes_skipped"):
+        table.add_row(key, f"{summary[key]:,}")
+    for name, seconds in summary["time_s"].items():
+        table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
+    Console().print(table)
+    for line in summary["notes"]:
+        Console(highlight=False, soft_wrap=True).print(f"note: {line}", markup=False)
+
+
+def recent_mean(values: Array, count: int) -> float:
+    """Mean of the newest ``count`` of ``values``; not a number while there is none."""
+    return float(np.mean(values[-count:])) if len(values) else float("nan")
+
+
+def how_to_open(folder: Path, in_sweep: bool) -> list[str]:
+    """How to look at a run again."""
+    python = installed("python")
+    beside = [f"  beside the others:    {python} -m ibe_rl.viewer {folder.parent}"] if in_sweep else []
+    return [
+        f"the run is in {folder}",
+        f"  look at it again:     {python} -m ibe_rl.viewer {folder}",
+        *beside,
+        f"  one episode in words: {python} explain.py {own_configs()}run={folder}",
+    ]

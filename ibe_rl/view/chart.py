@@ -1,0 +1,114 @@
+"""One refresh in charts: its clusters, their expressions, and what they were learnt from."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from ibe_rl.metrics.histogram import bin_edges, densities
+from ibe_rl.task import Task
+from ibe_rl.types import Array
+from ibe_rl.view import palette as colours
+from ibe_rl.view import picture
+
+if TYPE_CHECKING:
+    from ibe_rl.vocabulary.refresh import Refresh
+
+HEIGHT = 0.45
+"""Of the scatter in units of its half width, for a panel that is broader than high."""
+
+
+def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, shown: Collection[int] = ()) -> None:
+    """Draw a vocabulary that was just learnt; clusters that are ``shown`` and no more in it go."""
+    log_clusters(recording, task, refresh)
+    for number in range(task.instruction_size):
+        bars, lines = (picture.entity(task, root, number) for root in ("expression", "development"))
+        for name in sorted(set(shown) - set(refresh.mapping.ids.tolist())):
+            recording.log(f"{bars}/{name}", rr.Clear(recursive=False))
+            recording.log(f"{lines}/{name}", rr.Scalars(np.nan))  # the line ends
+        log_expressions(recording, task, refresh, number)
+        log_changes(recording, task, refresh, number)
+
+
+def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) -> None:
+    """Draw windows of the best episodes, coloured by what they express, and the clusters.
+
+    With several numbers the axes are the dimensions that the first two speak of.
+    """
+    mapping, delta = refresh.mapping, picture.sample(refresh.top)
+    first, *others = task.explained
+    across = picture.axis(task, first, delta, symmetric=True)
+    second = others[0] if others else picture.second_dimension(mapping, first, delta)
+    up = picture.axis(task, second, delta, symmetric=False)
+    log_axes(recording, across, up)
+    shades = colours.of_expressions(mapping.express(delta))
+    points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
+    recording.log("vocabulary/windows", rr.Points2D(points, colors=shades, radii=size))
+    labels = [f"#{name} {value:+.2f}" for name, value in zip(mapping.ids, mapping.expressions[:, 0], strict=True)]
+    if others:  # no room for all of their numbers
+        labels = [f"#{name}" for name in mapping.ids]
+    log_centres(recording, scatter(across, up, mapping.centre_changes()), colours.of_clusters(mapping.ids), labels)
+
+
+def scatter(across: picture.Axis, up: picture.Axis, delta: Array) -> Array:
+    """Changes ``(W, S)`` to points ``(W, 2)`` of the scatter, y down."""
+    x, y = (axis.place(delta[:, axis.dimension]) for axis in (across, up))
+    return np.stack([x, -HEIGHT * y], axis=-1).astype(np.float32)
+
+
+def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Axis) -> None:
+    """Draw the axes of the scatter, and its marks and titles along the bottom and the left edge."""
+    h = HEIGHT
+    zero = -h * float(up.place([0.0])[0])
+    lines = [[(-1, zero), (1, zero)], [(0, -h), (0, h)], [(-1, -h), (-1, h), (1, h)]]
+    axes = rr.LineStrips2D(lines, colors=[colours.AXIS], radii=rr.Radius.ui_points(0.5))
+    recording.log("vocabulary/axes", axes)
+    marks = [((x, h), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)]
+    marks += [((-1.0, -h * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
+    marks += [((0.6, h + 0.15), f"→ {across.title}"), ((-0.6, h + 0.15), f"↑ {up.title}")]
+    places, labels = zip(*marks, strict=True)
+    dots = rr.Points2D(places, labels=labels, colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
+    recording.log("vocabulary/marks", dots)
+
+
+def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, labels: Sequence[str]) -> None:
+    """Draw the centres ``(k, 2)`` of the clusters, their names in two rows above, with lines between."""
+    size = rr.Radius.ui_points(6)
+    recording.log("vocabulary/centres", rr.Points2D(points, colors=shades, radii=size, draw_order=60.0))
+    places = picture.label_rows(points, -HEIGHT - 0.16)
+    leaders = rr.LineStrips2D(np.stack([places, points], axis=1), colors=shades, radii=rr.Radius.ui_points(0.4))
+    recording.log("vocabulary/leaders", leaders)
+    names = rr.Points2D(places, colors=shades, labels=labels, radii=rr.Radius.ui_points(2), show_labels=True)
+    recording.log("vocabulary/names", names)
+
+
+def log_expressions(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:
+    """Draw one number of each cluster's expression: as a bar, and as the next point of the cluster's line.
+
+    Every cluster has a place of its own, by its lasting id, and keeps its colour.
+    """
+    mapping = refresh.mapping
+    values = mapping.expressions[:, number].tolist()
+    for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), values, strict=True)):
+        colour = colours.of_clusters(np.array([name]))[0]
+        bar = rr.BarChart([value], abscissa=[rank], widths=[0.9], color=[*colour.tolist(), 255])
+        recording.log(f"{picture.entity(task, 'expression', number)}/{name}", bar)
+        line = rr.SeriesLines(colors=[colour], names=[f"#{name}"], widths=[2])
+        points = rr.SeriesPoints(colors=[colour], names=[f"#{name}"], marker_sizes=[3])
+        development = f"{picture.entity(task, 'development', number)}/{name}"
+        recording.log(development, line, points, static=True)
+        recording.log(development, rr.Scalars(value))
+
+
+def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:
+    """Draw how an explained dimension changed in the best and in other episodes (the paper's histograms)."""
+    best, others = (windows.delta[:, task.explained[number]] for windows in (refresh.top, refresh.others))
+    edges = bin_edges(np.concatenate([best, others]))
+    middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges).astype(np.float32)
+    drawn = picture.cut(densities([best, others], edges))
+    for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.OTHERS), strict=True):
+        chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
+        recording.log(f"{picture.entity(task, 'change', number)}/{name}", chart)

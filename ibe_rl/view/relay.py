@@ -1,0 +1,263 @@
+"""Serve a recording live in rerun's web viewer while it grows, from a process of its own that a ``Relay`` starts.
+
+The trainer writes a file; the relay follows that file and pipes it into the rerun server. Whatever hangs or
+dies on the way to the browser, the trainer is not waiting for it. ``python -m ibe_rl.viewer`` opens runs by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import getpass
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Self
+from urllib.parse import quote
+
+from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free
+from ibe_rl.runtime.workers import ending
+from ibe_rl.view.server import HANG_S, POLL_S, Server
+
+GRPC_PORT, WEB_PORT = 9876, 9090
+CHUNK_BYTES = 1 << 18
+DRAIN_S = 2.0
+"""How long the rest of the recording may take to reach the server once the relay is asked to end."""
+News = Callable[[], list[str]]
+"""What there is to say of the live view, each line once."""
+LOG = "viewer.log"
+SAYS = "relay: "
+"""What a line of ``LOG`` begins with that the trainer is to pass on."""
+
+
+@dataclass(frozen=True)
+class Ports:
+    """The two ports of the live view: ``grpc`` carries the data, ``web`` the page.
+
+    ``moved`` names the defaults that were taken and what is used instead.
+    """
+
+    grpc: int
+    web: int
+    moved: tuple[tuple[int, int], ...] = ()
+
+
+def choose_ports(grpc_port: int | None, web_port: int | None) -> Ports:
+    """Decide on both ports.
+
+    Args:
+        grpc_port: None for 9876, or a free one if that is taken.
+        web_port: None for 9090, or a free one if that is taken.
+
+    Raises:
+        ConfigError: if a port asked for by its number is taken or none at all, or both are the same.
+    """
+    grpc = asked_port("viewer.grpc_port", grpc_port)
+    web = asked_port("viewer.web_port", web_port, other=grpc)
+    chosen_grpc = grpc or free_port(GRPC_PORT, other=web)
+    chosen_web = web or free_port(WEB_PORT, other=chosen_grpc)
+    pairs = ((GRPC_PORT, chosen_grpc, grpc), (WEB_PORT, chosen_web, web))
+    return Ports(chosen_grpc, chosen_web, tuple((a, b) for a, b, asked in pairs if asked is None and a != b))
+
+
+def rerun_binary() -> Path:
+    """Find the viewer itself; the ``rerun`` on the path is a script around it that would leave it orphaned.
+
+    Raises:
+        RuntimeError: if it is not installed.
+    """
+    package = find_spec("rerun_cli")
+    binary = Path(package.origin).parent / "rerun" if package and package.origin else None
+    if binary is None or not binary.exists():
+        raise RuntimeError("the rerun viewer is not installed: pip install rerun-sdk")
+    return binary
+
+
+def invitation(ports: Ports) -> str:
+    """What to tell the person who wants to look: the address, how to reach it from elsewhere, and ports that moved."""
+    lines = [f"live view: {page(ports)}", f"  from another machine, forward it first: {port_forward(ports)}"]
+    lines += [f"  port {default} is taken, so this is on {port}" for default, port in ports.moved]
+    return "\n".join(lines)
+
+
+def page(ports: Ports) -> str:
+    """The address to open in a browser on this machine."""
+    data = quote(f"rerun+http://{HOST}:{ports.grpc}/proxy", safe="")
+    return f"http://{HOST}:{ports.web}/?url={data}&hide_welcome_screen=1&theme=dark"
+
+
+def port_forward(ports: Ports) -> str:
+    """The command that makes ``page`` work on another machine; both numbers must stay the same there."""
+    forwards = " ".join(f"-L {port}:{HOST}:{port}" for port in (ports.web, ports.grpc))
+    return f"ssh {forwards} {getpass.getuser()}@{socket.gethostname()}"
+
+
+class Relay:
+    """The trainer's side: a process that serves ``recording`` until it is closed or the trainer is gone.
+
+    Args:
+        recording: the file, which may not be there yet.
+        ports: from ``choose_ports``.
+
+    Raises:
+        RuntimeError: if the viewer is not installed or the process cannot be started.
+    """
+
+    def __init__(self, recording: Path, ports: Ports) -> None:
+        rerun_binary()
+        self._recording, self._told = recording, False
+        numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
+        command = [sys.executable, "-m", "ibe_rl.view.relay", str(recording), *numbers]
+        try:
+            with (recording.parent / LOG).open("wb") as log:
+                self._process = subprocess.Popen(  # noqa: S603 - our own module
+                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+                )  # in a session of its own, so that Ctrl-C reaches the trainer only
+        except OSError as error:
+            raise RuntimeError(f"the live view cannot be started: {error}") from error
+
+    def alive(self) -> bool:
+        """True while the recording is served."""
+        return self._process.poll() is None
+
+    def news(self) -> list[str]:
+        """A line the first time that nobody can watch any more, and never again; waits for nothing."""
+        trouble = None if self._told else self._trouble()
+        if trouble is None:
+            return []
+        self._told = True
+        again = f"{sys.executable} -m ibe_rl.viewer {self._recording.parent}"
+        return [
+            f"warning: the live view has ended: {trouble}; training goes on and the recording is written all the "
+            f"same, look at it with: {again}"
+        ]
+
+    def _trouble(self) -> str | None:
+        if not self.alive():
+            return self._said() or f"its process has ended ({ending(self._process.returncode)})"
+        if os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT):
+            return "its process has been stopped"
+        return self._said()
+
+    def _said(self) -> str | None:
+        """The last line that the relay has left for the trainer."""
+        try:
+            with (self._recording.parent / LOG).open("rb") as log:
+                log.seek(max(0, log.seek(0, os.SEEK_END) - 4096))
+                lines = log.read().decode(errors="replace").splitlines()
+        except OSError:
+            return None
+        return next((line.partition(SAYS)[2] for line in reversed(lines) if SAYS in line), None)
+
+    def close(self) -> None:
+        """Serve what is written so far, then end; a second call does nothing."""
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=2 * DRAIN_S + 2)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _say(line: str) -> None:
+    """Leave a line for the trainer, or for whoever started the relay."""
+    sys.stderr.write(f"{SAYS}{line}\n")
+    sys.stderr.flush()
+
+
+class _Stop:
+    """Asked to end by a signal, or because the parent is gone."""
+
+    def __init__(self, parent: int | None) -> None:
+        self._parent = parent
+        self._asked_at: float | None = None
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._ask)
+
+    def _ask(self, *_: object) -> None:
+        self._asked_at = self._asked_at or time.monotonic()
+
+    def now(self, behind: bool) -> bool:
+        """True when it is time to end; while the server is ``behind`` it gets ``DRAIN_S`` more."""
+        if self._parent is not None and os.getppid() != self._parent:
+            return True
+        return self._asked_at is not None and not (behind and time.monotonic() - self._asked_at < DRAIN_S)
+
+
+def relay(recording: Path, ports: Ports, stop: _Stop) -> int:
+    """Feed a recording to a server until asked to stop; returns the exit status, 1 if there is no server."""
+    while not recording.exists():
+        if stop.now(behind=False):
+            return 0
+        time.sleep(POLL_S)
+    if taken := [port for port in (ports.grpc, ports.web) if not is_free(port)]:
+        _say(f"port {taken[0]} was free, but is taken now")  # the server would go on without it and say nothing
+        return 1
+    address = ["--bind", HOST, "--port", str(ports.grpc), "--web-viewer-port", str(ports.web)]
+    server = Server([str(rerun_binary()), "-", "--serve-web", *address, "--server-memory-limit", "512MiB"])
+    try:
+        follow(recording, server, stop)
+        if server.alive():
+            return 0
+        _say(f"the viewer's server has ended ({server.ending()})")
+        return 1
+    finally:
+        server.stop()
+
+
+def follow(recording: Path, server: Server, stop: _Stop) -> None:
+    """Pass on what is in the file, then what is added to it; never more of it in memory than ``CHUNK_BYTES``."""
+    pending, told = b"", False
+    with recording.open("rb") as file:
+        while server.alive():
+            pending = pending or file.read(CHUNK_BYTES)
+            if stop.now(behind=bool(pending)):
+                return
+            if not told and server.hangs():
+                told = True
+                _say(f"the viewer's server hangs, it has taken nothing for {HANG_S:.0f} s")
+            if pending:
+                pending = server.feed(pending)
+            else:
+                time.sleep(POLL_S)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Be the process that a ``Relay`` started."""
+    parser = argparse.ArgumentParser(
+        prog="python -m ibe_rl.view.relay",
+        description="Started by the trainer; to open a run: python -m ibe_rl.viewer RUN",
+    )
+    parser.add_argument("recording", type=Path)
+    for number in ("--grpc-port", "--web-port", "--parent"):
+        parser.add_argument(number, type=int, required=True)
+    asked = parser.parse_args(arguments)
+    return relay(asked.recording, Ports(asked.grpc_port, asked.web_port), _Stop(asked.parent))
+
+
+def serve_live(recording: Path, ports: Ports, owned: ExitStack, say: Callable[[str], None]) -> News:
+    """Start the process that serves the recording while it grows; without it training goes on all the same."""
+    try:
+        relay = owned.enter_context(Relay(recording, ports))
+    except RuntimeError as reason:
+        say(f"warning: no live view, the recording is written all the same: {reason}")
+        return list
+    say(invitation(ports))
+    return relay.news
+
+
+if __name__ == "__main__":
+    sys.exit(main())

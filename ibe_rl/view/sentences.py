@@ -1,0 +1,144 @@
+"""From refreshes and explanations to what the view says of them in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as Dict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ibe_rl.ibe import ClusterMapping, meaning_lines, phrase, sayable
+from ibe_rl.metrics import in_one_line, wrong_signs
+from ibe_rl.task import Phrases, Task
+from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
+
+if TYPE_CHECKING:
+    from ibe_rl.vocabulary.refresh import Refresh
+
+
+def shared_words(words: Sequence[Phrases]) -> int:
+    """How many words all phrases of a language begin with; they can be left out where room is short.
+
+    >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
+    1
+    """
+    spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
+    shared = 0
+    while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
+        shared += 1
+    return shared
+
+
+def shortener(words: Sequence[Phrases]) -> Callable[[str], str]:
+    """From a phrase to the same without the words that all of the language begin with."""
+    shared = shared_words(words)
+    return lambda said: said if said in (DOES_NOT_KNOW, CANNOT_TELL) else " ".join(said.split()[shared:])
+
+
+def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
+    """Phrases without the words that all of the language begin with."""
+    return [*map(shortener(words), phrases)]
+
+
+def counts(of: Dict[str, int]) -> str:
+    """Names and numbers in one line.
+
+    >>> counts({"left": 1200, "right": 3})
+    'left: 1,200, right: 3'
+    """
+    return ", ".join(f"{name}: {number:,}" for name, number in of.items())
+
+
+def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | None = None) -> str:
+    """The clusters as a markdown table with what each was called before; the one just spoken marked."""
+    rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
+    mapping, before = refresh.standing, phrases_before(refresh, words)
+    for row, (name, now) in enumerate(phrases_of(mapping, words).items()):
+        number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
+        then = before.get(name, "new") if before else now
+        cells = [f"#{name}", number, now, "" if then == now else then, f"{mapping.sizes[row]:,.0f}"]
+        if name == spoken:
+            cells = [f"**{cell}**" if cell else cell for cell in (f"→ #{name}", *cells[1:])]
+        rows.append("| " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
+    """What the clusters are called, in short, by their ids; no word whose meaning is not known."""
+    known = sayable(mapping.expressions, mapping.meanings)
+    said = [phrase(one, words) if can else CANNOT_TELL for one, can in zip(mapping.expressions, known, strict=True)]
+    phrases = short(said, words)
+    return dict(zip(mapping.ids.tolist(), phrases, strict=True))
+
+
+def phrases_before(refresh: Refresh, words: Sequence[Phrases]) -> dict[int, str]:
+    """What the clusters were called before a refresh that was taken; empty if nothing was before."""
+    return phrases_of(refresh.change.last, words) if refresh.change is not None and refresh.taken else {}
+
+
+def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
+    """What became of the clusters, one line for each that emerged, vanished or is called something else now."""
+    change, before = refresh.change, phrases_before(refresh, words)
+    if change is None or not refresh.taken:
+        return []
+    now = phrases_of(refresh.mapping, words)
+    lines = [f"#{name} emerged: {now[name]}" for name in change.transition.emerged]
+    lines += [f"#{name} vanished: {before[name]}" for name in change.transition.vanished]
+    renamed = [name for name in change.transition.survived if before[name] != now[name]]
+    return lines + [f"#{name} was {before[name]}, is {now[name]}" for name in renamed]
+
+
+def moved(refresh: Refresh) -> list[str]:
+    """What moved since the refresh before; nothing at the first one."""
+    change = refresh.change
+    if change is None:
+        return []
+    acts = f"it acts otherwise in {change.policy_drift:.0%} of the probed states"
+    words = f"{change.drift.phrase_changed:.0%} of the probed windows are called something else"
+    told = not math.isnan(change.staleness)
+    stale = f"staleness of the words before: {change.staleness:+.3f}" if told else "their staleness cannot be told"
+    return [acts, words, stale] if refresh.taken else [acts, f"{stale}, so they stay"]
+
+
+def worth(refresh: Refresh, task: Task) -> list[str]:
+    """Whether the words that stand tell the way, what they are known to mean, and what is declared wrongly."""
+    verdicts, meanings = refresh.verdicts(task), refresh.standing.meanings
+    return [in_one_line(verdicts), *meaning_lines(meanings, task), *wrong_signs(verdicts, meanings, task)]
+
+
+def standing(refresh: Refresh, task: Task, spoken: int | None) -> str:
+    """A vocabulary, what it is worth, what moved, and what it stands on, in markdown."""
+    since = f"Since {refresh.change.since_frame:,} frames {'; '.join(moved(refresh))}.\n\n" if refresh.change else ""
+    known = "  \n".join(worth(refresh, task))
+    table = f"{vocabulary_table(refresh, task.phrases, spoken)}\n\n{known}\n\n{since}"
+    if not refresh.taken:  # what follows is of the one that was not taken
+        return table
+    return (
+        f"{table}Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
+        f"{counts(refresh.episodes_by_context)}  \n"
+        f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
+        f"by instruction: {counts(refresh.windows_by_instruction)}"
+    )
+
+
+def said_lines(instructed: str, explanation: Explanation) -> str:
+    """What both say at one step, in markdown."""
+    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
+    shown = f" ({number})" if explanation.meant else ""
+    sure = f", confidence {explanation.confidence:.0%}" if explanation.meant and explanation.calibrated else ""
+    return f"Instructor: **{instructed}**  \nAgent: **{explanation.in_time()}**{shown}{sure}"
+
+
+def judged(steps_ago: int, said: str, happened: str) -> str:
+    """What was said of the time up to now, and whether it went as predicted.
+
+    Of what no word was said of, only that is told.
+    """
+    if said == CANNOT_TELL:
+        return f"{steps_ago} steps ago it could not tell"
+    outcome = "it did" if said == happened else f"it was {happened}"
+    if happened == CANNOT_TELL:
+        outcome = "it did something else, which it has no known word for"
+    return f"said {steps_ago} steps ago: {said}: {outcome}"

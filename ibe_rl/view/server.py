@@ -1,0 +1,77 @@
+"""The process of a viewer's server as the relay sees it: fed through a pipe, alive, hanging or ended."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import subprocess
+import sys
+import termios
+import time
+
+from ibe_rl.runtime.signals import killed_with_parent
+from ibe_rl.runtime.workers import ending
+
+POLL_S = 0.1
+HANG_S = 8.0
+"""A server that has taken nothing for so long, of what waits for it, is said to hang."""
+
+
+class Server:
+    """A process that is fed through its standard input, never waiting for it, and dies with this one.
+
+    Args:
+        command: of the process.
+    """
+
+    def __init__(self, command: list[str]) -> None:
+        self._process = subprocess.Popen(  # noqa: S603 - the installed viewer
+            command,
+            stdin=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,
+            env=os.environ | {"RUST_LOG": "warn"},
+            preexec_fn=killed_with_parent(),  # also if the relay is killed
+        )
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+        self._given = self._taken = 0
+        self._taken_at = time.monotonic()
+
+    def alive(self) -> bool:
+        """True while it runs."""
+        return self._process.poll() is None
+
+    def ending(self) -> str:
+        """How it has ended."""
+        return ending(self._process.returncode)
+
+    def hangs(self) -> bool:
+        """True if it has taken nothing for ``HANG_S`` of what waits for it in the pipe."""
+        waiting = int.from_bytes(fcntl.ioctl(self._pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
+        taken, now = self._given - waiting, time.monotonic()
+        if not waiting or taken > self._taken:
+            self._taken, self._taken_at = taken, now
+        return now - self._taken_at > HANG_S
+
+    def feed(self, data: bytes) -> bytes:
+        """Hand over what the server takes within a moment; returns the rest."""
+        if not select.select([], [self._pipe], [], POLL_S)[1]:
+            return data
+        try:
+            given = os.write(self._pipe, data)
+        except BrokenPipeError:  # it has just died, which alive() will say
+            return data
+        self._given += given
+        return data[given:]
+
+    def stop(self) -> None:
+        """End it, even if it hangs."""
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=1)
+        except subprocess.TimeoutExpired:  # it hangs
+            self._process.kill()
+            self._process.wait()

@@ -1,0 +1,161 @@
+"""Learn a vocabulary from lessons: which way the words are meant, then clusters and their names."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import (
+    ClusterMapping,
+    IBEMapping,
+    Interpretation,
+    Reactions,
+    UnknownMeaningWarning,
+    Windows,
+    check_settings,
+    interpret,
+)
+from ibe_rl.task import Task
+from ibe_rl.types import ConfigError, Episode
+from ibe_rl.vocabulary.training_episodes import best_windows, said_in, steps_of
+
+
+def fit_mapping(
+    best: Sequence[Episode],
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: ClusterMapping | None = None,
+    horizon_steps: int | None = None,
+    interpretation: Interpretation | None = None,
+) -> ClusterMapping:
+    """Learn a vocabulary from episodes.
+
+    Args:
+        best: the windows of these are named.
+        heard: what the instructor said in which state.
+        config: see ``MappingConfig``.
+        task: the environment's own names.
+        seed: of the clustering; the same episodes give the same vocabulary.
+        last: the vocabulary so far, where the new one starts unless ``config.memory`` is None.
+        horizon_steps: n; None takes the config's.
+        interpretation: which way the words are meant; None: as the best episodes moved.
+
+    Raises:
+        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
+    """
+    windows = best_windows(best, config, horizon_steps or steps_of(config))
+    return fit_windows(windows, heard, config, task, seed, last, interpretation)
+
+
+def fit_windows(
+    windows: Windows,
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: ClusterMapping | None = None,
+    interpretation: Interpretation | None = None,
+) -> ClusterMapping:
+    """Learn a vocabulary from windows; the rest is as in ``fit_mapping``."""
+    estimator = _estimator(config, task, seed, last)
+    states, told = said_in(heard, seed)
+    with warnings.catch_warnings():  # the mapping has it, and whoever speaks with it says it
+        warnings.simplefilter("ignore", UnknownMeaningWarning)
+        return estimator.fit(windows.delta, windows.instruction, states, told, interpretation).mapping_
+
+
+def interpret_lessons(
+    heard: Sequence[Episode],
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    horizon_steps: int,
+    reactions: Reactions | None = None,
+) -> Interpretation | None:
+    """Find out which way the words are meant; None with ``meaning=assumed``.
+
+    Args:
+        heard: good and bad episodes.
+        config: see ``MappingConfig``.
+        task: the environment's own names.
+        seed: of samples and resampling.
+        horizon_steps: n.
+        reactions: of the agent, if it is told.
+    """
+    if config.meaning == "assumed":
+        return None
+    return interpret(
+        heard,
+        horizon_steps,
+        top_fraction=config.top_fraction,
+        reactions=reactions,
+        dimensions=_dimensions(config, task),
+        seed=seed,
+    )
+
+
+def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> IBEMapping:
+    settings = {name: getattr(config, name) for name in PASSED_ON} | {"n_clusters": clusters_of(config, task)}
+    return IBEMapping(
+        **settings,
+        dimensions=_dimensions(config, task),
+        last=None if config.memory is None else last,
+        memory=config.memory or 0.0,
+        random_state=seed,
+    )
+
+
+def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
+    return [task.state_names.index(name) for name in config.dimensions] or None
+
+
+def clusters_of(config: MappingConfig, task: Task) -> int:
+    """How many clusters a vocabulary has: ``n_clusters`` for each number of an instruction."""
+    return config.n_clusters * task.instruction_size
+
+
+PASSED_ON = (
+    *("n_clusters", "space", "split", "power", "symmetric", "normalisation", "membership", "weigh_followed"),
+    *("hidden", "n_init", "max_fit_windows"),
+)
+"""Settings that the estimator has under the same name."""
+
+
+def check_mapping(config: MappingConfig, task: Task) -> None:
+    """Refuse a mapping that cannot work in this environment.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    _check_steps(config, task.max_episode_steps)
+    unknown = [name for name in config.dimensions if name not in task.state_names]
+    if unknown:
+        allowed = ", ".join(task.state_names)
+        raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
+    refreshed = config.memory is not None  # then each refresh starts from the one before
+    if config.failed_ends == "drop" and not task.judges_success:
+        raise ConfigError("mapping.failed_ends=drop: allowed is keep where nobody says whether an episode ended well")
+    settings = {name: getattr(config, name) for name in PASSED_ON}
+    try:
+        check_settings(SimpleNamespace(**settings, memory=0.0, last=refreshed or None))
+    except ValueError as error:
+        reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
+        raise ConfigError(f"mapping.{reason}") from None
+
+
+def _check_steps(config: MappingConfig, longest: int) -> None:
+    set_steps = [] if config.horizon_steps is None else [config.horizon_steps]
+    most = longest if set_steps else max([longest, *config.spans_steps])  # where n is found too long ones are left out
+    for name, value, steps in (
+        ("horizon_steps", config.horizon_steps, set_steps),
+        ("spans_steps", config.spans_steps, config.spans_steps),
+    ):
+        if not all(1 <= n <= most for n in steps):
+            raise ConfigError(
+                f"mapping.{name}={value}: allowed is at least 1 and at most {longest}, the length of the longest "
+                "episode"
+            )

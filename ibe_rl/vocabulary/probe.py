@@ -1,0 +1,50 @@
+"""What is the same at every refresh, so that only what is held against it can have moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import cut_windows
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import write_atomically
+from ibe_rl.types import Array, observe
+from ibe_rl.vocabulary.training_episodes import steps_of
+
+PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What is the same at every refresh, so that only what is held against it can have moved.
+
+    Attributes:
+        delta: ``(P, S)`` changes of the state, for the vocabulary.
+        observations: ``(P, O)`` what the policy read where they began, for the policy.
+    """
+
+    delta: Array
+    observations: Array
+
+    def save(self, path: Path) -> None:
+        """Write both as ``.npz``, without pickles."""
+        write_atomically(path, lambda stream: np.savez(stream, delta=self.delta, observations=self.observations))
+
+
+def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
+    """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
+    random = np.random.default_rng(seed)
+    steps = steps_of(config)
+    shortest = steps if config.window_end == "drop" else 1  # that a window fits into
+    long_enough = np.flatnonzero(log.index["steps"] >= shortest)
+    episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
+    windows = cut_windows(episodes, steps, config.window_end)
+    rows = random.permutation(len(windows))[:PROBE_WINDOWS]
+    places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
+    states = np.array([episode.states[step] for episode, step in places])
+    instructions = np.array([episode.instructions[step] for episode, step in places])
+    given = np.array([[episode.given[step]] for episode, step in places])
+    return Probe(windows.delta[rows], observe(states, instructions, given))

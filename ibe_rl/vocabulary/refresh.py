@@ -1,0 +1,278 @@
+"""Learn the vocabulary from the log as it stands, and say what it stands on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as Dict
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import ClusterMapping, Interpretation, Reactions, TooLittleDataError, Transition, Windows, phrase
+from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import read_json, write_json
+from ibe_rl.task import Task
+from ibe_rl.types import Array
+from ibe_rl.vocabulary.fitting import fit_mapping, fit_windows, interpret_lessons
+from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons, steps_of, told_windows
+
+Spans = Dict[int, ClusterMapping]
+"""Vocabularies by their horizon in steps."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a refresh changed.
+
+    Attributes:
+        last: the vocabulary before.
+        since_frame: training frames when that was learnt.
+        transition: what became of its clusters.
+        drift: how far the new vocabulary is from it, on windows that are the same at every refresh.
+        policy_drift: share of states, the same at every refresh, in which the policy acts otherwise than then.
+        last_scores: see ``vocabulary_scores``; of the vocabulary before, on the newest episodes.
+        staleness: by how much the new one puts these into words better than the one before (``motion_auc``).
+    """
+
+    last: ClusterMapping
+    since_frame: int
+    transition: Transition
+    drift: VocabularyDrift
+    policy_drift: float
+    last_scores: Dict[str, float]
+    staleness: float
+
+
+@dataclass(frozen=True)
+class Refresh:
+    """A vocabulary and what it was learnt from.
+
+    Attributes:
+        frame: training frames when it was learnt.
+        mapping: the vocabulary.
+        spans: those of the other spans of time, by their horizon in steps.
+        top: the windows of the best episodes that it was learnt from.
+        others: windows with an instruction of other episodes, a sample, for comparison only.
+        episodes_logged: whole episodes in the log.
+        episodes_counted: those of them that the best were chosen from.
+        episodes_used: the best ones.
+        episodes_by_context: of the best ones.
+        windows_by_context: windows used, likewise.
+        windows_by_instruction: windows used, by the instruction they began with.
+        change: what came of the vocabulary before, None if this is the first.
+        scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
+        taken: False if the vocabulary before was good enough and stays.
+        reactions: of the agent, if it was asked.
+        scores_of_numbers: see ``number_scores``; of the vocabulary that stands, on the newest episodes.
+        horizon_found: True if n was found in the log just now.
+    """
+
+    frame: int
+    mapping: ClusterMapping
+    spans: Spans
+    top: Windows
+    others: Windows
+    episodes_logged: int
+    episodes_counted: int
+    episodes_used: int
+    episodes_by_context: Dict[str, int]
+    windows_by_context: Dict[str, int]
+    windows_by_instruction: Dict[str, int]
+    change: Change | None = None
+    scores: Dict[str, float] = field(default_factory=dict)
+    taken: bool = True
+    reactions: Reactions | None = None
+    scores_of_numbers: Sequence[Dict[str, float]] = ()
+    horizon_found: bool = False
+
+    @property
+    def standing(self) -> ClusterMapping:
+        """The vocabulary that is spoken from now on."""
+        return self.mapping if self.taken or self.change is None else self.change.last
+
+    def verdicts(self, task: Task) -> list[Verdict]:
+        """Whether the words that stand tell which way it goes, for each number of the instruction."""
+        return verdicts_of(self.scores_of_numbers, self.standing.meanings, task)
+
+
+def learn_vocabulary(
+    log: TrajectoryLog,
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: Spans | None = None,
+    reactions: Reactions | None = None,
+) -> Refresh:
+    """Learn the vocabulary from the best episodes of the log, and one for each of the other spans of time.
+
+    Args:
+        log: with whole episodes in it.
+        config: see ``MappingConfig``; its horizon is set or ``settled``.
+        task: the environment's own names.
+        seed: of the clustering; with the same log it gives the same vocabulary.
+        last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
+        reactions: of the agent, if it is told; None: nobody has asked it.
+
+    Raises:
+        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
+    """
+    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
+    top = best_windows(lessons.best, config, steps)
+    meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
+    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
+    others = told_windows(lessons.others, config, steps)
+    contexts = np.array([episode.context for episode in lessons.best])
+    return Refresh(
+        frame=log.frames,
+        mapping=mapping,
+        spans=_learn_spans(lessons, config, task, seed, last, meant),
+        top=top,
+        others=top[:0] if others is None else others,
+        episodes_logged=lessons.logged,
+        episodes_counted=lessons.counted,
+        episodes_used=len(lessons.best),
+        episodes_by_context=_count(contexts, task.contexts),
+        windows_by_context=_count(contexts[top.episode], task.contexts),
+        windows_by_instruction=_count_instructions(top.instruction, task),
+        reactions=reactions,
+    )
+
+
+def _learn_spans(
+    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
+) -> dict[int, ClusterMapping]:
+    """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
+    found = {}
+    for n in sorted({*config.spans_steps} - {config.horizon_steps}):
+        with suppress(TooLittleDataError):
+            found[n] = fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n, meant)
+    return found
+
+
+def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
+    return {name: int(np.sum(names == name)) for name in all_names}
+
+
+def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
+    """Windows by the value of the instruction; with several numbers each is counted under its own name."""
+    values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
+    columns = instructions.T
+    names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]
+    counts = [int(np.sum(np.isclose(column, value))) for column in columns for value in task.instruction_values]
+    return dict(zip(names, counts, strict=True))
+
+
+def save_refresh(
+    folder: Path, refresh: Refresh, config: MappingConfig, task: Task, calibration: Calibration | None = None
+) -> Path:
+    """Write a refresh as JSON, for people and for ``load_refresh``; returns the file."""
+    mapping = refresh.mapping
+    clusters = [
+        {
+            "id": int(mapping.ids[i]),
+            "size": int(mapping.sizes[i]),
+            "mean_instruction": mapping.mean_instructions[i].tolist(),
+            "expression": mapping.expressions[i].tolist(),
+            "phrase": phrase(mapping.expressions[i], task.phrases),
+            "purity": float(mapping.purities[i]),
+            "evidence": float(mapping.evidence[i]),
+        }
+        for i in range(len(mapping.sizes))
+    ]
+    path = folder / f"{refresh.frame:012d}.json"
+    episodes = {"logged": refresh.episodes_logged, "counted": refresh.episodes_counted, "used": refresh.episodes_used}
+    windows = {"used": len(refresh.top), "by_context": refresh.windows_by_context}
+    write_json(
+        path,
+        {
+            "frame": refresh.frame,
+            "horizon_steps": steps_of(config),
+            "episodes": episodes | {"by_context": refresh.episodes_by_context},
+            "windows": windows | {"by_instruction": refresh.windows_by_instruction},
+            "clusters": clusters,
+            "scores": _without_nan(refresh.scores),
+            "scores_of_numbers": [*map(_without_nan, refresh.scores_of_numbers)],
+            "change": None if refresh.change is None else _change(refresh.change),
+            "state_names": list(task.state_names),
+            "mapping": mapping.to_dict(),
+            "calibration": None if calibration is None else calibration.to_dict(),
+            "reactions": None if refresh.reactions is None else refresh.reactions.to_dict(),
+            "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
+        },
+    )
+    return path
+
+
+def _change(change: Change) -> dict[str, Any]:
+    return {
+        "since_frame": change.since_frame,
+        "transition": change.transition.to_dict(),
+        "vocabulary_drift": asdict(change.drift),
+        "policy_drift": change.policy_drift,
+        "scores_before": _without_nan(change.last_scores),
+        **_without_nan({"staleness": change.staleness}),
+    }
+
+
+def _without_nan(values: Dict[str, float]) -> dict[str, float | None]:
+    """JSON has no word for what cannot be told; null is the nearest."""
+    return {name: None if math.isnan(value) else value for name, value in values.items()}
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a refresh left on disk.
+
+    Attributes:
+        mapping: the vocabulary.
+        horizon_steps: n, the one it was learnt with.
+        frame: training frames when it was learnt.
+        spans: the vocabularies of other spans of time, by their horizon in steps.
+        calibration: of the confidence, from the episodes watched before; None at the first refresh.
+        reactions: what the agent did then if it was told otherwise; None if nobody had asked it.
+        scores_of_numbers: see ``number_scores``; empty if the vocabulary was not scored.
+    """
+
+    mapping: ClusterMapping
+    horizon_steps: int
+    frame: int
+    spans: Spans
+    calibration: Calibration | None
+    reactions: Reactions | None = None
+    scores_of_numbers: Sequence[Dict[str, float]] = ()
+
+
+def load_refresh(path: Path) -> Saved:
+    """Read a saved refresh.
+
+    Raises:
+        ValueError: if the file is damaged.
+    """
+    try:
+        saved: dict[str, Any] = read_json(path)
+        spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
+        mapping = ClusterMapping.from_dict(saved["mapping"])
+        calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
+        asked = saved.get("reactions")  # which files of earlier versions have not
+        reactions = None if asked is None else Reactions.from_dict(asked)
+        frame, scores = int(saved["frame"]), _scores_of(saved, mapping)
+        return Saved(mapping, int(saved["horizon_steps"]), frame, spans, calibration, reactions, scores)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"{path} is not a readable refresh: {error}") from None
+
+
+def _scores_of(saved: dict[str, Any], mapping: ClusterMapping) -> list[dict[str, float]]:
+    """The scores of each number; none if there are not as many as numbers, as in files of earlier versions."""
+    each = saved.get("scores_of_numbers", [])
+    if len(each) != mapping.expressions.shape[1]:
+        return []
+    scores = [{str(name): math.nan if value is None else float(value) for name, value in one.items()} for one in each]
+    if any(abs(value) > 1 for one in scores for value in one.values()):
+        raise ValueError(f"scores_of_numbers={scores}: allowed are -1 to 1")
+    return scores

@@ -1,0 +1,298 @@
+"""The vocabulary of a run as it develops: learnt again and again, and what each time moved."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.config.settings import MappingConfig, TrainConfig
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, phrases_true_in
+from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
+from ibe_rl.metrics import (
+    OF_THE_MOMENTS,
+    SCORES,
+    Calibration,
+    mean_scores,
+    number_scores,
+    phrases_true,
+    policy_drift,
+    share_true,
+    vocabulary_drift,
+    wrong_signs,
+)
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
+from ibe_rl.vocabulary.fitting import check_mapping
+from ibe_rl.vocabulary.probe import Probe, draw_probe
+from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
+from ibe_rl.vocabulary.training_episodes import find_steps, settled, steps_of
+
+JUDGED_EPISODES = 200
+"""The newest ones, that the confidence is calibrated on."""
+OTHER_HORIZON = 1.5
+"""By this factor a horizon found in the log has to differ from the one before."""
+SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
+FIGURES = (
+    *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
+    *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
+    *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
+    *(f"ibe/{name}" for name in SCORES),
+    *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
+)
+"""What ``figures`` and ``Development.judge`` can tell of a refresh; columns of metrics.csv."""
+
+
+class Development:
+    """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
+
+    Args:
+        config: of the mapping; a horizon that it does not set is found by ``settle``.
+        task: the environment's own names.
+        seed: of the clustering and of the probe.
+        when_stale: take a new vocabulary only if its ``motion_auc`` on the newest episodes is higher by more than
+            this; None takes it in any case.
+
+    Attributes:
+        mapping: the vocabulary that stands, None before the first refresh.
+        spans: those of the other spans of time, by their horizon in steps.
+        probe: drawn from the episodes of the first refresh.
+        calibration: how probable it is that it goes as predicted, from the newest ``JUDGED_EPISODES``.
+        notes: what the last refresh found wrong with what the environment declares, in plain words.
+    """
+
+    def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
+        self._config, self._task, self._seed, self._when_stale = config, task, seed, when_stale
+        self._asked_for = config
+        self.mapping: ClusterMapping | None = None
+        self.spans: Spans = {}
+        self.probe: Probe | None = None
+        self._learnt_at = self._next_id = 0
+        self._actions: Array | None = None
+        self.calibration: Calibration | None = None
+        self.notes: list[str] = []
+        self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
+
+    def settle(self, log: TrajectoryLog) -> int:
+        """How far ahead is explained from now on, in steps: as set, or as found in the log.
+
+        It is found anew at each refresh, since a beginner's episodes are short, and stays unless it differs by more
+        than ``OTHER_HORIZON``. Then everything begins anew: vocabularies of different horizons cannot be compared.
+
+        Raises:
+            TooLittleDataError: if no episode has ended in time.
+        """
+        before, found = self._config.horizon_steps, find_steps(log, self._asked_for, self._task, self._seed)
+        if before is None or not before / OTHER_HORIZON <= found <= before * OTHER_HORIZON:
+            self._config = settled(self._asked_for, found)
+            self.mapping = self.probe = self._actions = self.calibration = None
+            self.spans, self._judged = {}, deque(maxlen=JUDGED_EPISODES)
+        return steps_of(self._config)
+
+    def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
+        """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
+
+        Args:
+            log: with whole episodes in it.
+            policy: the greedy policy as it is now.
+            reactions: what it does if it is told otherwise; None: nobody has asked it.
+
+        Raises:
+            TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
+        """
+        if self._config.horizon_steps is None:
+            self.settle(log)
+        found = self._asked_for.horizon_steps is None and self.mapping is None
+        last = {} if self.mapping is None else {steps_of(self._config): self.mapping, **self.spans}
+        learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions)
+        learnt = replace(learnt, horizon_found=found)
+        newest = self._newest(log)
+        if self.probe is None:
+            self.probe = draw_probe(log, self._config, self._seed)
+        actions = policy(self.probe.observations)
+        if self.mapping is not None:
+            learnt = self._held_against(self.mapping, learnt, self.probe, newest, actions)
+        else:
+            each = number_scores(learnt.mapping, newest, self._task)
+            if self._next_id:  # after another horizon; a number is never given twice
+                learnt = replace(learnt, mapping=replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id))
+            learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
+        if learnt.taken:
+            self.mapping, self.spans = learnt.mapping, learnt.spans
+            self._learnt_at, self._actions = learnt.frame, actions
+            self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
+        self.notes = wrong_signs(learnt.verdicts(self._task), learnt.standing.meanings, self._task)
+        return learnt
+
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Go back to the vocabulary before if anything goes wrong in here."""
+        before = dict(vars(self))
+        try:
+            yield
+        except Exception:
+            vars(self).update(before)
+            raise
+
+    def save(self, folder: Path, refresh: Refresh) -> None:
+        """Keep a refresh that was taken as JSON, and with the first one the probe."""
+        if refresh.change is None and self.probe is not None:
+            self.probe.save(folder / "probe.npz")
+        if refresh.taken:
+            save_refresh(folder, refresh, self._config, self._task, self.calibration)
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the next refresh stands on, as arrays and plain values."""
+        arrays = {"actions": self._actions}
+        if self.probe is not None:
+            arrays |= {"delta": self.probe.delta, "observations": self.probe.observations}
+        return {
+            "mapping": None if self.mapping is None else self.mapping.to_dict(),
+            "horizon_steps": self._config.horizon_steps,
+            "spans": {steps: each.to_dict() for steps, each in self.spans.items()},
+            "calibration": None if self.calibration is None else self.calibration.to_dict(),
+            "learnt_at": self._learnt_at,
+            "next_id": self._next_id,
+            "judged": [list(one) for one in self._judged],
+            "notes": list(self.notes),
+            **arrays,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The inverse of ``state_dict``."""
+        if state["mapping"] is None:
+            return
+        self.mapping = ClusterMapping.from_dict(state["mapping"])
+        self._config = settled(self._config, int(state["horizon_steps"]))
+        self.spans = {steps: ClusterMapping.from_dict(each) for steps, each in state["spans"].items()}
+        self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
+        self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
+        self.notes = [str(line) for line in state.get("notes", ())]
+        self._judged.extend((features, true) for features, true in state["judged"])
+        self.probe = Probe(state["delta"], state["observations"])
+        self._actions = state["actions"]
+
+    @property
+    def horizon_steps(self) -> int | None:
+        """n; None as long as it has not been found."""
+        return self._config.horizon_steps
+
+    @property
+    def horizons_steps(self) -> list[int]:
+        """All that is explained, n first; empty as long as n has not been found."""
+        return [] if self.horizon_steps is None else [self.horizon_steps, *self._config.spans_steps]
+
+    def mapping_of(self, horizon_steps: int) -> ClusterMapping | None:
+        """The vocabulary that stands for a span of time, None before the first refresh."""
+        return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
+
+    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
+        """What the agent speaks with as it is now, after the first refresh."""
+        assert self.mapping is not None
+        steps, words = steps_of(self._config), self._task.phrases
+        return Voice(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
+
+    def judge(
+        self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int
+    ) -> dict[str, float]:
+        """Hold what was said of an episode against what happened, and learn from it how much to trust the next.
+
+        Args:
+            refresh: the newest one.
+            episode: ``T`` steps.
+            said: ``T`` explanations in the vocabulary that stands.
+            every_steps: something new was said once in so many steps.
+
+        Returns:
+            Columns of metrics.csv: how much of what has a known meaning went as predicted (nan without any), how often
+            the agent did not know, and how much would have gone as predicted by the vocabulary before.
+        """
+        new = said[::every_steps]
+        true = phrases_true(episode, said, refresh.standing, self._task.phrases)[::every_steps]
+        self._learn_confidence(new, true)
+        row = {"ibe/came_true": share_true(true), "ibe/unknown": float(np.mean([not one.known for one in new]))}
+        if refresh.change is not None:
+            stale = phrases_true_in(refresh.change.last, episode, said, self._task.phrases)
+            row["ibe/came_true_stale"] = share_true(stale[::every_steps])
+        return row
+
+    def _learn_confidence(self, new: Sequence[Explanation], true: Array) -> None:
+        """Learn from what was said with a known meaning; ``true`` is of ``phrases_true``."""
+        meant = ~np.isnan(true)
+        if meant.any():
+            self._judged.append((confidence_features(new)[meant], true[meant] == 1))
+            features, outcomes = (np.concatenate(column) for column in zip(*self._judged, strict=True))
+            self.calibration = Calibration.fit(features, outcomes, CONFIDENCE_FEATURES)
+
+    def _held_against(
+        self, last: ClusterMapping, learnt: Refresh, probe: Probe, newest: Windows, actions: Array
+    ) -> Refresh:
+        mapping, transition = keep_identity(
+            last, learnt.mapping, probe.delta, self._next_id, self._config.survival_overlap, self._config.hold_within
+        )
+        each_before, each_after = (number_scores(each, newest, self._task) for each in (last, mapping))
+        before, after = mean_scores(each_before), mean_scores(each_after)
+        staleness = after["motion_auc"] - before["motion_auc"]
+        assert self._actions is not None
+        change = Change(
+            last=last,
+            since_frame=self._learnt_at,
+            transition=transition,
+            drift=vocabulary_drift(last, mapping, probe.delta, self._task.phrases),
+            policy_drift=policy_drift(self._actions, actions),
+            last_scores=before,
+            staleness=staleness,
+        )
+        taken = self._when_stale is None or not staleness <= self._when_stale  # also if it cannot be told
+        each = each_after if taken else each_before
+        return replace(learnt, mapping=mapping, change=change, scores=after, taken=taken, scores_of_numbers=each)
+
+    def _newest(self, log: TrajectoryLog) -> Windows:
+        """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
+        count = len(log.index)
+        episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
+        windows = cut_windows(episodes, steps_of(self._config), "clamp")
+        return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
+
+
+def check_development(config: TrainConfig, task: Task) -> None:
+    """Refuse settings of the refreshes that cannot work, or that nothing would read.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    check_mapping(config.mapping, task)
+    if config.refresh_when_stale is not None and config.refresh_every_frames is None:
+        raise ConfigError(
+            f"refresh_when_stale={config.refresh_when_stale:g}: allowed is null with refresh_every_frames=null, "
+            "when no vocabulary is looked at"
+        )
+
+
+def figures(refresh: Refresh) -> dict[str, float]:
+    """What a refresh adds to metrics.csv; ``_stale`` is of the vocabulary before, on the same newest episodes."""
+    change, scores = refresh.change, refresh.scores
+    row: dict[str, float] = {"ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
+    if change is not None:
+        scores = refresh.scores if refresh.taken else change.last_scores
+        row |= {f"ibe/{name}_stale": value for name, value in change.last_scores.items() if name != OF_THE_MOMENTS}
+        row |= {"ibe/policy_drift": change.policy_drift, "ibe/staleness": change.staleness}
+        row |= _moved(change) if refresh.taken else {}
+    return row | {f"ibe/{name}": value for name, value in scores.items()}
+
+
+def _moved(change: Change) -> dict[str, float]:
+    return {
+        "ibe/survived": len(change.transition.survived),
+        "ibe/vanished": len(change.transition.vanished),
+        "ibe/emerged": len(change.transition.emerged),
+        "ibe/vocabulary_drift": change.drift.phrase_changed,
+        "ibe/expression_moved": change.drift.expression_moved,
+        "ibe/cluster_agreement": change.drift.cluster_agreement,
+    }

@@ -1,0 +1,173 @@
+"""What a vocabulary is learnt from: the best episodes of the log, and what the instructor said in good and bad ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import (
+    TooLittleDataError,
+    Windows,
+    cut_windows,
+    find_horizon,
+    instruction_lasts,
+    leading_change,
+    rule_axes,
+    top_episodes,
+)
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import Task
+from ibe_rl.types import Array, Episode
+
+OTHER_EPISODES = 300
+"""How many of the episodes that are not among the best are read, for comparison and to hear the instructor."""
+HEARD_STATES = 5_000
+FLOWN, HEARD_AXIS_STATES = 100, 2_000
+"""Episodes and states that the horizon is found in."""
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """Episodes of a log.
+
+    Attributes:
+        logged: how many the log holds.
+        counted: those of them that the best were chosen from.
+        best: the best of these, oldest first.
+        heard: good and bad ones, a fair sample of those counted: here only what the instructor said matters.
+        others: those of them that are not among the best.
+    """
+
+    logged: int
+    counted: int
+    best: Sequence[Episode]
+    heard: Sequence[Episode]
+    others: Sequence[Episode]
+
+
+def read_lessons(log: TrajectoryLog, config: MappingConfig, seed: int) -> Lessons:
+    """Choose episodes of the log and read them.
+
+    Raises:
+        TooLittleDataError: if none has ended in time.
+    """
+    counted, is_best = _ranked(log, config)
+    random = np.random.default_rng(seed)
+    others = log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES])
+    best = log.read(counted[is_best])
+    share = len(best) / max(1, np.sum(~is_best))
+    some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
+    return Lessons(len(log.index), len(counted), best, [*others, *(best[row] for row in some)], others)
+
+
+def _ranked(log: TrajectoryLog, config: MappingConfig) -> tuple[Array, Array]:
+    """Rows ``(C,)`` of the episodes that count, and which of them ``(C,)`` bool are the best."""
+    index = log.index
+    if not len(index):
+        raise TooLittleDataError("no episode has ended yet")
+    counted = _counted(index["frame"], log.frames, config.newest_frames)
+    groups = log.context_names[counted] if config.top_within == "context" else None
+    return counted, top_episodes(index["total_reward"][counted], config.top_fraction, groups)
+
+
+def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
+    counted = np.flatnonzero(ended_at > (-1 if newest_frames is None else frames - newest_frames))
+    if not len(counted):
+        raise TooLittleDataError(f"no episode has ended in the newest {newest_frames:,} frames")
+    return counted
+
+
+def steps_of(config: MappingConfig) -> int:
+    """The n of a mapping that has one, set or found.
+
+    Raises:
+        ValueError: if it has still to be found (``find_steps``).
+    """
+    if config.horizon_steps is None:
+        raise ValueError("mapping.horizon_steps=null: it has not been found yet")
+    return config.horizon_steps
+
+
+def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
+    """The mapping once n has been found, without the spans that are not shorter; as it is where n is set."""
+    if config.horizon_steps is not None:
+        return config
+    shorter = [steps for steps in config.spans_steps if steps < found_steps]
+    return replace(config, horizon_steps=found_steps, spans_steps=shorter)
+
+
+def horizon_told(steps: int) -> str:
+    """One line for the person who did not set n."""
+    return f"explains the next {steps} steps, as long as movements last here; mapping.horizon_steps sets it"
+
+
+def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:
+    """Find in a log how far ahead to explain; ``horizon_steps`` itself where that is set.
+
+    As long as movements last (``find_horizon``), and no longer than an instruction stands (``instruction_lasts``).
+
+    Raises:
+        TooLittleDataError: if no episode has ended in time.
+    """
+    if config.horizon_steps is not None:
+        return config.horizon_steps
+    counted, is_best = _ranked(log, config)
+    random = np.random.default_rng(seed)
+    best = log.read(random.permutation(counted[is_best])[:FLOWN])
+    heard = log.read(random.permutation(counted)[:FLOWN])
+    states = [episode.states for episode in best]
+    kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
+    steps = find_horizon(states, _turning(heard, seed, kept, leading_change(states, kept)))
+    return min(steps, instruction_lasts([episode.instructions for episode in best]) or steps)
+
+
+def _turning(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:
+    """The axes ``(S, d)`` of what was said, of the ``kept`` dimensions; ``otherwise`` where there are none."""
+    try:
+        states, told = (some[:HEARD_AXIS_STATES] for some in said_in(heard, seed))
+        axes = rule_axes(states, told, seed) * kept[:, None] if len(states) else otherwise
+    except TooLittleDataError:
+        return otherwise
+    reached = np.any(axes, axis=0)
+    return axes[:, reached] if reached.any() else otherwise
+
+
+def told_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows | None:
+    """Windows of these episodes that began with an instruction and are not failed ends left out; None without any."""
+    if not episodes:
+        return None
+    windows = cut_windows(episodes, horizon_steps, config.window_end)
+    kept = np.asarray(windows.given)
+    if config.failed_ends == "drop":
+        failed = np.array([episode.terminated and not episode.success for episode in episodes])
+        steps = np.array([len(episode) for episode in episodes])
+        kept = kept & ~(failed[windows.episode] & (windows.step + horizon_steps >= steps[windows.episode]))
+    return windows[kept]
+
+
+def best_windows(best: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows:
+    """The windows that a vocabulary is learnt from.
+
+    Raises:
+        TooLittleDataError: if there is none.
+    """
+    windows = told_windows(best, config, horizon_steps)
+    if not windows:
+        longest = max((len(episode) for episode in best), default=0)
+        raise TooLittleDataError(
+            f"the best {len(best)} episodes have no window of {horizon_steps} steps with an instruction "
+            f"(the longest has {longest} steps)"
+        )
+    return windows
+
+
+def said_in(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
+    """States ``(N, S)`` in which the instructor spoke, and what was said ``(N, d)``, a sample."""
+    given = np.concatenate([episode.given for episode in heard]).astype(bool)
+    states = np.concatenate([episode.states[:-1] for episode in heard])[given]
+    told = np.concatenate([episode.instructions for episode in heard])[given]
+    rows = np.random.default_rng(seed).permutation(len(states))[:HEARD_STATES]
+    return states[rows], told[rows]

@@ -1,0 +1,160 @@
+"""Draws, densities, bounds and modes of both kinds of actions, by hand; and what kinds there are."""
+
+import math
+from copy import deepcopy
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.spaces import Box, Discrete, MultiDiscrete
+from tensordict import TensorDict
+from torch import nn
+
+from ibe_rl.agents import Agent, make_agent
+from ibe_rl.agents.actions import DRAWN, Choice, Normal, Spread, make_actions
+from ibe_rl.config.settings import DQNConfig, PPOConfig
+from ibe_rl.types import ConfigError
+
+BOX = Box(np.array([-1, 0], np.float32), np.array([1, 10], np.float32))
+
+
+@pytest.fixture(autouse=True)
+def repeatable() -> None:
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+
+
+def normal() -> Normal:
+    """One number in [-1, 1], one in [0, 10]."""
+    made = make_actions(BOX, 0.5)
+    assert isinstance(made, Normal)
+    return made
+
+
+def test_log_probability_and_entropy_by_hand():
+    """Deviations 1 and 1/2; one draw at the means, one a deviation off in the first and two in the second number."""
+    outputs = torch.tensor([[0.3, -0.2, 0.0, -math.log(2)]]).repeat(2, 1)
+    log_prob, entropy = normal().judge(outputs, torch.tensor([[0.3, -0.2], [1.3, 0.8]]))
+    top = math.log(1 / math.sqrt(2 * math.pi)) + math.log(2 / math.sqrt(2 * math.pi))
+    assert log_prob.tolist() == pytest.approx([top, top - 1 / 2 - 2])
+    assert entropy.tolist() == pytest.approx(2 * [math.log(2 * math.pi * math.e) - math.log(2)])
+
+
+def test_probability_and_entropy_of_a_choice_by_hand():
+    outputs = torch.tensor([[0.0, math.log(3)]]).repeat(2, 1)
+    log_prob, entropy = Choice(2).judge(outputs, torch.tensor([0, 1]))
+    assert log_prob.exp().tolist() == pytest.approx([0.25, 0.75])
+    assert entropy.tolist() == pytest.approx(2 * [-0.25 * math.log(0.25) - 0.75 * math.log(0.75)])
+
+
+def test_the_mode_is_the_mean_in_the_environments_units_and_bounds():
+    outputs = torch.tensor([[0.5, -0.5, 9, 9], [-3, 3, 0, 0], [0, 0, -9, -9]], dtype=torch.float32)
+    mode = normal().mode(outputs)
+    assert mode.dtype == torch.float32
+    assert mode.tolist() == [[0.5, 2.5], [-1, 10], [0, 5]]
+    assert Choice(3).mode(torch.tensor([[0.0, 2, 1], [3, 2, 1]])).tolist() == [1, 0]
+
+
+def test_draws_are_put_on_the_bounds_and_learnt_from_as_they_were_drawn():
+    actions, outputs = normal(), torch.tensor([[0.9, 0.0, 0.0, -1.0]]).repeat(20_000, 1)
+    drawn = actions.draw(outputs)
+    assert set(drawn) == {"action", "action_log_prob", DRAWN}
+    action, free = drawn["action"].numpy(), drawn[DRAWN]
+    assert all(BOX.contains(one) for one in action[:100])
+    assert (action.min(axis=0) >= BOX.low).all()
+    assert (action.max(axis=0) <= BOX.high).all()
+    assert (action[:, 0] == 1).mean() == pytest.approx(0.46, abs=0.02)  # of N(.9, 1) above 1
+    assert free.mean(0).tolist() == pytest.approx([0.9, 0], abs=0.03)
+    assert free.std(0).tolist() == pytest.approx([1, math.exp(-1)], abs=0.03)
+    inside = (free.abs() < 1).all(dim=1).numpy()
+    np.testing.assert_allclose(action[inside], ([0, 5] + free.numpy() * [1, 5])[inside], rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(drawn["action_log_prob"], actions.judge(outputs, free)[0])
+
+
+def test_the_spread_is_the_same_everywhere_and_is_learnt():
+    network = Spread(nn.Linear(3, 2), 2, first_std=0.5)
+    outputs = network(torch.randn(5, 3))
+    assert outputs.shape == (5, 4)
+    assert outputs[:, 2:].exp().detach().numpy() == pytest.approx(0.5)
+    outputs.sum().backward()
+    assert network.log_std.grad is not None
+    assert network.log_std.grad.tolist() == [5, 5]
+
+
+@pytest.mark.parametrize(
+    "space",
+    [
+        Box(-np.inf, np.inf, (2,)),
+        Box(np.array([-1, -np.inf], np.float32), np.array([1, 1], np.float32)),
+        Box(-1, 1, (2, 2)),
+        Box(-1, 1, ()),
+        Box(0, 255, (2,), np.uint8),
+        Discrete(3, start=1),
+        MultiDiscrete([2, 2]),
+    ],
+    ids=str,
+)
+def test_other_actions_are_refused(space: gymnasium.Space):
+    for config in (PPOConfig(), DQNConfig()):
+        with pytest.raises(ConfigError, match=r"env: its actions are .*; allowed are Discrete ones from 0, or with"):
+            make_agent(config, 2, space, 1_000)
+
+
+def test_dqn_takes_no_continuous_actions():
+    with pytest.raises(ConfigError, match=r"^agent=dqn: .* Box\(.*not Discrete; allowed is agent=ppo$"):
+        make_agent(DQNConfig(), 2, BOX, 1_000)
+
+
+def bandit() -> Agent:
+    config = PPOConfig(hidden=[16], learning_rate=0.01, reward_scale=1.0, minibatch_size=100, entropy=0.0)
+    return make_agent(config, 2, BOX, 16_000)
+
+
+def best_action(seen: np.ndarray) -> np.ndarray:
+    """Half of what is seen first, and 7 or 3 as it is above 0 or not."""
+    return np.column_stack([seen[:, 0] / 2, np.where(seen[:, 0] > 0, 7.0, 3.0)])
+
+
+def learn(agent: Agent, updates: int, rows: int = 4, steps: int = 100) -> None:
+    """A game of one step that pays by how near the action is to the best one."""
+    ends = torch.ones(rows * steps, 1, dtype=torch.bool)
+    for _ in range(updates):
+        data = agent.policy(TensorDict({"observation": torch.rand(rows * steps, 2) * 2 - 1}, [rows * steps]))
+        missed = (data["action"].numpy() - best_action(data["observation"].numpy())) / [1, 5]
+        after = {"observation": torch.zeros(rows * steps, 2), "done": ends, "terminated": ends.clone()}
+        reward = torch.tensor(-np.abs(missed).sum(axis=1), dtype=torch.float32)[:, None]
+        after |= {"reward": reward, "success": torch.zeros_like(ends)}
+        agent.update(data.set("next", TensorDict(after, rows * steps)).reshape(rows, steps))
+        agent.publish()
+
+
+def missed(agent: Agent) -> float:
+    seen = np.random.default_rng(0).uniform(-1, 1, (500, 2)).astype(np.float32)
+    actions = agent.greedy(seen)
+    assert (actions.shape, actions.dtype) == ((500, 2), np.float32)
+    return float((np.abs(actions - best_action(seen)) / [1, 5]).mean())
+
+
+def test_ppo_learns_the_best_continuous_action_and_grows_sure_of_it():
+    agent = bandit()
+    assert missed(agent) > 0.25
+    learn(agent, 40)
+    assert missed(agent) < 0.1
+    assert agent.policy.network.log_std.exp().max() < 0.4
+
+
+def test_the_same_seed_learns_the_same_and_goes_on_from_its_state():
+    def weights(agent: Agent) -> torch.Tensor:
+        return torch.cat([value.reshape(-1) for value in agent.greedy.state_dict().values()])
+
+    agents = [bandit() for _ in range(2)]
+    torch.manual_seed(1)
+    learn(agents[0], 4)
+    agents[1].load_state_dict(deepcopy(agents[0].state_dict()))
+    agents[1].publish()
+    for agent in agents:
+        torch.manual_seed(2)
+        learn(agent, 2)
+    assert torch.equal(weights(agents[0]), weights(agents[1]))
+    assert agents[0].policy.network.log_std.tolist() != bandit().policy.network.log_std.tolist()

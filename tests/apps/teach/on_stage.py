@@ -1,0 +1,105 @@
+"""A lesson without waiting and without a network: the real game and desk, and a script of what is said when."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from by_hand import plain
+
+from ibe_rl.agents import GreedyPolicy, make_agent
+from ibe_rl.apps.teach.clock import Clock
+from ibe_rl.apps.teach.lesson import Lesson, Stage
+from ibe_rl.apps.teach.live_explainer import Speaker
+from ibe_rl.apps.teach.messages import Message
+from ibe_rl.apps.teach.server import Server
+from ibe_rl.apps.teach.session import Desk, Said
+from ibe_rl.config.settings import DQNConfig
+from ibe_rl.envs import LANDER_ID, LANDER_TASK
+from ibe_rl.envs.lander_task import X
+from ibe_rl.envs.make import make_gym
+from ibe_rl.explain.explainer import Voice
+from ibe_rl.ibe import ClusterMapping
+from ibe_rl.instructors import LessonWriter
+from ibe_rl.predict import Simulator
+
+PAGE = 1
+HORIZON_STEPS = 5
+make_lander = partial(make_gym, LANDER_ID, {})
+
+
+class Pages:
+    """What would have been shown."""
+
+    def __init__(self) -> None:
+        self.posts: list[tuple[str, dict[str, Any]]] = []
+
+    def post(self, kind: str, fields: dict[str, Any]) -> None:
+        self.posts.append((kind, fields))
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        return [fields for name, fields in self.posts if name == kind]
+
+
+class Script:
+    """A clock without waiting: ``says[n]`` is what arrives while the game waits for its n-th step, from 0."""
+
+    def __init__(self, desk: Desk):
+        self._desk, self.steps, self.became = desk, 0, list[str]()
+        self.says: dict[int, list[Message]] = defaultdict(list)
+
+    def wait(self) -> None:
+        self.became += [self._desk.hear(PAGE, message) for message in self.says[self.steps]]
+        self.steps += 1
+
+
+class Watching(Desk):
+    """A desk that remembers what was taken from it."""
+
+    def __init__(self, hold_steps: int | None = 0):
+        super().__init__(LANDER_TASK.instruction_values, hold_steps, speed=1.0)
+        self.taken: list[Said] = []
+
+    def take(self) -> Said:
+        self.taken.append(super().take())
+        return self.taken[-1]
+
+
+class Theatre:
+    """A lesson on the lander, with a page that instructs."""
+
+    def __init__(self, folder: Path, hold_steps: int | None = 0, seed: int = 3, speaker: Speaker | None = None):
+        self.record, self.pages, self.desk = folder / "lesson.jsonl", Pages(), Watching(hold_steps)
+        self.desk.join(PAGE)
+        self.clock, self.stage = Script(self.desk), Stage(make_lander())
+        self.stage.reset(seed=seed)
+        self.speaker = speaker or speaks()[0]
+        server, clock = cast(Server, self.pages), cast(Clock, self.clock)
+        self.lesson = Lesson(self.stage, self.desk, server, self.speaker, clock, LessonWriter(self.record))
+
+
+def greedy(seed: int = 0) -> GreedyPolicy:
+    """Of an agent that has learnt nothing yet."""
+    torch.manual_seed(seed)
+    actions = make_lander().action_space
+    return make_agent(DQNConfig(hidden=[8]), LANDER_TASK.observation_size, actions, 1_000).greedy
+
+
+def speaks(**settings: Any) -> tuple[Speaker, GreedyPolicy]:
+    """A speaker, and the policy that it has."""
+    policy = greedy()
+    return Speaker(policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), **settings), policy
+
+
+def voice(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Voice:
+    """Words for small movements to the left and to the right."""
+    k = len(expressions)
+    where = np.zeros((k, len(LANDER_TASK.state_names)))
+    where[:, X] = np.linspace(-0.05, 0.05, k)
+    said, ones = np.reshape(expressions, (k, 1)), np.ones(k)
+    mapping = ClusterMapping(plain(where.shape[1]), where, said, said, ones, ones, ones, np.arange(k))
+    return Voice(mapping, HORIZON_STEPS, LANDER_TASK.phrases)

@@ -1,0 +1,91 @@
+"""A run of train.py that a person teaches, and a browser to do it with."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, Page, sync_playwright
+from view_data import free_ports
+
+ROOT = Path(__file__).parents[3]
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run"]
+SMALL = (
+    *("instructor=human", "viewer=off", "agent.hidden=[8]", "log.capacity_frames=20000", "eval_episodes=2"),
+    *("collect.envs_per_process=1", "collect.steps_per_batch=128", "eval_every_frames=10000000"),
+)
+
+
+@dataclass
+class Taught:
+    """A training under way, and where its page is."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+    address: str
+
+    def stop(self) -> str:
+        """Ask it to stop in order; returns what it printed."""
+        self.process.send_signal(signal.SIGINT)
+        return self.process.communicate(timeout=60)[0]
+
+
+@contextmanager
+def taught(folder: Path, *overrides: str) -> Iterator[Taught]:
+    """Train until the context is left."""
+    port = f"instructor.port={free_ports().web}"  # other tests run beside this one
+    command = [sys.executable, "-u", "train.py", *SMALL, port, f"run_dir={folder}", *overrides]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert process.stdout is not None
+        said = ""
+        while not (found := re.search(r"teach it here: (http://\S+)", said)):
+            line = process.stdout.readline()
+            assert line, said
+            said += line
+        yield Taught(process, folder, found[1])
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def browsing() -> Iterator[Browser]:
+    """A headless browser."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def opened(browser: Browser, address: str, **settings: Any) -> Page:
+    """The page of the lesson, connected and with a picture."""
+    page = browser.new_page(viewport={"width": 1366, "height": 768}, **settings)
+    page.set_default_timeout(20_000)
+    for _ in range(200):  # the process that serves it is still starting
+        try:
+            page.goto(address)
+            break
+        except Exception:
+            time.sleep(0.1)
+    until(page, "lesson.connected && lesson.drawn > 2")
+    return page
+
+
+def until(page: Page, condition: str, seconds: float = 30.0) -> None:
+    """Wait until something is true in the page."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(condition):  # playwright's own waiting needs what the page forbids
+        assert time.monotonic() < end, f"not in {seconds} s: {condition}"
+        time.sleep(0.02)

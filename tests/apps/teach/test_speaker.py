@@ -1,0 +1,198 @@
+"""What the agent says live is what ``explain`` says, with the newest weights and the newest vocabulary."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from on_stage import HORIZON_STEPS, greedy, make_lander, speaks, voice
+
+from ibe_rl.apps.teach.live_explainer import told, weights_of
+from ibe_rl.envs import LANDER_TASK
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, explain
+from ibe_rl.ibe import ClusterMapping, Meaning
+from ibe_rl.metrics import Calibration
+from ibe_rl.predict import Simulator
+from ibe_rl.types import CANNOT_TELL, Explanation, Moment
+
+OBSERVATIONS = np.random.default_rng(0).normal(size=(200, LANDER_TASK.observation_size)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def moment() -> Moment:
+    game = make_lander()
+    state, _ = game.reset(seed=1)
+    return Moment(state, np.array([1.0], np.float32), True, game.unwrapped.snapshot())
+
+
+def test_it_is_silent_before_there_is_a_vocabulary():
+    speaker, policy = speaks()
+    assert not speaker.due()
+    speaker.learn(weights_of(policy))
+    assert not speaker.due()
+    speaker.speak_with(voice())
+    assert speaker.due()
+
+
+def test_it_speaks_no_more_often_than_it_may(moment: Moment):
+    now = [50.0]
+    speaker, _ = speaks(every_s=0.5, clock=lambda: now[0])
+    speaker.speak_with(voice())
+    spoken = []
+    for _ in range(40):
+        if speaker.due():
+            speaker.say(moment)
+            spoken.append(now[0])
+        now[0] += 0.125
+    assert np.diff(spoken).tolist() == [0.5] * 9
+    assert spoken[0] == 50.0
+
+
+def test_a_slow_prediction_does_not_make_it_speak_all_the_time(moment: Moment):
+    """The pause begins when it has spoken."""
+    now = [0.0]
+
+    def clock() -> float:
+        now[0] += 0.4
+        return now[0]
+
+    speaker, _ = speaks(every_s=1.0, clock=clock)
+    speaker.speak_with(voice())
+    assert speaker.due()
+    speaker.say(moment)
+    assert [speaker.due() for _ in range(3)] == [False, False, True]
+
+
+def test_what_it_is_asked_for_is_said_in_a_thread_of_its_own(moment: Moment):
+    speaker, _ = speaks(every_s=0.0)
+    speaker.speak_with(voice())
+    may_go, heard = threading.Event(), list[str]()
+
+    def hear(said: Explanation) -> None:
+        may_go.wait()
+        heard.append(said.said + " in " + threading.current_thread().name)
+
+    speaker.ask(moment, hear)
+    assert not speaker.due()  # it is still at it
+    may_go.set()
+    speaker.wait()
+    assert heard == [f"{speaker.say(moment).said} in speaker_0"]
+    assert speaker.due()
+
+
+def test_what_goes_wrong_while_it_speaks_is_not_hidden(moment: Moment):
+    speaker, _ = speaks(every_s=0.0)
+    speaker.speak_with(voice())
+    speaker.ask(replace(moment, snapshot=None), lambda _: None)
+    with pytest.raises(AttributeError):
+        speaker.wait()
+    with pytest.raises(AttributeError):
+        speaker.due()
+
+
+def test_it_says_what_explain_says(moment: Moment):
+    speaker, policy = speaks()
+    speaker.speak_with(voice())
+    said = speaker.say(moment)
+    [expected] = explain([moment], policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), voice())
+    assert (said.phrase, said.cluster, said.confidence) == (expected.phrase, expected.cluster, expected.confidence)
+    np.testing.assert_array_equal(said.expression, expected.expression)
+    np.testing.assert_array_equal(said.path, expected.path)
+    assert len(said.path) == HORIZON_STEPS + 1
+
+
+def test_it_takes_the_newest_weights_when_it_speaks_and_not_before(moment: Moment):
+    speaker, mine = speaks()
+    speaker.speak_with(voice())
+    before = mine(OBSERVATIONS)
+    older, newer = greedy(7), greedy(8)
+    assert (newer(OBSERVATIONS) != before).any()
+    assert (newer(OBSERVATIONS) != older(OBSERVATIONS)).any()
+    speaker.learn(weights_of(older))
+    speaker.learn(weights_of(newer))
+    np.testing.assert_array_equal(mine(OBSERVATIONS), before)
+    speaker.say(moment)
+    np.testing.assert_array_equal(mine(OBSERVATIONS), newer(OBSERVATIONS))
+
+
+def test_weights_are_a_copy_that_learning_does_not_change():
+    policy = greedy(1)
+    weights = weights_of(policy)
+    kept = {name: value.copy() for name, value in weights.items()}
+    policy.load_state_dict(greedy(2).state_dict())
+    for name, value in weights.items():
+        np.testing.assert_array_equal(value, kept[name])
+    assert any((policy.state_dict()[name].numpy() != value).any() for name, value in kept.items())
+
+
+def test_the_newest_vocabulary_is_spoken_with(moment: Moment):
+    speaker, _ = speaks()
+    speaker.speak_with(voice())
+    speaker.speak_with(voice((0.25, 0.25, 0.25)))
+    assert speaker.say(moment).expression.tolist() == [0.25]
+
+
+def test_weights_that_come_while_it_speaks_are_taken_next_time(moment: Moment):
+    speaker, mine = speaks(every_s=0.0)
+    speaker.speak_with(voice())
+    policies = [greedy(seed) for seed in range(3)]
+    over = threading.Event()
+
+    def learn() -> None:
+        while not over.is_set():
+            for policy in policies:
+                speaker.learn(weights_of(policy))
+
+    learner = threading.Thread(target=learn)
+    learner.start()
+    for _ in range(30):
+        speaker.say(moment)
+    over.set()
+    learner.join()
+    speaker.say(moment)
+    np.testing.assert_array_equal(mine(OBSERVATIONS), policies[-1](OBSERVATIONS))
+
+
+def test_what_is_told_is_json_and_says_it_all(moment: Moment):
+    speaker, _ = speaks()
+    speaker.speak_with(voice())
+    said = speaker.say(moment)
+    assert LANDER_TASK.scene_path is not None
+    shown = json.loads(json.dumps(told(said, LANDER_TASK.scene_path(said.path)), allow_nan=False))
+    assert shown["expression"] == said.expression[0]
+    assert shown["said"] == said.said
+    assert shown["horizon_steps"] == HORIZON_STEPS
+    assert np.shape(shown["path"]) == (HORIZON_STEPS + 1, 2)
+    assert told(said, None)["path"] is None
+
+
+def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
+    speaker, _ = speaks()
+    features = np.random.default_rng(0).uniform(size=(50, 2))
+    calibration = Calibration.fit(features, features[:, 0] > 0.5, CONFIDENCE_FEATURES)
+    speaker.speak_with(replace(voice(), calibration=calibration, min_confidence=1.1))
+    shown = told(speaker.say(moment), None)
+    json.dumps(shown, allow_nan=False)
+    assert (shown["known"], type(shown["known"])) == (False, bool)
+    assert shown["said"] == "I do not know"
+
+
+def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: Moment):
+    speaker, _ = speaks()
+    known = voice().mapping
+    assert isinstance(known, ClusterMapping)
+    unknown = replace(known, meanings=(Meaning(negative=False, positive=False),))
+    speaker.speak_with(replace(voice(), mapping=unknown))
+    shown = told(speaker.say(moment), None)
+    assert (shown["said"], shown["in_time"]) == (CANNOT_TELL, CANNOT_TELL)
+    assert (shown["meant"], shown["expression"], shown["confidence"]) == (False, None, None)
+
+
+def test_a_confidence_that_is_no_probability_is_not_shown(moment: Moment):
+    speaker, _ = speaks()
+    speaker.speak_with(voice())
+    shown = told(speaker.say(moment), None)
+    assert (shown["meant"], shown["confidence"]) == (True, None)

@@ -1,0 +1,234 @@
+"""Logs go to Minari and come back the same; datasets of others come in; what does not fit is refused."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import gymnasium
+import minari
+import numpy as np
+import pilots
+import pytest
+from minari.cli import app
+from minari.data_collector import EpisodeBuffer
+from torch.utils import _pytree
+from typer.testing import CliRunner
+
+from ibe_rl.apps.external.study import guest_run_config, keep_run, open_study, study
+from ibe_rl.apps.minari import export_log, import_log, main
+from ibe_rl.config.command_line import composed
+from ibe_rl.envs import LANDER_ID, LANDER_TASK, Instructed
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import create_run_folder
+from ibe_rl.types import ConfigError, Episode
+
+QUICK = ["mapping.horizon_steps=10", "mapping.spans_steps=[5]", "viewer=off"]
+COLUMNS = ("states", "actions", "rewards", "instructions", "given")
+
+
+@pytest.fixture(autouse=True)
+def datasets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+
+
+def made_up(number: int) -> Episode:
+    """It drifts the way it is told, at times nothing is said, and the numbers have all their digits."""
+    random, steps = np.random.default_rng(number), 20 + number
+    told = np.repeat(random.integers(-1, 2, steps), 7)[:steps, None].astype(np.float32)
+    given = random.random(steps) < 0.8
+    states = random.normal(size=(steps + 1, 9)).astype(np.float32)
+    states[:, 0] = np.concatenate([[0], 0.03 * told[:, 0].cumsum()]) + random.normal(0, 0.003, steps + 1)
+    states[:, 8] = (-0.6, 0.0, 0.6)[number % 3]
+    return Episode(
+        states=states,
+        actions=random.integers(0, 4, steps),
+        rewards=random.normal(size=steps).astype(np.float32),
+        instructions=told * given[:, None],
+        given=given,
+        terminated=number % 2 == 0,
+        success=number % 4 == 0,
+        context=("left", "center", "right")[number % 3],
+    )
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    episodes = [made_up(number) for number in range(30)]
+    cfg = composed("explain", ["mapping.top_fraction=1", *QUICK, f"run_dir={tmp_path / 'run'}"])
+    folder = create_run_folder(tmp_path / "run")
+    keep_run(folder, guest_run_config(cfg, "a test", seed=0), episodes, sum(len(one) + 1 for one in episodes))
+    return folder
+
+
+def logged(folder: Path) -> list[Episode]:
+    log = TrajectoryLog.open(folder / "trajectories")
+    return log.read(range(len(log.index)))
+
+
+def assert_same(one: Episode, other: Episode) -> None:
+    for name in COLUMNS:
+        mine, theirs = getattr(one, name), getattr(other, name)
+        assert (mine.dtype, mine.tobytes()) == (theirs.dtype, theirs.tobytes()), name
+    assert (one.terminated, one.success, one.context) == (other.terminated, other.success, other.context)
+
+
+def test_a_round_trip_is_equal(run: Path, tmp_path: Path) -> None:
+    export_log(run, "mine/log-v0")
+    back = import_log("mine/log-v0", ["mapping.top_fraction=1", *QUICK, f"run_dir={tmp_path / 'back'}"])
+    before, after = logged(run), logged(back)
+    assert len(before) == len(after) == 30
+    for number, (one, other) in enumerate(zip(before, after, strict=True)):
+        assert_same(one, made_up(number))
+        assert_same(one, other)
+    refreshes = [next((folder / "refreshes").glob("*.json")).read_text() for folder in (run, back)]
+    assert refreshes[0] == refreshes[1]
+    assert len(str(open_study(back, pilots.pilot, ["agent_sees_instruction=false", *QUICK]).explain(seed=1))) > 1_000
+
+
+def test_minaris_own_tools_read_it(run: Path) -> None:
+    export_log(run, "mine/some-v0", newest=7)
+    dataset = minari.load_dataset("mine/some-v0")
+    assert (dataset.total_episodes, dataset.total_steps) == (7, sum(20 + number for number in range(23, 30)))
+    assert dataset.env_spec.id == LANDER_ID
+    assert dataset.observation_space == gymnasium.make(LANDER_ID).observation_space
+    assert dataset.recover_environment().unwrapped.task is LANDER_TASK
+    for data, number in zip(dataset.iterate_episodes(), range(23, 30), strict=True):
+        np.testing.assert_array_equal(data.observations, made_up(number).states)
+        assert bool(data.terminations[-1]) != bool(data.truncations[-1])
+        assert all(len(column) == len(data) + 1 for column in data.infos.values())
+    assert len(dataset.sample_episodes(3)) == 3
+    assert dataset.filter_episodes(lambda one: one.infos["success"][-1]).total_episodes == 2
+    shown = CliRunner().invoke(app, ["show", "mine/some-v0"])
+    assert shown.exit_code == 0
+    assert LANDER_ID in shown.stdout
+
+
+def test_an_environment_that_a_config_declares_goes_out_and_comes_in(tmp_path: Path) -> None:
+    made = study(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
+    dataset = export_log(made.run.folder, "mine/arm-v0")
+    assert dataset.recover_environment().unwrapped.spec.id == "Reacher-v5"
+    folder = import_log("mine/arm-v0", ["env=reacher", f"run_dir={tmp_path / 'back'}"])
+    for one, other in zip(logged(folder), logged(made.run.folder), strict=True):
+        assert_same(one, other)
+
+
+@pytest.fixture
+def collected(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Minari's own collector, which takes one function from jax: here torch's of the same name."""
+    jax, tree = ModuleType("jax"), ModuleType("jax.tree_util")
+    tree.tree_map = _pytree.tree_map  # type: ignore[attr-defined]
+    jax.tree_util = tree  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "jax", jax)
+    monkeypatch.setitem(sys.modules, "jax.tree_util", tree)
+
+    def collect(name: str, env: gymnasium.Env[Any, Any], count: int = 8) -> None:
+        collector = minari.DataCollector(env, record_infos=True)
+        for seed in range(count):
+            state, _ = collector.reset(seed=seed)
+            ended = False
+            while not ended:
+                state, _, terminated, truncated, _ = collector.step(pilots.pilot(state[:9]))
+                ended = terminated or truncated
+        collector.create_dataset(dataset_id=name)
+
+    return collect
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_dataset_of_others_comes_in_with_the_rule_of_the_environment(collected: Any, tmp_path: Path) -> None:
+    collected("theirs/flights-v0", gymnasium.make(LANDER_ID))
+    settings = [*QUICK, f"run_dir={tmp_path / 'rule'}"]
+    assert main(["import", "theirs/flights-v0", *settings]) == 0
+    episodes, dataset = logged(tmp_path / "rule"), minari.load_dataset("theirs/flights-v0")
+    assert len(episodes) == 8
+    for episode, data in zip(episodes, dataset, strict=True):
+        np.testing.assert_array_equal(episode.states, data.observations)
+        np.testing.assert_array_equal(episode.instructions, LANDER_TASK.rule(episode.states[:-1]))
+        assert episode.success == data.infos["landed"][-1]
+        assert episode.context == LANDER_TASK.context(episode.states[0])
+    assert any(episode.success for episode in episodes)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_what_was_said_is_taken_from_the_observations_of_who_was_told(collected: Any, tmp_path: Path) -> None:
+    collected("theirs/told-v0", Instructed(gymnasium.make(LANDER_ID, pad="left")), 4)
+    folder = import_log("theirs/told-v0", [*QUICK, f"run_dir={tmp_path / 'told'}"])
+    for episode, data in zip(logged(folder), minari.load_dataset("theirs/told-v0"), strict=True):
+        np.testing.assert_array_equal(episode.states, data.observations[:, :9])
+        np.testing.assert_array_equal(episode.instructions, data.observations[:-1, 9:10])
+        assert episode.given.all()
+        assert episode.context == "left"
+
+
+def make(name: str, observations: int = 9, actions: int = 4, count: int = 12, **infos: Any) -> None:
+    """A dataset by hand, of episodes of 30 steps."""
+    buffers = []
+    for number in range(count):
+        one = made_up(number)
+        states = np.resize(one.states, (31, observations))
+        flags = np.arange(30) == 29
+        said = {key: made(one) for key, made in infos.items()}
+        buffers.append(
+            EpisodeBuffer(None, None, None, states, np.zeros(30, int), np.ones(30), flags, ~flags & flags, said)
+        )
+    spaces: Any = gymnasium.spaces
+    box = spaces.Box(-np.inf, np.inf, (observations,), np.float32)
+    minari.create_dataset_from_buffers(name, buffers, observation_space=box, action_space=spaces.Discrete(actions))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_the_key_of_the_instruction_can_be_named(tmp_path: Path) -> None:
+    make("by/hand-v0", command=lambda one: np.full(30, 1.0 - one.actions[0] % 3))
+    folder = import_log("by/hand-v0", [*QUICK, f"run_dir={tmp_path / 'named'}"], "command")
+    for number, episode in enumerate(logged(folder)):
+        np.testing.assert_array_equal(episode.instructions, np.full((30, 1), 1.0 - made_up(number).actions[0] % 3))
+        assert not episode.success
+        assert episode.terminated
+    make("by/rule-v0", instruction=lambda _: np.zeros(31))
+    ruled = import_log("by/rule-v0", [*QUICK, f"run_dir={tmp_path / 'ruled'}"], "rule")
+    assert any(episode.instructions.any() for episode in logged(ruled))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_what_does_not_fit_is_refused_before_a_folder_is_made(tmp_path: Path) -> None:
+    def refused(message: str, name: str, key: str | None = None) -> None:
+        with pytest.raises(ConfigError, match=message):
+            import_log(name, [*QUICK, f"run_dir={tmp_path / 'none'}"], key)
+        assert not (tmp_path / "none").exists()
+
+    make("by/small-v0", observations=8)
+    make("by/many-v0", actions=5)
+    make(
+        "by/short-v0",
+        instruction=lambda _: np.zeros(7),
+        large=lambda _: np.full(30, 2.0),
+        two=lambda _: np.ones((30, 2)),
+    )
+    make("by/none-v0", count=0)
+    refused(r"observations are of shape \(8,\); allowed is \(9,\), the state, or \(11,\)", "by/small-v0")
+    refused(r"dataset=by/many-v0: its actions are Discrete\(5\)", "by/many-v0")
+    refused(r"instruction=instruction: it has the shape \(7, 1\) in an episode of 30 steps", "by/short-v0")
+    refused(r"instruction=two: it has the shape \(30, 2\)", "by/short-v0", "two")
+    refused("instruction=large: it reaches from 2 to 2; allowed is -1 to 1", "by/short-v0", "large")
+    refused("instruction=other: allowed are instruction, large, two of its infos, or rule", "by/short-v0", "other")
+    refused("it has no episode", "by/none-v0")
+    refused("dataset=by/absent-v0: Dataset by/absent-v0 not found", "by/absent-v0")
+
+
+def test_what_cannot_be_exported_is_refused(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert main(["export", str(run), "mine/twice-v0", "--newest", "2"]) == 0
+    with pytest.raises(SystemExit, match=r"error: dataset=mine/twice-v0: .*already exists"):
+        main(["export", str(run), "mine/twice-v0"])
+    with pytest.raises(ConfigError, match="newest=0: allowed is at least 1"):
+        export_log(run, "mine/other-v0", newest=0)
+    with pytest.raises(ConfigError, match="not a run folder"):
+        export_log(tmp_path, "mine/other-v0")
+    (run / "trajectories" / "log.json").unlink()
+    with pytest.raises(ConfigError, match="is not a readable log"):
+        export_log(run, "mine/other-v0")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ConfigError, match=r"install the extra ibe_rl\[minari\]"):
+        export_log(run, "mine/other-v0")

@@ -1,0 +1,272 @@
+"""Every file in configs/ composes, every limit holds, and no setting is there for nothing."""
+
+import ast
+import math
+from collections.abc import Iterator
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
+
+from ibe_rl.config import settings as schemas
+from ibe_rl.config.limits import check
+from ibe_rl.config.settings import (
+    CollectConfig,
+    DQNConfig,
+    ExplainConfig,
+    InstructorConfig,
+    LogConfig,
+    MappingConfig,
+    PPOConfig,
+    PredictorConfig,
+    TrainConfig,
+    ViewerConfig,
+)
+from ibe_rl.config.store import register
+from ibe_rl.config.task import FUNCTIONS
+from ibe_rl.envs.lander_task import LANDER_TASK
+from ibe_rl.ibe import IBEMapping
+from ibe_rl.types import ConfigError
+from ibe_rl.vocabulary.fitting import PASSED_ON, check_mapping
+from ibe_rl.vocabulary.tracker import check_development
+
+ROOT = Path(__file__).parents[2]
+CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
+NEEDED = {"recorded": ["instructor.recording=a_run"]}
+"""What a choice cannot do without."""
+SWEPT = {"horizon": "horizon_steps", "clusters": "n_clusters", "mappings": "mapping", "agents": "agent"}
+"""What a sweep varies, where it is not called just so."""
+SCHEMAS = sorted(
+    (item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)),
+    key=lambda item: item.__name__,
+)
+
+
+def composed(root: str, *overrides: str) -> Any:
+    register()
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        values = OmegaConf.to_object(compose(root, list(overrides)))
+    check(values)
+    return values
+
+
+@pytest.mark.parametrize("root", sorted(path.stem for path in (ROOT / "configs").glob("*.yaml")))
+def test_every_root_composes(root: str):
+    assert isinstance(composed(root), {"train": TrainConfig, "explain": ExplainConfig}[root])
+
+
+@pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] not in ("experiment", "sweep")])
+def test_every_choice_composes(group: str, name: str):
+    chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
+    told = getattr(chosen, "kind", getattr(chosen, "mode", None))
+    if group != "env":
+        assert told in (name, None)
+    if group in ("predictor", "viewer"):
+        assert getattr(composed("explain", f"{group}={name}"), group) == chosen
+
+
+@pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "experiment"])
+def test_every_experiment_composes_and_what_is_said_beside_it_wins(name: str):
+    assert composed("train") != composed("train", f"experiment={name}")
+    for agent in ("dqn", "ppo"):
+        assert composed("train", f"experiment={name}", f"agent={agent}").agent.kind == agent
+
+
+def test_the_papers_experiment_trains_its_kind_of_agent_and_reports():
+    cfg = composed("train", "experiment=paper")
+    assert (cfg.agent.kind, cfg.report) == ("dqn", True)
+    assert not composed("train").report
+
+
+@pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "sweep"])
+def test_every_sweep_varies_what_it_is_called_after_and_each_of_its_runs_can_work(name: str):
+    register()
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        swept = compose("train", [f"sweep={name}"], return_hydra_config=True).hydra.sweeper.params
+        loader = GlobalHydra.instance().config_loader()
+        parsed = OverridesParser.create(loader).parse_overrides([f"{key}={values}" for key, values in swept.items()])
+        runs = BasicSweeper.split_arguments(parsed, None)[0]
+    varied = {key.rpartition(".")[2] for key in swept}
+    assert varied == {"seeds": {"seed"}}.get(name, {"seed", SWEPT.get(name, name)})
+    assert len({tuple(run) for run in runs}) == len(runs) >= 5
+    for run in runs:
+        if "seed=0" not in run:  # the others differ in nothing else
+            continue
+        cfg = composed("train", f"sweep={name}", *run)
+        check_development(cfg, LANDER_TASK)
+        assert replace(cfg, run_dir="") == replace(composed("train", *run), run_dir="")  # nothing else is changed
+
+
+def test_the_sweep_of_mappings_has_every_mapping():
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        values = compose("train", ["sweep=mappings"], return_hydra_config=True).hydra.sweeper.params.mapping
+        parser = OverridesParser.create(GlobalHydra.instance().config_loader())
+        [override] = parser.parse_overrides([f"mapping={values}"])
+        names = list(override.sweep_string_iterator())
+    assert sorted(names) == sorted(name for group, name in CHOICES if group == "mapping")
+
+
+def test_every_kind_has_a_file():
+    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig, *schemas.INSTRUCTORS.values())}
+    kinds |= {"predictor": (PredictorConfig, *schemas.PREDICTORS.values())}
+    for group, owners in kinds.items():
+        allowed = {kind for owner in owners for kind in fields(owner)[0].metadata["choices"]}
+        assert {name for place, name in CHOICES if place == group} == allowed
+    modes = next(item for item in fields(ViewerConfig) if item.name == "mode").metadata["choices"]
+    assert {name for place, name in CHOICES if place == "viewer"} == set(modes)
+
+
+@pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "mapping"])
+def test_every_mapping_is_called_like_its_file_and_can_work(name: str):
+    chosen = composed("train", f"mapping={name}").mapping
+    assert chosen.kind == name
+    check_mapping(chosen, LANDER_TASK)
+
+
+def test_no_two_mappings_are_the_same():
+    chosen = [composed("train", f"mapping={name}").mapping for group, name in CHOICES if group == "mapping"]
+    settings = [asdict(replace(each, kind="")) for each in chosen]
+    assert all(one != other for one, other in combinations(settings, 2))
+
+
+def test_the_composed_defaults_are_those_of_the_dataclasses():
+    cfg = composed("train")
+    assert cfg.agent == PPOConfig()
+    assert composed("train", "agent=dqn").agent == DQNConfig()
+    assert cfg.collect == CollectConfig()
+    assert cfg.log == LogConfig()
+    assert cfg.instructor == InstructorConfig()
+    assert cfg.obedience == schemas.ObedienceConfig()
+    for kind in ("flawed", "human"):
+        assert composed("train", f"instructor={kind}").instructor == schemas.INSTRUCTORS[kind]()
+    assert composed("train", "mapping=paper").mapping == MappingConfig(horizon_steps=60)  # of the lander
+    assert cfg.predictor == PredictorConfig()
+    for kind, schema in schemas.PREDICTORS.items():
+        assert composed("train", f"predictor={kind}").predictor == schema()
+    assert cfg.viewer == ViewerConfig()
+    for item in fields(TrainConfig):
+        if item.metadata:
+            assert getattr(cfg, item.name) == item.default
+    explain = composed("explain")
+    assert explain.predictor == PredictorConfig()
+    assert (explain.run, explain.seed, explain.context) == (None, 0, None)
+
+
+def default(schema: type) -> Any:
+    """An instance with every part of it; what has no default stays missing."""
+    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": MappingConfig}
+    parts |= {"predictor": PredictorConfig, "viewer": ViewerConfig}
+    names = {item.name for item in fields(schema)}
+    return schema(**{name: part() for name, part in parts.items() if name in names})
+
+
+def neighbour(limit: float, whole: bool, towards: float) -> float:
+    return limit + math.copysign(1, towards) if whole else math.nextafter(limit, towards)
+
+
+def outside(item: Field[Any]) -> Iterator[Any]:
+    limits, whole = item.metadata, "int" in str(item.type)
+    if limits["choices"]:
+        yield from ("nonsense", "", limits["choices"][0].upper())
+    for limit, towards in ((limits["low"], -math.inf), (limits["high"], math.inf)):
+        if limit is not None:
+            yield from (neighbour(limit, whole, towards), towards)
+    if not limits["choices"]:
+        yield math.nan
+
+
+def inside(item: Field[Any]) -> Iterator[Any]:
+    limits, whole = item.metadata, "int" in str(item.type)
+    yield from limits["choices"]
+    for limit, towards in ((limits["low"], math.inf), (limits["high"], -math.inf)):
+        if limit is not None:
+            yield from (limit, neighbour(limit, whole, towards))
+    if "None" in str(item.type):
+        yield None
+
+
+LIMITED = [(schema, item) for schema in SCHEMAS for item in fields(schema) if item.metadata]
+EVERY_LIMIT = pytest.mark.parametrize(("schema", "item"), LIMITED, ids=[f"{s.__name__}.{i.name}" for s, i in LIMITED])
+
+
+@EVERY_LIMIT
+def test_a_value_just_inside_its_limits_passes(schema: type, item: Field[Any]):
+    assert item.default is not MISSING
+    values = [item.default, *inside(item)]
+    for value in values:
+        config = default(schema)
+        setattr(config, item.name, value)
+        check(config)
+
+
+@EVERY_LIMIT
+def test_a_value_just_outside_its_limits_is_refused(schema: type, item: Field[Any]):
+    for value in outside(item):
+        config = default(schema)
+        setattr(config, item.name, value)
+        with pytest.raises(ConfigError, match=rf"^{item.name}=.*: allowed is \S+"):
+            check(config)
+
+
+def test_the_message_names_the_whole_key_the_value_and_what_is_allowed():
+    config = default(TrainConfig)
+    config.collect.processes = 0
+    with pytest.raises(ConfigError, match=r"^collect\.processes=0: allowed is at least 1 and at most 64$"):
+        check(config)
+    config = default(TrainConfig)
+    config.viewer.mode = "loud"
+    with pytest.raises(ConfigError, match=r"^viewer\.mode=loud: allowed is one of live, file, off$"):
+        check(config)
+
+
+def test_every_number_has_a_limit():
+    for schema in SCHEMAS:
+        for item in fields(schema):
+            assert item.metadata or not any(number in str(item.type).split("[")[0] for number in ("int", "float"))
+
+
+def test_a_setting_that_is_none_is_refused():
+    with pytest.raises(ConfigError, match=r"mapping\.colour=red: no such setting; allowed are kind, horizon_steps"):
+        composed("train", "+mapping.colour=red")
+
+
+def reads() -> set[str]:
+    """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
+    parts = [*fields(TrainConfig), *fields(ExplainConfig)]
+    owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
+    found = {*PASSED_ON, *FUNCTIONS, "explained_range"}  # these by their name
+    for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
+        if path.name == "config.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute):
+                owner = node.value
+                name = owner.attr if isinstance(owner, ast.Attribute) else getattr(owner, "id", None)
+                if name in owners:
+                    found.add(node.attr)
+    return found
+
+
+@pytest.mark.parametrize("schema", SCHEMAS, ids=lambda schema: schema.__name__)
+def test_every_setting_is_read_somewhere(schema: type):
+    assert {item.name for item in fields(schema)} - reads() == set()
+
+
+def attributes_read(path: Path, owner: str) -> set[str]:
+    """Names read from what is called ``owner``."""
+    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)]
+    mine = [node for node in nodes if isinstance(node.value, ast.Name) and node.value.id == owner]
+    return {node.attr for node in mine if isinstance(node.ctx, ast.Load)}
+
+
+def test_what_is_passed_on_to_the_estimator_is_read_there():
+    settings = set(IBEMapping().get_params())
+    assert set(PASSED_ON) <= settings
+    assert settings <= attributes_read(ROOT / "ibe_rl" / "ibe" / "estimator.py", "self")

@@ -1,0 +1,127 @@
+"""The first signal asks, the second ends, and what was there before comes back."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ibe_rl.runtime.signals import StopRequest, interrupts_stay_here
+
+BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+@pytest.fixture(autouse=True)
+def unchanged() -> Iterator[None]:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    yield
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+@BOTH
+def test_the_first_signal_asks_to_stop(number: int):
+    with StopRequest() as stop:
+        assert not stop
+        signal.raise_signal(number)
+        assert stop
+    assert stop
+
+
+@BOTH
+def test_the_second_signal_ends_at_once(number: int):
+    with StopRequest() as stop:
+        signal.raise_signal(signal.SIGINT)
+        assert stop
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+
+
+@BOTH
+def test_what_was_to_be_called_is_called_once_and_in_order(number: int):
+    called: list[str] = []
+    with StopRequest() as stop:
+        stop.when_asked(lambda: called.append(f"one, {bool(stop)}"))
+        stop.when_asked(lambda: called.append("two"))
+        assert called == []
+        signal.raise_signal(number)
+        assert called == ["one, True", "two"]
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+    assert called == ["one, True", "two"]
+
+
+def test_after_the_request_it_is_called_at_once():
+    """Ctrl-C may come while what is to hear of it is still being made."""
+    called: list[int] = []
+    with StopRequest() as stop:
+        signal.raise_signal(signal.SIGINT)
+        stop.when_asked(lambda: called.append(1))
+        assert called == [1]
+        stop.when_asked(lambda: called.append(2))
+    assert called == [1, 2]
+
+
+def test_without_a_request_nothing_is_called():
+    with StopRequest() as stop:
+        stop.when_asked(lambda: pytest.fail("nobody asked"))
+
+
+def test_the_handlers_come_back_also_after_an_error():
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda *_: seen.append(1))
+    try:
+        with pytest.raises(RuntimeError, match="learner"), StopRequest() as stop:
+            raise RuntimeError("learner")
+        signal.raise_signal(signal.SIGTERM)
+        assert seen == [1]
+        assert not stop
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_an_interrupt_while_processes_start_is_kept_for_afterwards():
+    with StopRequest() as stop:
+        with interrupts_stay_here():
+            signal.raise_signal(signal.SIGINT)
+            assert not stop
+        assert stop
+
+
+def test_processes_started_so_do_not_hear_interrupts():
+    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+
+    def deaf() -> str:
+        return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.strip()
+
+    with interrupts_stay_here():
+        assert deaf() == "True"
+    assert deaf() == "False"
+
+
+def test_interrupts_come_back_also_after_an_error():
+    with pytest.raises(OSError, match="no process"), interrupts_stay_here():
+        raise OSError("no process")
+
+
+def test_processes_started_so_do_not_run_the_script(tmp_path: Path):
+    """Without it a spawned process imports the script that started it, with all that it imports."""
+    script = tmp_path / "script.py"
+    script.write_text("""
+import multiprocessing, sys
+from contextlib import nullcontext
+from ibe_rl.signals import script_stays_here
+print("imported", flush=True)
+if __name__ == "__main__":
+    for context in (nullcontext(), script_stays_here()):
+        print("start", flush=True)
+        process = multiprocessing.get_context("spawn").Process(target=print, args=("works",))
+        with context:
+            process.start()
+        process.join()
+    print(__file__ == sys.argv[0])
+""")
+    out = subprocess.run([sys.executable, str(script)], check=True, capture_output=True, text=True).stdout
+    assert out.split() == ["imported", "start", "imported", "works", "start", "works", "True"]

@@ -1,0 +1,169 @@
+"""A worker that dies or hangs ends the run in one line, with a state that resumes; none outlives the trainer."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from queue import SimpleQueue
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from processes import ROOT, SMALL, children, gone, under_way
+from view_data import eventually
+
+from benchmarks.faults import command
+from ibe_rl.collect import collector as collect
+from ibe_rl.collect.collector import make_collector
+from ibe_rl.config.settings import InstructorConfig
+from ibe_rl.envs import LANDER_TASK
+from ibe_rl.runtime import workers
+from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
+from ibe_rl.storage.run_folder import METRICS, read_rows
+from ibe_rl.training.parts import resumable
+from tests.collect.test_collect import ENV, make_dqn, sizes
+
+RUN = [*SMALL, "viewer=off", "total_frames=100000000", "collect.envs_per_process=2", "refresh_every_frames=null"]
+FEW_S = 3.0
+
+
+def workers_of(trainer: int) -> list[int]:
+    """The processes that collect, or predict."""
+    return [child for child in children(trainer) if b"spawn_main" in command(child)]
+
+
+@pytest.fixture
+def training(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start a training of ``run`` and wait for its first rows."""
+    with ExitStack() as started:
+        yield lambda *more: started.enter_context(under_way(tmp_path / "run", *RUN, *more))
+
+
+SETTINGS = pytest.mark.parametrize("settings", [("collect.processes=2",), ("collect.overlap=true",)])
+
+
+@SETTINGS
+@pytest.mark.parametrize(
+    ("number", "what"),
+    [
+        (signal.SIGKILL, r"has ended \(SIGKILL\)"),
+        (signal.SIGSTOP, rf"hangs: no batch for {FEW_S:g} s \(collect.timeout_s\)"),
+    ],
+)
+def test_a_worker_that_dies_or_hangs(training: Any, tmp_path: Path, settings: tuple[str], number: int, what: str):
+    run = training(*settings, f"collect.timeout_s={FEW_S}")
+    crew = workers_of(run.pid)
+    os.kill(crew[-1], number)
+    hurt = time.monotonic()
+    output, _ = run.communicate(timeout=60)
+    assert time.monotonic() - hurt < 20
+    assert run.returncode == 1, output
+    assert "Traceback" not in output
+    [line] = [line for line in output.splitlines() if line.startswith("error:")]
+    name = rf"worker {len(crew) - 1} of {len(crew)} \(process {crew[-1]}\)"
+    found = re.fullmatch(rf"error: {name} {what}; the run is kept as it was at ([\d,]+) frames, to go on: (.+)", line)
+    assert found
+    assert all(gone(worker) for worker in crew)
+    frames = int(found[1].replace(",", ""))
+    assert frames >= int(read_rows(tmp_path / "run" / METRICS)[-1]["frames"])
+    go_on = [*found[2].split(), "viewer=off", f"total_frames={frames + 1}", "eval_episodes=1"]
+    subprocess.run(go_on, cwd=ROOT, check=True, capture_output=True)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["frames"] > frames
+
+
+def test_nobody_outlives_a_trainer_that_is_killed(training: Any, tmp_path: Path):
+    settings = ("collect.processes=2", "predictor.processes=2", "viewer=live", "explain_every_steps=1")
+    run = training(*settings, "refresh_every_frames=3000", "collect.envs_per_process=8")
+    assert eventually(lambda: len(workers_of(run.pid)) == 4, within_s=60)
+    family = children(run.pid)
+    family += [grandchild for child in family for grandchild in children(child)]
+    assert len(family) > 5
+    assert (tmp_path / "run" / "recording.rrd").exists()
+    run.kill()
+    assert eventually(lambda: all(gone(one) for one in family))
+
+
+def sleeps(*_: Any) -> Any:
+    time.sleep(600)
+
+
+def dies(*_: Any) -> Any:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize(("behaviour", "why"), [(sleeps, r"not ready within 15 s"), (dies, "Worker 0 failed")])
+def test_a_worker_that_never_gets_ready(behaviour: Any, why: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(collect, "env_of_worker", behaviour)
+    monkeypatch.setattr(workers, "START_S", 15.0)
+    config = sizes(2)
+    config.timeout_s = 1.0
+    with pytest.raises(LostWorkerError, match=f"the workers could not be started: {why}"):
+        make_collector(make_dqn(), ENV, config, LANDER_TASK, InstructorConfig(), seed=3)
+
+
+class Crew:
+    """In the place of workers."""
+
+    def __init__(self, dead: list[str], silent: list[str]):
+        self.names, self._dead, self._silent, self.killed = ["worker 0", "worker 1"], dead, silent, False
+
+    def dead(self, _error: Exception | None = None) -> list[str]:
+        return self._dead
+
+    def silent(self) -> list[str]:
+        return self._silent
+
+    def kill(self) -> None:
+        self.killed = True
+
+
+def brought(*things: Any) -> SimpleQueue[Any]:
+    queue: SimpleQueue[Any] = SimpleQueue()
+    for thing in things:
+        queue.put(thing)
+    return queue
+
+
+def test_a_batch_that_was_brought_counts_also_of_the_dead():
+    crew = Crew(["worker 1 has ended"], [])
+    coming = brought("batch")
+    assert next_of(coming, crew, 10.0) == "batch"
+    with pytest.raises(LostWorkerError, match=r"^worker 1 has ended$"):
+        next_of(coming, crew, 10.0)
+    assert crew.killed
+
+
+def test_an_error_is_that_of_the_dead_or_its_own():
+    with pytest.raises(LostWorkerError, match="worker 1"):
+        next_of(brought(BrokenPipeError("deep inside")), Crew(["worker 1 has ended"], []), None)
+    with pytest.raises(ZeroDivisionError):
+        next_of(brought(ZeroDivisionError()), Crew([], []), None)
+
+
+def test_too_late_is_said_otherwise_than_hanging():
+    for silent, said in ((["worker 0", "worker 1"], "worker 0 and worker 1 hangs"), ([], "the workers are too slow")):
+        crew = Crew([], silent)
+        with pytest.raises(LostWorkerError, match=f"^{said}: no batch for 0.3 s"):
+            next_of(brought(), crew, 0.3)
+        assert crew.killed
+
+
+def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
+    parts: Any = SimpleNamespace(log=SimpleNamespace(frames=0))
+    said = r"^worker 1; nothing had been collected yet, start the run anew$"
+    with pytest.raises(LostWorkerError, match=said), resumable(parts, lambda: 1.0):
+        raise LostWorkerError("worker 1")
+    with pytest.raises(ZeroDivisionError), resumable(parts, lambda: 1.0):
+        raise ZeroDivisionError
+
+
+def test_how_a_process_ended():
+    assert [ending(-9), ending(-15), ending(3)] == ["SIGKILL", "SIGTERM", "exit status 3"]

@@ -1,0 +1,287 @@
+"""Extra reward for having done what one was told: by hand, and against the definition step by step."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from by_hand import TASK, WORDS, config, obey, stay
+from tensordict import TensorDict, TensorDictBase
+
+from ibe_rl.agents import Agent, make_agent
+from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, PPOConfig, TrainConfig
+from ibe_rl.envs import LANDER_ID, LANDER_TASK
+from ibe_rl.envs.make import make_env, make_gym
+from ibe_rl.instructors import make_instructor
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.training.instruction_reward import Judge, Obedience, check_obedience, make_obedience, meant
+from ibe_rl.types import Array, ConfigError
+from ibe_rl.vocabulary.tracker import Development
+
+ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000)
+
+
+def way(delta: Array) -> Array:
+    """What a change means: the way the first number went."""
+    return np.sign(delta[:, :1])
+
+
+def row(state: Sequence[float], after: Sequence[float], told: Sequence[float | None], done: str = "") -> TensorDict:
+    """One environment ``[1, T]`` whose state is one number; told None is silence, "x" marks an end."""
+    steps = len(state)
+
+    def numbers(values: Sequence[float]) -> torch.Tensor:
+        return torch.tensor(values, dtype=torch.float32).reshape(1, steps, 1)
+
+    ends = torch.tensor([mark == "x" for mark in done.ljust(steps)]).reshape(1, steps, 1)
+    after_it = TensorDict({"state": numbers(after), "done": ends}, [1, steps])
+    given = numbers([float(one is not None) for one in told])
+    instruction = numbers([one or 0.0 for one in told])
+    inside = {"state": numbers(state), "instruction": instruction, "instruction_given": given, "next": after_it}
+    return TensorDict(inside, [1, steps])
+
+
+def climbing(told: Sequence[float | None], done: str = "", start: float = 0.0) -> TensorDict:
+    """One up at each step."""
+    places = start + np.arange(len(told) + 1)
+    return row(places[:-1].tolist(), places[1:].tolist(), told, done)
+
+
+def judged(obedience: Obedience, batch: TensorDictBase, frames: int = 0) -> list[float]:
+    """What is added to the reward of the first row."""
+    obedience.add(batch, frames)
+    extra = batch["next", "extra_reward"]
+    assert (extra.shape, extra.dtype) == ((*batch.shape, 1), torch.float32)
+    return [float(one) for one in extra[0, :, 0]]
+
+
+def make(horizon_steps: int = 2, judge: Callable[[], Judge | None] = lambda: way) -> Obedience:
+    return Obedience(ORACLE, lambda: horizon_steps, judge)
+
+
+def test_the_step_that_ends_a_window_gets_what_its_beginning_was_told():
+    """Told up and gone up: all of the weight. Told nothing to do: none of it. Told down: minus as much."""
+    batch = climbing([1, 1, -1, -1, 0, 1])
+    told = make().add(batch, 0)
+    assert batch["next", "extra_reward"][0, :, 0].tolist() == [0, 0.5, 0.5, -0.5, -0.5, 0]
+    assert told == {"obeyed": 0.0, "extra_reward": 0.0}
+    told = make().add(climbing([1, 0, 0]), 0)
+    assert told == {"obeyed": 0.5, "extra_reward": pytest.approx(0.5 / 3)}
+
+
+def test_what_is_said_later_does_not_count():
+    for later in (1.0, -1.0, None):
+        assert judged(make(3), climbing([1, later, later]))[2] == 0.5
+
+
+def test_over_one_step_each_step_is_judged_by_itself():
+    assert judged(make(1), climbing([1, -1, None, 0])) == [0.5, -0.5, 0, 0]
+
+
+def test_windows_go_on_across_batches():
+    obedience = make(3)
+    assert judged(obedience, climbing([1, -1])) == [0, 0]
+    assert judged(obedience, climbing([0, 1], start=2)) == [0.5, -0.5]
+    assert judged(obedience, climbing([1], start=4)) == [0]  # told 0
+    assert judged(obedience, climbing([1, 1, 1, 1], start=5)) == [0.5] * 4
+
+
+def test_windows_do_not_go_on_across_ends():
+    """A window may reach to an end; those of the next episode begin in it."""
+    assert judged(make(), climbing([1, 1, 1, 1, 1], done="  x")) == [0, 0.5, 0.5, 0, 0.5]
+    obedience = make()
+    assert judged(obedience, climbing([1, 1], done=" x")) == [0, 0.5]
+    assert judged(obedience, climbing([1, 1])) == [0, 0.5]
+
+
+def test_the_last_state_of_an_episode_is_its_own():
+    """Not the first of the next, which is where the batch goes on."""
+    batch = row([0, 1, -7, -6], [1, 2, -6, -5], [1, 1, 1, 1], " x")
+    assert judged(make(), batch) == [0, 0.5, 0, 0.5]
+
+
+def test_what_began_in_silence_is_not_judged():
+    batch = climbing([None, 1, None, 1])
+    assert make().add(batch, 0) == {"obeyed": 1.0, "extra_reward": 0.125}
+    assert batch["next", "extra_reward"][0, :, 0].tolist() == [0, 0, 0.5, 0]
+    told = make().add(climbing([None] * 4), 0)
+    assert np.isnan(told["obeyed"])
+    assert told["extra_reward"] == 0
+
+
+def test_the_weight_falls_to_nothing():
+    batch, calls = climbing([1, 1]), []
+    obedience = Obedience(ORACLE, lambda: 2, lambda: calls.append(1) or way)  # type: ignore[func-returns-value]
+    shown = [judged(obedience, batch.clone(), frames)[1] for frames in (0, 250, 500, 999, 1_000, 5_000)]
+    assert shown == pytest.approx([0.5, 0.375, 0.25, 0.0005, 0, 0])
+    assert shown[-2:] == [0, 0]
+    assert len(calls) == 4  # then nothing is judged any more
+    told = obedience.add(batch, 1_000)
+    assert np.isnan(told["obeyed"])
+    assert told["extra_reward"] == 0
+
+
+def test_of_several_numbers_the_worst_counts():
+    batch = TensorDict({"state": torch.zeros(1, 1, 1), "instruction": torch.tensor([[[1.0, -1.0]]])}, [1, 1])
+    batch["instruction_given"] = torch.ones(1, 1, 1)
+    batch["next"] = TensorDict({"state": torch.ones(1, 1, 1), "done": torch.zeros(1, 1, 1, dtype=torch.bool)}, [1, 1])
+    assert judged(make(1, lambda: lambda _: np.array([[0.75, 0.5]])), batch) == [-0.25]
+
+
+def by_the_definition(batch: TensorDictBase, horizon_steps: int) -> Array:
+    """Step by step: agreement ``(N, T)``, 0 where nothing is judged."""
+    done, given = batch["next", "done"][..., 0].numpy(), batch["instruction_given"][..., 0].numpy()
+    found = np.zeros(batch.shape)
+    for n, t in np.ndindex(*batch.shape):
+        start = t - horizon_steps + 1
+        if start < 0 or done[n, start:t].any() or not given[n, start]:
+            continue
+        change = float(batch["next", "state"][n, t, 0] - batch["state"][n, start, 0])
+        found[n, t] = 1 - abs(np.clip(change, -1, 1) - float(batch["instruction"][n, start, 0]))
+    return found
+
+
+@pytest.mark.parametrize("horizon_steps", [1, 2, 5, 13])
+@pytest.mark.parametrize("lengths", [[40], [1] * 40, [3, 30, 7], [20, 20]])
+def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, lengths: list[int]):
+    random, size = np.random.default_rng(horizon_steps), (6, 40, 1)
+    given = torch.from_numpy(random.random(size) < 0.7).float()
+    told = torch.from_numpy(random.choice([-1.0, 0.0, 1.0], size)).float() * given
+    state, after = (torch.from_numpy(random.normal(size=size)).float() for _ in range(2))
+    done = torch.from_numpy(random.random(size) < 0.15)
+    inside = {"state": state, "instruction": told, "instruction_given": given}
+    whole = TensorDict(inside | {"next": TensorDict({"state": after, "done": done}, size[:2])}, size[:2])
+    obedience = make(horizon_steps, lambda: lambda delta: np.clip(delta, -1, 1))
+    parts = whole.split(lengths, 1)
+    for part in parts:
+        obedience.add(part, 0)
+    extra = torch.cat([part["next", "extra_reward"] for part in parts], 1)[..., 0]
+    np.testing.assert_allclose(extra, 0.5 * by_the_definition(whole, horizon_steps), atol=1e-6)
+
+
+def settings(judge: str, **changes: Any) -> TrainConfig:
+    obedience = ObedienceConfig(judge=judge, weight=0.5, until_frames=1_000)
+    return TrainConfig(
+        instructor=InstructorConfig("oracle"),
+        obedience=obedience,
+        **({"mapping": config(spans_steps=[3, 4])} | changes),
+    )
+
+
+def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
+    """Over the shortest of its spans of time, with the mapping that stands."""
+    cfg, log = settings("mapping"), TrajectoryLog(tmp_path, 10_000, TASK.contexts)
+    development = Development(cfg.mapping, TASK, seed=0)
+    obedience = make_obedience(cfg, TASK, development)
+    size = (1, 6, 3)
+    batch = TensorDict({"state": torch.arange(18.0).reshape(size), "instruction": torch.ones(1, 6, 1)}, size[:2])
+    batch["instruction_given"] = torch.ones(1, 6, 1)
+    after = {"state": batch["state"] + 3, "done": torch.zeros(1, 6, 1, dtype=torch.bool)}
+    batch["next"] = TensorDict(after, size[:2])
+    assert [development.mapping_of(steps) for steps in (3, 4, 5)] == [None] * 3
+    told = obedience.add(batch, 0)
+    assert np.isnan(told["obeyed"])
+    assert not batch["next", "extra_reward"].any()
+    obey(log)
+    development.refresh(log, stay)
+    for states in (batch["state"], batch["next", "state"]):
+        states += 18  # it goes on from there
+    assert development.mapping_of(5) is development.mapping
+    assert [development.mapping_of(steps) for steps in (3, 4)] == [development.spans[3], development.spans[4]]
+    assert development.mapping_of(6) is None
+    meaning = development.spans[3].express(np.full((1, 3), 9.0))[0, 0]
+    assert judged(obedience, batch) == pytest.approx([0.5 * (1 - abs(meaning - 1))] * 6)
+
+
+def test_without_a_judge_nothing_is_added():
+    obedience, batch = make_obedience(settings("none"), TASK, Development(config(), TASK, 0)), climbing([1, 1])
+    assert obedience.add(batch, 0) == {}
+    assert set(batch["next"].keys()) == {"state", "done"}
+
+
+def test_what_is_meant_is_the_way_it_went():
+    """Beyond the band, which is a fifth as wide over a fifth of the time."""
+    delta = np.array([[0.5, 9, 9], [0.51, 9, 9], [-0.51, 9, 9], [0.11, 9, 9], [-0.09, 9, 9]])
+    assert meant(TASK, 100, 100)(delta).tolist() == [[0], [1], [-1], [0], [0]]
+    assert meant(TASK, 20, 100)(delta).tolist() == [[1], [1], [-1], [1], [0]]
+    both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(0.5, 10.0), explained_range=())
+    assert meant(both, 100, 100)(delta[:2]).tolist() == [[0, 0], [1, 0]]
+    assert meant(both, 50, 100)(delta[:2]).tolist() == [[1, 1], [1, 1]]
+
+
+@pytest.mark.parametrize("judge", ["mapping", "oracle"])
+def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path: Path):
+    """Then it begins with the steps that follow."""
+    development = Development(config(horizon_steps=None), TASK, 0)
+    obedience, batch = make_obedience(settings(judge), TASK, development), climbing([1] * 6)
+    told = obedience.add(batch, 0)
+    assert np.isnan(told["obeyed"])
+    assert told["extra_reward"] == 0
+    assert batch["next", "extra_reward"].shape == (1, 6, 1)
+    assert obedience.state_dict() == {}
+    log = TrajectoryLog(tmp_path / "log", 10_000, TASK.contexts)
+    obey(log)
+    development.refresh(log, stay)
+    assert development.horizon_steps == 5
+    assert judged(obedience, climbing([1] * 6)) == pytest.approx([0, 0, 0, 0, 0.5, 0.5])
+
+
+def test_the_oracle_judges_over_the_shortest_span():
+    obedience = make_obedience(settings("oracle"), TASK, Development(config(spans_steps=[3, 4]), TASK, 0))
+    assert judged(obedience, climbing([1, 1, 1, -1, 0, 0])) == [0, 0, 0.5, 0.5, 0.5, -0.5]
+
+
+@pytest.mark.parametrize(
+    ("cfg", "expected"),
+    [
+        (
+            replace(settings("oracle"), instructor=InstructorConfig("silent")),
+            r"^obedience\.judge=oracle with instructor=silent: allowed is none",
+        ),
+        (
+            settings("oracle", refresh_every_frames=None, mapping=config(horizon_steps=None)),
+            r"^obedience\.judge=oracle with refresh_every_frames=null and mapping\.horizon_steps=null, which no",
+        ),
+        (
+            settings("mapping", refresh_every_frames=None),
+            r"^obedience\.judge=mapping with refresh_every_frames=null: allowed is none or oracle",
+        ),
+    ],
+)
+def test_a_reward_that_nothing_could_be_judged_for_is_refused(cfg: TrainConfig, expected: str):
+    with pytest.raises(ConfigError, match=expected):
+        check_obedience(cfg)
+
+
+def test_what_can_be_judged_passes():
+    silent = replace(settings("none"), instructor=InstructorConfig("silent"), refresh_every_frames=None)
+    for cfg in (silent, settings("mapping"), settings("oracle"), settings("oracle", refresh_every_frames=None)):
+        check_obedience(cfg)
+
+
+def learner() -> Agent:
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    actions = make_gym(LANDER_ID, {}).action_space
+    return make_agent(PPOConfig(hidden=[8], minibatch_size=64), LANDER_TASK.observation_size, actions, 1_000)
+
+
+def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
+    env = make_env(LANDER_ID, {}, 4, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0)
+    flown = env.rollout(64, learner().policy, break_when_any_done=False)
+
+    def learnt(judge: str | None) -> Array:
+        agent, batch, seen = learner(), flown.clone(), np.random.default_rng(0).normal(size=(50, 11))
+        if judge:
+            cfg = settings(judge)
+            make_obedience(cfg, LANDER_TASK, Development(cfg.mapping, LANDER_TASK, 0)).add(batch, 0)
+        agent.update(batch)
+        agent.publish()
+        return agent.policy.network(torch.from_numpy(seen).float()).detach().numpy()
+
+    np.testing.assert_array_equal(learnt("none"), learnt(None))
+    np.testing.assert_array_equal(learnt("mapping"), learnt(None))  # there is no vocabulary yet
+    assert (learnt("oracle") != learnt(None)).any()

@@ -1,0 +1,134 @@
+"""One refresh in the recording, read back."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from view_data import Rows, column, developed, frames, read, refreshed
+
+from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
+from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe.space import scaled
+from ibe_rl.metrics.histogram import bin_edges, densities
+from ibe_rl.view import Recorder, picture
+from ibe_rl.view import palette as colours
+from ibe_rl.vocabulary.refresh import Refresh
+
+
+def hand_made() -> Refresh:
+    """Three clusters side by side in x and apart in angle."""
+    centres = np.zeros((3, 9))
+    centres[:, 0], centres[:, 4] = (-1, 0, 1), (2, -2, 0)
+    expressions = np.array([[-1.0], [0.25], [1.0]])
+    sizes, purities = np.array([5, 6, 7]), np.array([0.9, 0.5, 0.8])
+    mapping = ClusterMapping(
+        scaled(np.zeros(9), np.full(9, 2.0)),
+        centres,
+        expressions / 2,
+        expressions,
+        sizes,
+        purities,
+        sizes,
+        np.array([4, 2, 9]),
+    )
+    return replace(refreshed(), mapping=mapping)
+
+
+def test_each_cluster_keeps_its_bar_its_line_and_its_colour(rows: Rows) -> None:
+    known = {int(name) for refresh in developed() for name in refresh.mapping.ids}
+    assert len(known) > 8  # some emerged
+    for name in known:
+        bars = {row["frames"]: row for row in rows[f"/expression/{name}"] if row.get("BarChart:values") is not None}
+        values = dict(
+            zip(
+                frames(rows[f"/development/{name}"]),
+                column(rows[f"/development/{name}"], "Scalars:scalars"),
+                strict=True,
+            )
+        )
+        for refresh in developed():
+            if name not in refresh.mapping.ids:
+                assert refresh.frame not in bars
+                continue
+            rank = refresh.mapping.ids.tolist().index(name)
+            expression = refresh.mapping.expressions[rank, 0]
+            assert bars[refresh.frame]["BarChart:values"][0]["buffer"] == pytest.approx([expression])
+            assert bars[refresh.frame]["BarChart:abscissa"][0]["buffer"] == [rank]
+            assert values[refresh.frame] == pytest.approx([expression])
+        assert len({str(row["BarChart:color"]) for row in bars.values()}) == 1
+
+
+def test_a_cluster_that_vanished_goes_from_the_picture(rows: Rows) -> None:
+    for refresh in developed()[1:]:
+        assert refresh.change is not None
+        for name in refresh.change.transition.vanished:
+            [cleared] = [row for row in rows[f"/expression/{name}"] if row.get("Clear:is_recursive") is not None]
+            assert cleared["frames"] == refresh.frame
+            at = [row for row in rows[f"/development/{name}"] if row.get("frames") == refresh.frame]
+            assert np.isnan(at[0]["Scalars:scalars"][0])
+
+
+def test_windows_have_the_colour_of_what_they_express(recorder: Recorder, tmp_path: Path) -> None:
+    refresh = hand_made()
+    recorder.refresh(refresh)
+    recorder.close()
+    [windows] = read(tmp_path / "recording.rrd")["/vocabulary/windows"]
+    shades = colours.of_expressions(refresh.mapping.express(picture.sample(refresh.top))[:, 0])
+    drawn = np.array([[colour >> shift & 255 for shift in (24, 16, 8)] for colour in windows["Points2D:colors"]])
+    assert np.array_equal(drawn, shades)
+
+
+def test_the_densities_are_those_of_the_explained_dimension(rows: Rows) -> None:
+    refresh = developed()[0]
+    groups = [refresh.top.delta[:, 0], refresh.others.delta[:, 0]]
+    edges = bin_edges(np.concatenate(groups))
+    best, others = densities(groups, edges)
+    for name, density, drawn in zip(("best", "others"), (best, others), picture.cut([best, others]), strict=True):
+        [tensor] = rows[f"/change/{name}"][0]["BarChart:values"]
+        assert np.allclose(tensor["buffer"], drawn)
+        assert 0.95 < density.sum() * (edges[1] - edges[0]) <= 1
+
+
+def test_clusters_are_drawn_in_the_two_dimensions_that_tell_them_apart(recorder: Recorder, tmp_path: Path) -> None:
+    recorder.refresh(hand_made())
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    [names] = rows["/vocabulary/names"]
+    [marks] = rows["/vocabulary/marks"]
+    assert names["Points2D:labels"] == ["#4 -1.00", "#2 +0.25", "#9 +1.00"]
+    assert [label for label in marks["Points2D:labels"] if "Δ" in label] == ["→ Δx (half widths)", "↑ Δangle (rad)"]
+    points = np.array(rows["/vocabulary/centres"][0]["Points2D:positions"])
+    assert np.all(np.diff(points[:, 0]) > 0)
+    assert points[0, 1] < points[2, 1] < points[1, 1]  # y down: the largest angle is on top
+    assert len(rows["/vocabulary/windows"][0]["Points2D:positions"][0:]) <= picture.SCATTER_POINTS
+
+
+def test_without_other_episodes_and_spread_the_vocabulary_is_drawn_all_the_same(
+    recorder: Recorder, tmp_path: Path
+) -> None:
+    refresh = refreshed()
+    still = replace(refresh.top, delta=np.zeros_like(refresh.top.delta))
+    recorder.refresh(replace(refresh, top=still, others=refresh.top[:0]))
+    recorder.close()
+    [others] = read(tmp_path / "recording.rrd")["/change/others"][0]["BarChart:values"]
+    assert not np.any(others["buffer"])
+
+
+def test_two_numbers_have_panels_of_their_own_and_the_scatter_shows_both(tmp_path: Path) -> None:
+    refresh = hand_made()
+    both = np.hstack([refresh.mapping.expressions, [[0.5], [-1], [0]]])
+    mapping = replace(refresh.mapping, expressions=both, mean_instructions=both)
+    recorder = Recorder(tmp_path / "recording.rrd", LANDER_SPEED_TASK, "run")
+    recorder.refresh(replace(refresh, mapping=mapping))
+    recorder.refresh(replace(refresh, mapping=replace(mapping, ids=np.array([4, 2, 5])), frame=refresh.frame + 1))
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")
+    for number, name in enumerate(("x", "vy")):
+        drawn = [rows[f"/expression/{name}/{each}"][0]["BarChart:values"][0]["buffer"] for each in (4, 2, 9)]
+        assert np.ravel(drawn) == pytest.approx(both[:, number])
+        assert np.isnan(column(rows[f"/development/{name}/9"], "Scalars:scalars")[-1])  # cluster 9 is no more
+        assert rows[f"/change/{name}/best"]
+    [first, _] = rows["/vocabulary/marks"]
+    assert [label for label in first["Points2D:labels"] if "Δ" in label] == ["→ Δx (half widths)", "↑ Δvy (7.5 m/s)"]
+    assert rows["/vocabulary/names"][0]["Points2D:labels"] == ["#4", "#2", "#9"]

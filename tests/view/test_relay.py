@@ -1,0 +1,268 @@
+"""The relay: it serves a growing file, ends with its trainer, and never makes it wait."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import urlopen
+
+import pytest
+from processes import gone, server_of
+from rerun.chunk import RrdReader
+from view_data import TASK, eventually, free_ports
+
+from ibe_rl.runtime.ports import is_free
+from ibe_rl.types import ConfigError
+from ibe_rl.view import Recorder
+from ibe_rl.view import relay as module
+from ibe_rl.view.relay import Ports, Relay, choose_ports, main, rerun_binary
+
+
+@pytest.fixture
+def taken() -> Iterator[int]:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        yield server.getsockname()[1]
+
+
+def frames_in(path: Path) -> list[int]:
+    """Frames of the return's curve in a file, as far as it is written."""
+    try:
+        batches = [c.to_record_batch() for c in RrdReader(str(path)).stream() if c.entity_path == "/curves/train/r"]
+    except (RuntimeError, ValueError, OSError):  # cut in the middle of a message
+        return []
+    return sorted(frame for batch in batches for frame in batch.to_pydict()["frames"])
+
+
+def test_defaults_are_taken_where_they_are_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = free_ports()
+    monkeypatch.setattr(module, "GRPC_PORT", free.grpc)
+    monkeypatch.setattr(module, "WEB_PORT", free.web)
+    assert choose_ports(None, None) == free
+    assert "taken" not in module.invitation(free)
+
+
+def test_a_taken_default_moves(monkeypatch: pytest.MonkeyPatch, taken: int) -> None:
+    monkeypatch.setattr(module, "GRPC_PORT", taken)
+    monkeypatch.setattr(module, "WEB_PORT", taken)
+    ports = choose_ports(None, None)
+    assert taken not in (ports.grpc, ports.web)
+    assert ports.grpc != ports.web
+    assert is_free(ports.grpc)
+    assert is_free(ports.web)
+    assert f"port {taken} is taken, so this is on {ports.web}" in module.invitation(ports)
+
+
+def test_a_default_gives_way_to_the_port_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = free_ports()
+    monkeypatch.setattr(module, "GRPC_PORT", free.web)
+    ports = choose_ports(None, free.web)
+    assert ports.web == free.web
+    assert ports.grpc != free.web
+
+
+def test_a_port_asked_for_and_taken_is_refused(taken: int) -> None:
+    with pytest.raises(ConfigError, match=f"viewer.grpc_port={taken}: taken, allowed is a free port"):
+        choose_ports(taken, None)
+    with pytest.raises(ConfigError, match=f"viewer.web_port={taken}: taken"):
+        choose_ports(None, taken)
+
+
+def test_one_port_cannot_be_both() -> None:
+    port = free_ports().web
+    with pytest.raises(ConfigError, match=f"viewer.web_port={port}: taken"):
+        choose_ports(port, port)
+
+
+def test_the_address_names_the_data_percent_encoded() -> None:
+    address = urlsplit(module.page(Ports(grpc=1234, web=5678)))
+    assert address.netloc == "127.0.0.1:5678"
+    assert "+" not in address.query
+    assert parse_qs(address.query) == {
+        "url": ["rerun+http://127.0.0.1:1234/proxy"],
+        "hide_welcome_screen": ["1"],
+        "theme": ["dark"],
+    }
+
+
+def test_the_forward_keeps_both_numbers() -> None:
+    command = module.port_forward(Ports(grpc=1234, web=5678))
+    assert command.startswith("ssh -L 5678:127.0.0.1:5678 -L 1234:127.0.0.1:1234 ")
+    assert command.endswith("@" + socket.gethostname())
+
+
+def test_without_the_viewer_there_is_no_relay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    with pytest.raises(RuntimeError, match="rerun viewer is not installed: pip install rerun-sdk"):
+        Relay(tmp_path / "recording.rrd", free_ports())
+
+
+def test_a_process_that_cannot_start_is_said_so(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="live view cannot be started"):
+        Relay(tmp_path / "no such folder" / "recording.rrd", free_ports())
+
+
+def test_the_command_names_the_one_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert "python -m ibe_rl.viewer RUN" in capsys.readouterr().out
+
+
+def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
+    """The relay is there before the file; the listener comes late and gets all the same rows."""
+    path, heard, ports = tmp_path / "recording.rrd", tmp_path / "heard.rrd", free_ports()
+    with Relay(path, ports) as relay:
+        recorder = Recorder(path, TASK, "run")
+        recorder.batch(1, {"train/r": 1.0})
+        recorder.flush()
+        assert eventually(lambda: not is_free(ports.grpc))
+        url = f"rerun+http://127.0.0.1:{ports.grpc}/proxy"
+        listen = [rerun_binary(), url, "--save", heard, "--port", str(free_ports().grpc)]
+        with subprocess.Popen(listen, stderr=subprocess.DEVNULL) as listener:
+            try:
+                assert eventually(lambda: heard.exists() and frames_in(heard) == [1])
+                for frame in range(2, 30):
+                    recorder.batch(frame, {"train/r": 1.0})
+                    recorder.flush()
+                assert eventually(lambda: frames_in(heard) == list(range(1, 30)))
+            finally:
+                listener.terminate()
+        with urlopen(f"http://127.0.0.1:{ports.web}/") as answer:
+            assert answer.status == 200
+        assert relay.alive()
+        recorder.close()
+    assert (tmp_path / module.LOG).read_text() == ""  # nothing to complain of
+    assert not relay.alive()
+    assert is_free(ports.grpc)
+
+
+def test_a_hanging_viewer_makes_nobody_wait(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    recorder, relay = Recorder(path, TASK, "run"), Relay(path, free_ports())
+    server = server_of(relay._process.pid)
+    os.kill(server, signal.SIGSTOP)
+    start = time.perf_counter()
+    for frame in range(40):
+        recorder.batch(frame, {f"train/{i}": float(frame) for i in range(20)})
+        recorder.flush()
+    recorder.close()
+    assert time.perf_counter() - start < 5
+    assert relay.alive()
+    assert path.stat().st_size > 5 * 65_536  # far more than a pipe holds
+    relay.close()
+    assert not relay.alive()
+    assert eventually(lambda: gone(server))
+    relay.close()
+
+
+def test_a_viewer_that_dies_ends_the_relay_only(tmp_path: Path) -> None:
+    recorder, relay = Recorder(tmp_path / "recording.rrd", TASK, "run"), Relay(tmp_path / "recording.rrd", free_ports())
+    os.kill(server_of(relay._process.pid), signal.SIGKILL)
+    assert eventually(lambda: not relay.alive())
+    recorder.batch(1, {"train/r": 1.0})
+    recorder.close()
+    relay.close()
+
+
+def test_a_killed_relay_takes_the_viewer_along(tmp_path: Path) -> None:
+    Recorder(tmp_path / "recording.rrd", TASK, "run").close()
+    with Relay(tmp_path / "recording.rrd", free_ports()) as relay:
+        server = server_of(relay._process.pid)
+        os.kill(relay._process.pid, signal.SIGKILL)
+        assert eventually(lambda: gone(server))
+
+
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [(signal.SIGKILL, "its process has ended (SIGKILL)"), (signal.SIGSTOP, "its process has been stopped")],
+)
+def test_a_relay_that_is_gone_is_said_once(tmp_path: Path, number: int, why: str) -> None:
+    with Relay(tmp_path / "recording.rrd", free_ports()) as relay:
+        assert relay.news() == []
+        os.kill(relay._process.pid, number)
+        found: list[str] = []
+        assert eventually(lambda: found.extend(relay.news()) or found)
+        assert why in found[0]
+        assert "the recording is written all the same" in found[0]
+        assert f"-m ibe_rl.viewer {tmp_path}" in found[0]
+        assert relay.news() == []
+        relay._process.kill()  # a stopped one would be waited for
+
+
+def test_a_relay_without_its_log_is_missed_all_the_same(tmp_path: Path) -> None:
+    with Relay(tmp_path / "recording.rrd", free_ports()) as relay:
+        (tmp_path / "viewer.log").unlink()
+        relay._process.kill()
+        assert eventually(lambda: not relay.alive())
+        assert "its process has ended (SIGKILL)" in relay.news()[0]
+
+
+def test_a_port_taken_between_choosing_and_serving_is_said(
+    tmp_path: Path, taken: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "recording.rrd").touch()
+    ports = Ports(free_ports().grpc, taken)
+    assert module.relay(tmp_path / "recording.rrd", ports, module._Stop(None)) == 1
+    assert capsys.readouterr().err == f"relay: port {taken} was free, but is taken now\n"
+
+
+class Slow:
+    """A server that takes ten bytes at a time and dies after so many."""
+
+    def __init__(self, dies_after: int) -> None:
+        self.taken, self.offered, self._dies_after = b"", 0, dies_after
+
+    def alive(self) -> bool:
+        return len(self.taken) < self._dies_after
+
+    def hangs(self) -> bool:
+        return len(self.taken) >= 50
+
+    def feed(self, data: bytes) -> bytes:
+        self.taken, self.offered = self.taken + data[:10], max(self.offered, len(data))
+        return data[10:]
+
+
+def test_a_slow_server_gets_all_in_bounded_pieces_and_a_hang_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(module, "CHUNK_BYTES", 64)
+    data = bytes(range(250)) * 4
+    (tmp_path / "recording.rrd").write_bytes(data)
+    server = Slow(len(data))
+    module.follow(tmp_path / "recording.rrd", server, module._Stop(None))
+    assert server.taken == data
+    assert server.offered == 64
+    assert capsys.readouterr().err == "relay: the viewer's server hangs, it has taken nothing for 8 s\n"
+
+
+TRAINER = """
+import sys, time
+from pathlib import Path
+from ibe_rl.serve.relay import Ports, Relay
+relay = Relay(Path(sys.argv[1]), Ports(int(sys.argv[2]), int(sys.argv[3])))
+print(relay._process.pid, flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("viewer_hangs", [False, True])
+def test_a_killed_trainer_leaves_nothing_behind(tmp_path: Path, viewer_hangs: bool) -> None:
+    path, ports = tmp_path / "recording.rrd", free_ports()
+    Recorder(path, TASK, "run").close()
+    command = [sys.executable, "-c", TRAINER, str(path), str(ports.grpc), str(ports.web)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as trainer:
+        assert trainer.stdout is not None
+        relay = int(trainer.stdout.readline())
+        server = server_of(relay)
+        if viewer_hangs:
+            os.kill(server, signal.SIGSTOP)
+        trainer.kill()
+    assert eventually(lambda: gone(relay))
+    assert eventually(lambda: gone(server))
