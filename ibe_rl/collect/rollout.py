@@ -8,10 +8,15 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.envs.make import drawn, task_of
+from ibe_rl.envs.make import TRAINING_SEEDS, drawn, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.task import Watched
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
+
+EVALUATION_SEED = TRAINING_SEEDS
+"""Seeds that no training uses, for the evaluations of ``train.py``."""
+JUDGING_SEED = 2_050_000_000
+"""Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
 class _Flight:

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+from ibe_rl.training.parts import begin, build
+
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import TrainConfig
@@ -18,7 +20,6 @@ from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
-from ibe_rl.training.parts import begin, build
 from ibe_rl.training.resume import must_fit, read_state
 from ibe_rl.view import set_back
 from ibe_rl.view.overlay import Metrics

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ibe_rl.training.parts import resumable
 from processes import ROOT, SMALL, children, gone, under_way
 from view_data import eventually
 
@@ -27,7 +28,6 @@ from ibe_rl.envs import LANDER_TASK
 from ibe_rl.runtime import workers
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
-from ibe_rl.training.parts import resumable
 from tests.collect.test_collect import ENV, make_dqn, sizes
 
 RUN = [*SMALL, "viewer=off", "total_frames=100000000", "collect.envs_per_process=2", "refresh_every_frames=null"]
