@@ -9,6 +9,21 @@ python train.py -m seed=0,1,2                    three runs
 python train.py resume=DIR                       go on with a run that was stopped or killed
 python train.py experiment=paper                 train, then the paper's experiments: figures/report.html
 python train.py --cfg job                        every setting
+
+The way of a transition from the engine to rerun, below ibe_rl/ (tests/test_spine.py follows it):
+
+    envs/lander.py          step         the engine moves
+    instructors/rule.py     instruct     the expert says what to do next
+    envs/make.py            _step        many environments become one, with the instruction in the observation
+    collect/collector.py    batches      their steps become a batch
+    agents/ppo.py           update       the agent learns from it
+    storage/log.py          add          its steps become logged episodes
+    ibe/estimator.py        fit          the best episodes' changes of state are clustered, each cluster gets an expression
+    vocabulary/tracker.py   refresh      the new vocabulary is held against the one before
+    collect/rollout.py      watch        the greedy policy plays an episode
+    predict/simulator.py    rollout      and is followed into its future from moments of it
+    explain/explainer.py    explain      the vocabulary puts these futures into words
+    view/run_recorder.py    refreshed    rerun shows them
 """
 
 from __future__ import annotations
