@@ -18,7 +18,7 @@ The way of a transition from the engine to rerun, below ibe_rl/ (tests/test_spin
     collect/collector.py    batches      their steps become a batch
     agents/ppo.py           update       the agent learns from it
     storage/log.py          add          its steps become logged episodes
-    ibe/estimator.py        fit          the best episodes' changes of state are clustered, each cluster gets an expression
+    ibe/estimator.py        fit          state changes of the best episodes are clustered, each gets an expression
     vocabulary/tracker.py   refresh      the new vocabulary is held against the one before
     collect/rollout.py      watch        the greedy policy plays an episode
     predict/simulator.py    rollout      and is followed into its future from moments of it

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ibe_rl.training.parts import TIMES
 from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
 from view_data import column, frames, read
@@ -33,6 +32,7 @@ from ibe_rl.ibe import ClusterMapping, normalise
 from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG
+from ibe_rl.training.run import TIMES
 from ibe_rl.types import DOES_NOT_KNOW
 from ibe_rl.vocabulary.probe import PROBE_WINDOWS
 from ibe_rl.vocabulary.tracker import FIGURES
