@@ -14,7 +14,7 @@ from tensordict import TensorDict, TensorDictBase
 from ibe_rl.agents import Agent, make_agent
 from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, PPOConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_env, make_gym
+from ibe_rl.envs.make import join, make_gym
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.training.instruction_reward import Judge, Obedience, check_obedience, make_obedience, meant
@@ -270,7 +270,7 @@ def learner() -> Agent:
 
 
 def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
-    env = make_env(LANDER_ID, {}, 4, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0)
+    env = join([make_gym(LANDER_ID, {}) for _ in range(4)], make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0)
     flown = env.rollout(64, learner().policy, break_when_any_done=False)
 
     def learnt(judge: str | None) -> Array:
