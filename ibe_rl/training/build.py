@@ -167,7 +167,7 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         stop=stop,
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
-        reward=make_obedience(cfg, task, vocabulary),
+        reward=make_obedience(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         vocabulary=vocabulary,
         predictor=owned.enter_context(closing(predictor)),

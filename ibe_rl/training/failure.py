@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from ibe_rl.config.command_line import installed, own_configs
 from ibe_rl.runtime.workers import LostWorkerError
-from ibe_rl.storage.checkpoint import LATEST, load
+from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS
-from ibe_rl.training.run import Run, save_state
 from ibe_rl.types import ConfigError
 
 
@@ -50,7 +50,7 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
 
 
 @contextmanager
-def resumable(run: Run) -> Iterator[None]:
+def resumable(run: Any) -> Iterator[None]:
     """If a worker is lost between two batches, keep the run as it stands and say how it goes on.
 
     Raises:

@@ -9,9 +9,8 @@ from typing import Any
 from torchrl import timeit
 
 from ibe_rl.collect.schedule import Every, Rarer
-from ibe_rl.storage.checkpoint import BETWEEN, save_policy
+from ibe_rl.storage.checkpoint import BETWEEN, save_policy, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, MetricsTable, write_json
-from ibe_rl.training.run import Run, save_state
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 
 
@@ -26,7 +25,7 @@ class Listeners(Listener):
     def __init__(self, listeners: Iterable[Listener], say: Callable[[str], None]):
         self._listeners, self._say, self._frames = list(listeners), say, 0
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: Any) -> None:
         """See ``Listener``."""
         self._tell(lambda one: one.begin(run))
 
@@ -85,7 +84,7 @@ class Table(Listener):
     def __init__(self, table: MetricsTable):
         self._table = table
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: Any) -> None:
         """See ``Listener``."""
         self._run = run
 
@@ -110,7 +109,7 @@ class Checkpoints(Listener):
         self._folder, self._often = folder, (every_frames, keep_policy_every_frames)
         self._due_now = self._evaluated = False
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: Any) -> None:
         """Keep the state of the beginning: from here on the run can be resumed, whenever it is killed."""
         self._run, frames = run, run.log.frames
         self._state_due, self._policy_due = Every(self._often[0], frames), Rarer(self._often[1], frames)

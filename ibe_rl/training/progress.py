@@ -13,7 +13,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ibe_rl.config.command_line import installed, own_configs
-from ibe_rl.training.run import Run
 from ibe_rl.view import sentences
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.training_episodes import horizon_told
@@ -52,7 +51,7 @@ class TrainingProgress(Listener):
         """Print a line above the bar."""
         self._console.print(line, markup=False)
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: Any) -> None:
         """See ``Listener``."""
         self._run = run
 

@@ -19,10 +19,9 @@ from ibe_rl.collect.schedule import Every, refresh_interval
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.predict import KeptPredictor
 from ibe_rl.runtime.signals import StopRequest
-from ibe_rl.storage.checkpoint import BEST, LATEST, as_arrays, as_tensors, link, save_latest
+from ibe_rl.storage.checkpoint import as_arrays, as_tensors
 from ibe_rl.storage.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.storage.partial_episode import UnderWay
-from ibe_rl.storage.run_folder import CHECKPOINTS
 from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import Obedience
 from ibe_rl.training.resume import PARTS, State, must_fit
@@ -170,10 +169,3 @@ class Run:
                 f"resume={self.folder}: {error}; put the file back from a copy, or move {self.log.folder} "
                 "out of the way to go on with an empty log"
             ) from None
-
-
-def save_state(folder: Path, state: dict[str, Any]) -> None:
-    """Keep a run's state in one file that replaces the one before in one go; the best one stays too."""
-    save_latest(folder / CHECKPOINTS, state)
-    if state["frames"] == state["counts"]["best_frames"]:
-        link(folder / CHECKPOINTS, LATEST, BEST)

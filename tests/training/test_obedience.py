@@ -24,6 +24,10 @@ from ibe_rl.vocabulary.tracker import Development
 ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000)
 
 
+def made(cfg: TrainConfig, development: Development) -> Obedience:
+    return make_obedience(cfg, TASK, lambda: development.horizons_steps, development.mapping_of)
+
+
 def way(delta: Array) -> Array:
     """What a change means: the way the first number went."""
     return np.sign(delta[:, :1])
@@ -175,7 +179,7 @@ def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
     """Over the shortest of its spans of time, with the mapping that stands."""
     cfg, log = settings("mapping"), TrajectoryLog(tmp_path, 10_000, TASK.contexts)
     development = Development(cfg.mapping, TASK, seed=0)
-    obedience = make_obedience(cfg, TASK, development)
+    obedience = made(cfg, development)
     size = (1, 6, 3)
     batch = TensorDict({"state": torch.arange(18.0).reshape(size), "instruction": torch.ones(1, 6, 1)}, size[:2])
     batch["instruction_given"] = torch.ones(1, 6, 1)
@@ -197,7 +201,7 @@ def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
 
 
 def test_without_a_judge_nothing_is_added():
-    obedience, batch = make_obedience(settings("none"), TASK, Development(config(), TASK, 0)), climbing([1, 1])
+    obedience, batch = made(settings("none"), Development(config(), TASK, 0)), climbing([1, 1])
     assert obedience.add(batch, 0) == {}
     assert set(batch["next"].keys()) == {"state", "done"}
 
@@ -216,7 +220,7 @@ def test_what_is_meant_is_the_way_it_went():
 def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path: Path):
     """Then it begins with the steps that follow."""
     development = Development(config(horizon_steps=None), TASK, 0)
-    obedience, batch = make_obedience(settings(judge), TASK, development), climbing([1] * 6)
+    obedience, batch = made(settings(judge), development), climbing([1] * 6)
     told = obedience.add(batch, 0)
     assert np.isnan(told["obeyed"])
     assert told["extra_reward"] == 0

@@ -29,7 +29,6 @@ from ibe_rl.predict import make_simulator
 from ibe_rl.runtime.ports import HOST, asked_port, free_port
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
-from ibe_rl.training.run import Run
 from ibe_rl.types import CANNOT_TELL, ConfigError, Instructor
 from ibe_rl.view.palette import of_clusters
 from ibe_rl.vocabulary.listener import Listener, Refreshed
@@ -147,7 +146,7 @@ class Classroom(Listener):
             about=about,
         )
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: Any) -> None:
         """See ``Listener``."""
         self._policy = run.agent.greedy
 
