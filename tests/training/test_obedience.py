@@ -17,6 +17,7 @@ from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import join, make_gym
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import Judge, Obedience, check_obedience, make_obedience, meant
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.tracker import Development
@@ -24,8 +25,8 @@ from ibe_rl.vocabulary.tracker import Development
 ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000)
 
 
-def made(cfg: TrainConfig, development: Development) -> Obedience:
-    return make_obedience(cfg, TASK, lambda: development.horizons_steps, development.mapping_of)
+def made(cfg: TrainConfig, development: Development, task: Task = TASK) -> Obedience:
+    return make_obedience(cfg, task, lambda: development.horizons_steps, development.mapping_of)
 
 
 def way(delta: Array) -> Array:
@@ -234,7 +235,7 @@ def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path:
 
 
 def test_the_oracle_judges_over_the_shortest_span():
-    obedience = make_obedience(settings("oracle"), TASK, Development(config(spans_steps=[3, 4]), TASK, 0))
+    obedience = made(settings("oracle"), Development(config(spans_steps=[3, 4]), TASK, 0))
     assert judged(obedience, climbing([1, 1, 1, -1, 0, 0])) == [0, 0, 0.5, 0.5, 0.5, -0.5]
 
 
@@ -281,7 +282,7 @@ def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
         agent, batch, seen = learner(), flown.clone(), np.random.default_rng(0).normal(size=(50, 11))
         if judge:
             cfg = settings(judge)
-            make_obedience(cfg, LANDER_TASK, Development(cfg.mapping, LANDER_TASK, 0)).add(batch, 0)
+            made(cfg, Development(cfg.mapping, LANDER_TASK, 0), LANDER_TASK).add(batch, 0)
         agent.update(batch)
         agent.publish()
         return agent.policy.network(torch.from_numpy(seen).float()).detach().numpy()
