@@ -33,6 +33,7 @@ from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
+from ibe_rl.instructors import speaks
 from ibe_rl.metrics import outcomes
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy
@@ -202,7 +203,7 @@ def skip(cfg: TrainConfig, parts: Parts, error: Exception) -> dict[str, float]:
         write_atomically(path, lambda stream: stream.write("".join(format_exception(error)).encode()))
         reason = f"it failed ({type(error).__name__}: {' '.join(reason.split())[:200]}), the details are in {path}"
     parts.counts.skipped += 1
-    if parts.development.mapping is None and cfg.instructor.kind != "silent":
+    if parts.development.mapping is None and speaks(cfg.instructor):
         reason += lead_on(cfg.mapping, parts.counts.skipped)
     parts.recorder.skipped(frames, reason)
     parts.progress.skipped(frames, reason)

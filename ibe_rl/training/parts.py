@@ -22,12 +22,12 @@ from ibe_rl.apps.paper.report_context import check_report
 from ibe_rl.apps.teach import Classroom, NoClassroom
 from ibe_rl.collect.collector import EVALUATION_SEED, check_collect
 from ibe_rl.config.command_line import installed, is_sweep, own_configs, run_name
-from ibe_rl.config.settings import RegressionConfig, TrainConfig
+from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.ibe import Reactions
 from ibe_rl.instructors import check_instructor, make_instructor, stand_in
-from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
+from ibe_rl.predict import KeptPredictor, asks_policy, check_predictor, is_learnt, make_predictor
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import BEST, LATEST, PREDICTOR, as_arrays, as_tensors, link, save_latest, save_policy
 from ibe_rl.storage.log import TrajectoryLog, UnreadableLogError
@@ -105,7 +105,7 @@ def ask_otherwise(cfg: TrainConfig, parts: Parts, horizon_steps: int) -> Reactio
 
     Moments are of episodes that are never trained on, each from another one.
     """
-    if isinstance(cfg.predictor, RegressionConfig) or not len(parts.log.index):  # the former does not ask the policy
+    if not asks_policy(cfg.predictor) or not len(parts.log.index):
         return None
     counts = parts.counts
     first = ASKING_SEED + ASKED_AT * (counts.refreshes + counts.kept + counts.skipped)
