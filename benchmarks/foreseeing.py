@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from benchmarks.explaining import watched_moments
-from ibe_rl.config.settings import EnsembleConfig, EvaluateConfig, ExplainConfig, PredictorConfig, RegressionConfig
+from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig
 from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.predictors import Age, judge_age
@@ -28,6 +28,8 @@ from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, lo
 from ibe_rl.evaluation.tables import console, predictors_table
 from ibe_rl.ibe import phrases_of
 from ibe_rl.predict import KeptPredictor, make_predictor
+from ibe_rl.predict.ensemble import EnsembleConfig
+from ibe_rl.predict.regression import RegressionConfig
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.types import Moment
 

@@ -21,19 +21,12 @@ from rich.console import Console
 
 from benchmarks.child import run as run_command
 from benchmarks.robustness_report import write_report
-from ibe_rl.config.settings import (
-    EvaluateConfig,
-    ExplainConfig,
-    FlawedConfig,
-    MappingConfig,
-    PredictorConfig,
-    ViewerConfig,
-)
+from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, MappingConfig, PredictorConfig, ViewerConfig
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import flying
 from ibe_rl.evaluation.runs import TrainedRun, load_run
-from ibe_rl.instructors import corrupted
+from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics import motion_auc
 from ibe_rl.storage.run_folder import write_json
 from ibe_rl.types import ConfigError, Mapping

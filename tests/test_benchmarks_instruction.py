@@ -18,10 +18,11 @@ from benchmarks.instruction_report import insert, success, table
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from ibe_rl.agents import check_agent
 from ibe_rl.collect.collector import check_collect
+from ibe_rl.config.kinds import register
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import FlawedConfig, PredictorConfig
-from ibe_rl.config.store import register
+from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_TASK
+from ibe_rl.instructors.flawed import FlawedConfig
 from ibe_rl.training.instruction_reward import check_obedience
 from ibe_rl.types import Array
 from ibe_rl.vocabulary.tracker import check_development

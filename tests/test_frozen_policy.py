@@ -9,8 +9,8 @@ from omegaconf import OmegaConf
 
 from benchmarks.refilling import steps_of_episode
 from ibe_rl.collect.rollout import play
+from ibe_rl.config.kinds import register
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.config.store import register
 from ibe_rl.evaluation import TrainedRun, load_run
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog

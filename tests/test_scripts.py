@@ -25,11 +25,12 @@ from view_data import column, frames, read
 import explain
 from benchmarks import foreseeing
 from ibe_rl.config.command_line import load_config
-from ibe_rl.config.settings import EnsembleConfig, EvaluateConfig, MappingConfig, TrainConfig
+from ibe_rl.config.settings import EvaluateConfig, MappingConfig, TrainConfig
 from ibe_rl.evaluation import load_run
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
 from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
+from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.training.run import TIMES

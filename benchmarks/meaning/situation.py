@@ -12,7 +12,7 @@ from benchmarks.meaning.flown import Flown, Truth, cached, code_version, fly_bot
 from benchmarks.meaning.rules import MakeInstructor, Rule
 from benchmarks.meaning.worlds import Pay, World, make_game, make_task
 from ibe_rl.apps.external.policy import Wandering
-from ibe_rl.instructors import Oracle
+from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.task import Task
 from ibe_rl.types import Policy
 

@@ -11,8 +11,9 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from ibe_rl.agents.guest import GuestConfig
 from ibe_rl.collect.rollout import watch
-from ibe_rl.config.settings import ExplainConfig, GuestConfig
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import TrainedRun
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of

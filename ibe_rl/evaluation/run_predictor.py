@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,6 @@ from ibe_rl.predict import KeptPredictor, is_learnt, make_predictor
 from ibe_rl.storage.checkpoint import PREDICTOR, as_arrays, load, policies
 from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, find_run, refuse_special_files
 from ibe_rl.types import ConfigError
-
-NOT_LEARNT = ("future_instruction", "futures", "moments_at_once", "processes", "max_uncertainty")
-"""Settings that change how is predicted, and not what is learnt."""
 
 
 @contextmanager
@@ -93,7 +90,7 @@ def _prepare(predictor: KeptPredictor, run: TrainedRun, config: PredictorConfig,
 
 
 def _what_is_learnt(config: PredictorConfig) -> dict[str, Any]:
-    return {name: value for name, value in vars(config).items() if name not in NOT_LEARNT}
+    return {item.name: getattr(config, item.name) for item in fields(config) if item.metadata.get("learnt", True)}
 
 
 def with_processes(config: PredictorConfig, processes: int) -> PredictorConfig:

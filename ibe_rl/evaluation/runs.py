@@ -12,9 +12,10 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.agents import GreedyPolicy, make_agent
+from ibe_rl.agents.guest import GuestConfig
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import GuestConfig, TrainConfig
+from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice
 from ibe_rl.ibe import ClusterMapping, Reactions

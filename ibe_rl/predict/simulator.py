@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from itertools import cycle
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -43,6 +43,8 @@ class Simulator:
         own_noise: False repeats the draws of the original instead: only for testing the engine.
     """
 
+    kind, settings = "simulator", PredictorConfig
+
     def __init__(
         self,
         make_env: MakeEnv,
@@ -57,6 +59,11 @@ class Simulator:
         self._games = _Games(make_env, rule, future_instruction == "rule")
         self._seeds = np.random.SeedSequence(seed)
         self._workers: list[Executor] = []
+
+    @classmethod
+    def make(cls, config: PredictorConfig, *, make_copy: MakeEnv, rule: Rule, seed: int, **_: Any) -> Self:
+        """See ``ibe_rl.predict.KeptPredictor``."""
+        return cls(make_copy, rule, config.future_instruction, config.moments_at_once, config.processes or 1, seed)
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.types.Predictor``."""
@@ -101,12 +108,6 @@ class Simulator:
         for worker in self._workers:
             worker.shutdown()
         self._workers = []
-
-
-def make_simulator(config: PredictorConfig, make_env: MakeEnv, rule: Rule, seed: int) -> Simulator:
-    """Make the simulator that ``config`` asks for."""
-    settings = (config.future_instruction, config.moments_at_once, config.processes or 1)
-    return Simulator(make_env, rule, *settings, seed)
 
 
 class _Games:

@@ -15,22 +15,22 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
+from ibe_rl.agents.dqn import DQNConfig
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config import settings as schemas
+from ibe_rl.config.kinds import register
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
+    CODE_SETTINGS,
     CollectConfig,
-    DQNConfig,
     ExplainConfig,
     InstructorConfig,
     LogConfig,
     MappingConfig,
-    PPOConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
-from ibe_rl.config.store import register
-from ibe_rl.config.task import FUNCTIONS
 from ibe_rl.envs.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.types import ConfigError
@@ -241,7 +241,7 @@ def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]
     owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
-    found = {*PASSED_ON, *FUNCTIONS, "explained_range"}  # these by their name
+    found = {*PASSED_ON, *CODE_SETTINGS, "explained_range"}  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":
             continue

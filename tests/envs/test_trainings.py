@@ -16,7 +16,7 @@ from ibe_rl.evaluation import load_run
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import phrases_of
 from ibe_rl.instructors import make_instructor
-from ibe_rl.predict import Simulator
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog
 
 FEW = ["viewer=file", "eval_episodes=3", "explain_every_steps=50", "predictor.futures=1", "mapping.spans_steps=[]"]

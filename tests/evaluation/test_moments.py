@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from ibe_rl.agents import make_agent
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.collect.rollout import JUDGING_SEED, play
-from ibe_rl.config.settings import InstructorConfig, PPOConfig
+from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan, gather
 from ibe_rl.instructors import make_instructor
-from ibe_rl.predict import Simulator
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.checkpoint import load, policies
 from ibe_rl.types import Episode
 

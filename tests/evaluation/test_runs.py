@@ -14,13 +14,13 @@ from by_hand import plain
 from omegaconf import OmegaConf
 
 from ibe_rl.agents import make_agent
+from ibe_rl.agents.dqn import DQNConfig
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config.settings import (
     AgentConfig,
-    DQNConfig,
     EnvConfig,
     InstructorConfig,
     MappingConfig,
-    PPOConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,

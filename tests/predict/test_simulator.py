@@ -18,7 +18,8 @@ from ibe_rl.config.settings import InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.instructors import make_instructor
-from ibe_rl.predict import Simulator, make_simulator
+from ibe_rl.predict import make_simulator
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import Array, Moment, Policy, Predictor
 
 LEGS = slice(6, 8)

@@ -12,8 +12,9 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
+from ibe_rl.agents.guest import GuestConfig
 from ibe_rl.config.command_line import composed, write_config
-from ibe_rl.config.settings import ExplainConfig, GuestConfig, TrainConfig
+from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.ibe import Reactions, TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog

@@ -16,12 +16,13 @@ import numpy as np
 import torch
 from rich.console import Console
 
+from ibe_rl.agents.guest import GuestConfig
 from ibe_rl.apps.external.folder import guest_run_config, keep_run
 from ibe_rl.apps.external.policy import Wandering, as_policy, find_agent
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import composed, named_settings, settings_at_hand
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import ExplainConfig, GuestConfig, TrainConfig
+from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import episode_seed, make_game, task_of
 from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.evaluation import TrainedRun, load_run

@@ -26,7 +26,7 @@ from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import waiting
 from ibe_rl.evaluation.rollouts import PROCESSES, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.runs import kept_policies
-from ibe_rl.instructors import make_instructor, stand_in
+from ibe_rl.instructors import make_instructor, speaks, stand_in
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.task import Task
@@ -61,7 +61,7 @@ def check_report(cfg: TrainConfig, task: Task) -> None:
     if not cfg.report:
         return
     check_task(task)
-    if cfg.refresh_every_frames is None or cfg.instructor.kind == "silent":
+    if cfg.refresh_every_frames is None or not speaks(cfg.instructor):
         key = "instructor=silent" if cfg.refresh_every_frames is not None else "refresh_every_frames=null"
         raise ConfigError(f"report=true with {key}: allowed is a training that learns a vocabulary")
 

@@ -14,8 +14,9 @@ from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.apps.sweep.processes import cores, run_all
 from ibe_rl.config.arguments import quoted
 from ibe_rl.config.command_line import installed
-from ibe_rl.config.limits import check
-from ibe_rl.config.settings import HumanConfig, TrainConfig
+from ibe_rl.config.kinds import check_config
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.instructors import is_live
 from ibe_rl.types import ConfigError
 
 VIEWER = ("viewer", "viewer.mode")
@@ -72,7 +73,7 @@ def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
     Raises:
         ConfigError: naming the setting.
     """
-    check(cfg)
+    check_config(cfg)
     if cfg.resume:
         raise ConfigError(
             f"resume={cfg.resume} in a sweep: allowed is the command that made the sweep once more, with run_dir=DIR, "
@@ -85,7 +86,7 @@ def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
         check_address("runs_on", cfg.runs_on)
         if cfg.runs_at_once is None:
             raise ConfigError(f"runs_on={cfg.runs_on}: allowed only with runs_at_once, as many as the cluster takes")
-    if isinstance(cfg.instructor, HumanConfig):
+    if is_live(cfg.instructor):
         raise ConfigError("instructor=human in a sweep: a person teaches one run; allowed is hydra/launcher=basic")
 
 

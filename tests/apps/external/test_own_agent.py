@@ -13,14 +13,16 @@ import pytest
 from processes import ROOT, call
 
 import ibe_rl
+from ibe_rl.agents.guest import GuestConfig
 from ibe_rl.apps.external import study as own_agent
 from ibe_rl.apps.external.study import Study, open_study, study
-from ibe_rl.config.settings import EnsembleConfig, GuestConfig, InstructorConfig, ViewerConfig
+from ibe_rl.config.settings import InstructorConfig, ViewerConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.evaluation import calibrating, load_run
 from ibe_rl.evaluation.calibrating import first_calibration
 from ibe_rl.metrics import phrases_true, share_true
 from ibe_rl.metrics.verdict import WORST_FIRST
+from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import read_json
 from ibe_rl.types import ConfigError

@@ -10,6 +10,7 @@ from by_hand import on_a_line
 from rides import TASK, ride
 
 from ibe_rl.agents import make_agent
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.apps.paper import foretelling
 from ibe_rl.apps.paper.foretelling import (
     COMPARED,
@@ -30,7 +31,7 @@ from ibe_rl.apps.paper.foretelling import (
 )
 from ibe_rl.apps.paper.words import OURS, PAPER
 from ibe_rl.collect.rollout import JUDGING_SEED, watch
-from ibe_rl.config.settings import InstructorConfig, PPOConfig
+from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.evaluation.moments import SEEN_STEPS

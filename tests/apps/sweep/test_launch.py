@@ -14,6 +14,7 @@ import pytest
 from processes import ROOT, SMALL, call, gone, start
 from view_data import eventually
 
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.apps.ray import workers as ray_workers
 from ibe_rl.apps.sweep import launch as launching
 from ibe_rl.apps.sweep.jobs import DONE, FAILED, NOT_BEGUN, Job, Outcome
@@ -21,14 +22,13 @@ from ibe_rl.apps.sweep.launch import command, elsewhere, how_many, launch, refus
 from ibe_rl.config.settings import (
     CollectConfig,
     EnvConfig,
-    HumanConfig,
     InstructorConfig,
     MappingConfig,
-    PPOConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
+from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.storage.run_folder import read_rows
 from ibe_rl.types import ConfigError
 

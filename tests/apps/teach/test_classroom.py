@@ -20,22 +20,17 @@ from clients import Client, eventually
 from on_stage import greedy, make_lander, voice
 
 from ibe_rl.agents import GreedyPolicy, make_agent
+from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.apps.teach import classroom
 from ibe_rl.apps.teach.classroom import PORT, Classroom, LessonPlan, choose_port, invitation, open_classroom, vocabulary
 from ibe_rl.apps.teach.lesson import Lesson, Stage
-from ibe_rl.config.settings import (
-    CollectConfig,
-    DQNConfig,
-    EnvConfig,
-    HumanConfig,
-    PredictorConfig,
-    TrainConfig,
-)
+from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import join
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
-from ibe_rl.instructors import read_lesson
+from ibe_rl.instructors.human import HumanConfig
+from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.predict import make_simulator
 from ibe_rl.runtime.ports import HOST, free_port
 from ibe_rl.types import CANNOT_TELL, ConfigError
