@@ -24,16 +24,17 @@ from typing import Any
 import numpy as np
 from torchrl import timeit
 
-from ibe_rl.apps.paper.experiments import reproduce
 from ibe_rl.apps.teach import Classroom, NoClassroom, choose_port, open_classroom
 from ibe_rl.collect.collector import EVALUATION_SEED, Every, Rarer, batches, make_collector, refresh_interval, steps_of
 from ibe_rl.collect.rollout import play, watch
 from ibe_rl.config.command_line import is_sweep, output_folder, run_script, save_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.evaluation.runs import open_run
 from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.metrics import outcomes
+from ibe_rl.metrics.quality import outcomes
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy
 from ibe_rl.storage.log import TrajectoryLog
@@ -289,7 +290,8 @@ def main(cfg: TrainConfig) -> None:
         closing_table(summary)
         print(*how_to_open(folder, is_sweep()), sep="\n")
     if cfg.report and not stop:
-        reproduce(ExplainConfig(run=str(folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer))
+        asked = ExplainConfig(run=str(folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer)
+        load_app("task=figures")(open_run(str(folder)), asked)
     if stop and is_sweep():
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
 

@@ -192,7 +192,7 @@ def load_config(path: Path, schema: type) -> Any:
     """
     try:
         saved = OmegaConf.create(read_yaml(path))
-        agents = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig, "guest": schemas.GuestConfig}
+        agents = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig, "guest": schemas.ExternalPolicyConfig}
         agent = agents[saved.agent.kind]
         instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
         predictor = schemas.PREDICTORS.get(saved.predictor.get("kind"), schemas.PredictorConfig)

@@ -102,7 +102,7 @@ class DQNConfig(AgentConfig):
 
 
 @dataclass
-class GuestConfig(AgentConfig):
+class ExternalPolicyConfig(AgentConfig):
     """An agent that was trained elsewhere; a run folder says what it was, and never where to load it from."""
 
     kind: str = setting("guest", choices=("guest",))
