@@ -28,7 +28,7 @@ from benchmarks.why_variants import renamed
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
-from ibe_rl.metrics import motion_auc
+from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
 from tests.by_hand import TASK, column, defy, obey

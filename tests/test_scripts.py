@@ -26,10 +26,11 @@ import explain
 from benchmarks import foreseeing
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.settings import EvaluateConfig, MappingConfig, TrainConfig
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
-from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG
@@ -678,7 +679,7 @@ def test_a_run_is_explained_with_the_predictor_that_it_learnt(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, asked = Path(shutil.copytree(run, tmp_path / "run")), list[str]()
-    monkeypatch.setattr(explain, "explain_episode", lambda cfg: asked.append(cfg.predictor.kind))
+    monkeypatch.setattr(explain, "explain_episode", lambda _, cfg: asked.append(cfg.predictor.kind))
     call("explain", f"run={folder}")
     settings = folder / ".hydra" / "config.yaml"
     settings.write_text(settings.read_text().replace("kind: simulator", "kind: ensemble"))

@@ -22,7 +22,8 @@ import ibe_rl  # noqa: F401 - registers the environment
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.lander_task import LANDER_TASK, X
 from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episodes
-from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
+from ibe_rl.metrics.drift import vocabulary_drift
+from ibe_rl.metrics.quality import realised_phrases, vocabulary_scores
 from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, Episode, Explanation, Moment
 from ibe_rl.view import Recorder
@@ -158,7 +159,7 @@ def held_against(before: Refresh, after: Refresh) -> Refresh:
 
 def real(watched: Watched, refresh: Refresh) -> list[str]:
     """What the vocabulary calls what happened."""
-    return happened(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
+    return realised_phrases(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
 
 
 def filmed(number: int = 1, refresh: Refresh | None = None) -> tuple[Watched, list[Explanation], list[str]]:

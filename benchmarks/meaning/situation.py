@@ -11,7 +11,7 @@ import gymnasium
 from benchmarks.meaning.flown import Flown, Truth, cached, code_version, fly_both
 from benchmarks.meaning.rules import MakeInstructor, Rule
 from benchmarks.meaning.worlds import Pay, World, make_game, make_task
-from ibe_rl.apps.external.policy import Wandering
+from ibe_rl.apps.external.policy import EpsilonGreedy
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.task import Task
 from ibe_rl.types import Policy
@@ -67,7 +67,7 @@ class Situation:
             cache: folder in which the episodes are kept, and found the next time.
         """
         instructor = self.make_instructor or (lambda _: Oracle(self.rule))
-        acting = Wandering(self.policy, self.world.random_actions, self.make_env().action_space, seed)
+        acting = EpsilonGreedy(self.policy, self.world.random_actions, self.make_env().action_space, seed)
         path = None if cache is None else cache / f"{self.name}_{seed}_{code_version()}.npz"
         logged, fresh = cached(path, lambda: fly_both(self.make_env, self.policy, acting, instructor, seed))
         return Flown(

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.external.folder import guest_run_config, keep_run
-from ibe_rl.apps.external.policy import check_actions
+from ibe_rl.apps.external.folder import external_run_config, keep_run
+from ibe_rl.apps.external.policy import check_same_actions
 from ibe_rl.config.command_line import composed, load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
@@ -121,10 +121,10 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
         dataset = minari.load_dataset(dataset_id)
     except (OSError, ValueError, ImportError) as error:
         raise ConfigError(f"dataset={dataset_id}: {' '.join(str(error).split())[:200]}") from None
-    config = guest_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
+    config = external_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
     env = make_game(config.env)
     task = task_of(env)
-    check_actions(f"dataset={dataset_id}", dataset, env.action_space)
+    check_same_actions(f"dataset={dataset_id}", dataset, env.action_space)
     _check_observations(dataset_id, dataset.observation_space, task)
     first = next(iter(dataset), None)
     if first is None:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.ibe import meaning_lines, positive_phrase
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.ibe.meaning_lines import meaning_lines, positive_phrase
 from ibe_rl.metrics.verdict import (
     CHANCE,
     GOOD,

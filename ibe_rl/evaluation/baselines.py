@@ -14,10 +14,10 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.ibe import delta_states
-from ibe_rl.metrics.bootstrap import went
+from ibe_rl.ibe.delta import delta_states
+from ibe_rl.metrics.quality import direction
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Episode
+from ibe_rl.types import Array, Episode, Mapping
 
 MAX_WINDOWS = 60_000
 """The regressor learns from at most so many windows, drawn at random."""
@@ -42,6 +42,22 @@ class StateRegressor:
     def predict(self, states: Array) -> Array:
         """States ``(N, S)`` to changes ``(N,)``."""
         return np.asarray(self.model.predict(states))
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What was learnt from the log for one horizon.
+
+    Attributes:
+        vocabularies: explainer to its vocabulary, the one in question first.
+        ensembles: negative control to its many vocabularies, of which the distribution is reported. Without any the
+            other negative controls are left out too.
+        regressors: from the state alone to the change, one for each number of an instruction.
+    """
+
+    vocabularies: dict[str, Mapping]
+    ensembles: dict[str, Sequence[Mapping]]
+    regressors: Sequence[StateRegressor]
 
 
 def fit_state_regressors(
@@ -101,4 +117,4 @@ def cheap_baselines(
 
 def as_instruction(name: str, said: Array, band: Sequence[float]) -> Array:
     """What a baseline says ``(N, d)``, on the instructor's scale: changes become the way that they go."""
-    return said if name in ("last_instruction", "constant") else went(said, np.array(band)).astype(float)
+    return said if name in ("last_instruction", "constant") else direction(said, np.array(band)).astype(float)

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import ExplainConfig, PredictorConfig
 from ibe_rl.evaluation import figures, report, tables
-from ibe_rl.evaluation.baselines import StateRegressor, fit_state_regressors
-from ibe_rl.evaluation.moments import Moments, Plan, Taken, fly_moments, predict_all, put_together
+from ibe_rl.evaluation.baselines import Learnt, StateRegressor, fit_state_regressors
+from ibe_rl.evaluation.judging import Judged, judge, rows_of
+from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
-from ibe_rl.evaluation.quality import Judged, Learnt, judge, rows_of
 from ibe_rl.evaluation.refit import Refits
-from ibe_rl.evaluation.rollouts import PROCESSES, seeds_for
+from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
 from ibe_rl.evaluation.rows import as_json, difference
-from ibe_rl.evaluation.run_predictor import can_foresee, predictor_of, with_processes
-from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
-from ibe_rl.instructors import make_instructor, stand_in
+from ibe_rl.evaluation.run_predictor import PROCESSES, can_predict, predictor_of, with_processes
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
-from ibe_rl.storage.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
 from ibe_rl.types import Policy
 from ibe_rl.vocabulary.refresh import Saved
 
@@ -52,14 +51,13 @@ class Age:
     held_out: int
 
 
-def judge_predictors(cfg: ExplainConfig) -> None:
+def judge_predictors(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Explain the same moments with every kind of predictor, at each refresh, and hold that against what came.
 
     Raises:
         ConfigError: if the run lacks what is needed, before anything is flown.
     """
-    run, seed = load_run(find_run(cfg.run, Path("runs"))), cfg.evaluate.seed
-    own = run.config.predictor
+    seed, own = cfg.evaluate.seed, run.config.predictor
     kinds = choices("predictor") | {own.kind: own} | {cfg.predictor.kind: cfg.predictor}
     heard = Refits(run, seed).lessons(run.config.mapping).heard
     regressors = fit_state_regressors(heard, run.horizon_steps, run.task, seed)
@@ -98,14 +96,14 @@ def judge_age(
     """A row for each predictor that can be had at this age, the exact one first."""
     config, n, rows = cfg.evaluate, run.horizon_steps, []
     exact: Judged | None = None
-    for name, moments, held_out in foreseen(run, age, kinds, cfg):
+    for name, moments, held_out in predicted_by_each(run, age, kinds, cfg):
         here = moments.judged()
         weights = episode_weights(here.episode, config.resamples, config.seed)
         learnt = Learnt({OURS: age.saved.mapping}, {}, regressors)
         judged = judge(learnt, here, held_out.judged(), n, run.task, weights, config.seed)
         exact = exact or judged
         row = next(row for row in rows_of(judged) if row["explainer"] == OURS)
-        change = held_out.realised[:, held_out.at(n), run.task.explained[0]]
+        change = held_out.real_change(n, run.task.explained)[:, 0]
         vocabularies = {OURS: [age.saved.mapping]}
         samples, _ = observe_all(moments, change, n, run.task, vocabularies, config.resamples, config.seed)
         add_errors([row], samples, n)
@@ -129,26 +127,22 @@ def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) 
     return shares | {f"{metric}_minus_exact": difference(ours, theirs, metric) for metric in PAIRED}
 
 
-def foreseen(
+def predicted_by_each(
     run: TrainedRun, age: Age, kinds: dict[str, PredictorConfig], cfg: ExplainConfig
 ) -> Iterator[tuple[str, Moments, Moments]]:
-    """The same moments, judged and held out, as each predictor foresees them; the exact one first, and once more."""
+    """The same moments, judged and held out, with the futures of each predictor; the exact one first, and once more."""
     config = cfg.evaluate
     plan = Plan(config.stride_steps, 1, (run.horizon_steps,), run.horizon_steps)
-    judged = _fly(run, age, "judged", age.episodes, plan, config.seed)
-    held_out = _fly(run, age, "held_out", age.held_out, replace(plan, observer_steps=None), config.seed)
+    judged = take_moments(run, age.policy, seeds_for("judged", config.seed, age.episodes), plan)
+    unobserved = replace(plan, observer_steps=None)
+    held_out = take_moments(run, age.policy, seeds_for("held_out", config.seed, age.held_out), unobserved)
     for name in [EXACT, AGAIN, *(kind for kind in kinds if kind != EXACT)]:
         settings = with_processes(kinds[EXACT if name == AGAIN else name], PROCESSES)
         seed, title = config.seed + (name == AGAIN), f"{name} at frame {age.saved.frame:,}"
-        if not can_foresee(run, settings, age.saved.frame):
+        if not can_predict(run, settings, age.saved.frame):
             continue
         with predictor_of(run, settings, seed, until_frame=age.saved.frame) as predictor:
             ahead = replace(plan, futures=settings.futures)
-            found = [predict_all(taken, age.policy, predictor, ahead, title) for taken in (judged, held_out)]
-        yield name, put_together(judged, *found[0], ahead), put_together(held_out, *found[1], ahead)
-
-
-def _fly(run: TrainedRun, age: Age, purpose: str, episodes: int, plan: Plan, seed: int) -> Sequence[Taken]:
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
-    seeds = seeds_for(purpose, seed, episodes)
-    return fly_moments(run.make_env, run.task, age.policy, instructor, seeds, plan)
+            first = predict_futures(judged, age.policy, predictor, ahead, title)
+            second = predict_futures(held_out, age.policy, predictor, ahead, title)
+        yield name, first, second

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config.settings import ExplainConfig
+from ibe_rl.evaluation.judging import Judged
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.quality import Judged
-from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.confidence import risk_coverage
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_atomically
 from ibe_rl.task import Task

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.verbalise import Spoken
+from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
-from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
+from ibe_rl.metrics.bootstrap import Estimate, estimate, weighted_mean
 from ibe_rl.metrics.confidence import brier, ece, risk_at
-from ibe_rl.metrics.quality import mean_over_numbers
+from ibe_rl.metrics.quality import direction, instruction_f1, mean_over_numbers, motion_scores
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 
@@ -59,9 +58,9 @@ class Truth:
     @classmethod
     def of(cls, moments: Moments, horizon_steps: int, task: Task, forecast: Array, weights: Array) -> Truth:
         """Of ``moments``, with what a simple ``forecast`` ``(N, d)`` of the changes had said."""
-        change = moments.realised[:, moments.at(horizon_steps)][:, task.explained].astype(float)
+        change = moments.real_change(horizon_steps, task.explained).astype(float)
         band = task.explained_band
-        hard = went(forecast, np.array(band)) != went(change, np.array(band))
+        hard = direction(forecast, np.array(band)) != direction(change, np.array(band))
         told = moments.instruction.astype(float)
         return cls(horizon_steps, change, told, band, task.instruction_values, hard, weights)
 
@@ -76,7 +75,7 @@ def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
     for i, band in enumerate(truth.band):
         told = truth.told[:, i]
         scores = motion_scores(said[:, i], truth.change[:, i], told, band, truth.weights, truth.hard[:, i])
-        each.append(scores | {"instruction_f1": weighted_f1(on_scale[:, i], told, truth.values, truth.weights)})
+        each.append(scores | {"instruction_f1": instruction_f1(on_scale[:, i], told, truth.values, truth.weights)})
     return over_numbers(each)
 
 
@@ -138,23 +137,6 @@ def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
             for i, name in enumerate(names)
         ]
     return row
-
-
-def weighted_f1(said: Array, told: Array, values: Sequence[float], weights: Array) -> Array:
-    """Macro-F1 ``(R,)`` of the instruction value nearest to what was said ``(N,)``, against the instruction ``(N,)``.
-
-    As ``metrics.instruction_f1``; a value that is neither told nor said in a resample is left out of its mean.
-    """
-    allowed = np.asarray(values)
-    nearest, real = (np.abs(each[:, None] - allowed).argmin(axis=1) for each in (said, told))
-
-    def f1(part: Array) -> Array:
-        both = [part @ ((nearest == i) & (real == i)) for i in range(len(allowed))]
-        either = [part @ ((nearest == i).astype(float) + (real == i)) for i in range(len(allowed))]
-        each = np.stack([ratio(2 * hit, all_of) for hit, all_of in zip(both, either, strict=True)])
-        return np.nanmean(each, axis=0)
-
-    return by_chunks(f1, weights)
 
 
 def as_json(value: Estimate) -> dict[str, float | None]:

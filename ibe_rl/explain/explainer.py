@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ibe_rl.ibe import phrases_of
-from ibe_rl.metrics import Calibration, happened
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Episode, Explanation, Mapping, Moment, Policy, Predictor
 
@@ -137,10 +138,10 @@ def voted(
 
 
 def phrases_true_in(mapping: Mapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]) -> Array:
-    """As ``metrics.phrases_true``, ``(T,)``, of what another vocabulary would have said of the same futures."""
+    """As ``metrics.phrase_hits``, ``(T,)``, of what another vocabulary would have said of the same futures."""
     futures = np.stack([one.futures for one in said])
     phrases, which, _ = voted(futures, mapping, words)
-    same = np.array(phrases) == np.array(happened(episode, said[0].horizon_steps, mapping, words))
+    same = np.array(phrases) == np.array(realised_phrases(episode, said[0].horizon_steps, mapping, words))
     return np.where(mapping.knows(futures[np.arange(len(futures)), which]), same, np.nan)
 
 

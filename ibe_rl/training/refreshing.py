@@ -12,7 +12,7 @@ from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.explain.explainer import Voice
 from ibe_rl.ibe import Reactions, TooLittleDataError
 from ibe_rl.instructors import speaks
-from ibe_rl.metrics import outcomes
+from ibe_rl.metrics.quality import outcomes
 from ibe_rl.predict import asks_policy, is_learnt
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically

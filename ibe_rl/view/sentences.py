@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ibe_rl.ibe import ClusterMapping, meaning_lines, phrase, sayable
-from ibe_rl.metrics import in_one_line, wrong_signs
+from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
 

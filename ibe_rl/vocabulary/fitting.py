@@ -107,7 +107,7 @@ def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMappin
     """The estimator of the mapping's kind: what its constructor takes by name is the setting of that name.
 
     A kind of mapping is a class with ``fit`` as ``IBEMapping.fit``, after which ``mapping_`` is a ``ClusterMapping``.
-    Its class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions`` (their
+    Its class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions`` (the
     indices, None for all), ``last``, ``memory`` and ``random_state`` mean what they mean there.
     """
     estimator = implementation("mapping", config.kind)

@@ -17,7 +17,7 @@ from minari.data_collector import EpisodeBuffer
 from torch.utils import _pytree
 from typer.testing import CliRunner
 
-from ibe_rl.apps.external.study import guest_run_config, keep_run, open_study, study
+from ibe_rl.apps.external.study import external_run_config, keep_run, open_study, study
 from ibe_rl.apps.minari import export_log, import_log, main
 from ibe_rl.config.command_line import composed
 from ibe_rl.envs import LANDER_ID, LANDER_TASK, Instructed
@@ -59,7 +59,7 @@ def run(tmp_path: Path) -> Path:
     episodes = [made_up(number) for number in range(30)]
     cfg = composed("explain", ["mapping.top_fraction=1", *QUICK, f"run_dir={tmp_path / 'run'}"])
     folder = create_run_folder(tmp_path / "run")
-    keep_run(folder, guest_run_config(cfg, "a test", seed=0), episodes, sum(len(one) + 1 for one in episodes))
+    keep_run(folder, external_run_config(cfg, "a test", seed=0), episodes, sum(len(one) + 1 for one in episodes))
     return folder
 
 

@@ -7,8 +7,8 @@ import pytest
 from lift import TASK, moments, words
 
 from ibe_rl.evaluation.baselines import StateRegressor
+from ibe_rl.evaluation.judging import GOALS, Judged, Learnt, confidence_of, judge, paired_of, rows_of
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.quality import GOALS, Judged, Learnt, confidence_of, judge, paired_of, rows_of
 from ibe_rl.evaluation.rows import METRICS
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.types import Array

@@ -13,16 +13,15 @@ from lift import TASK as LIFT
 from ibe_rl.evaluation import figures, tables
 from ibe_rl.evaluation.baselines import StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
+from ibe_rl.evaluation.judging import Judged, Learnt, judge, rows_of
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.observers import observe_all
-from ibe_rl.evaluation.quality import Judged, Learnt, judge, rows_of
 from ibe_rl.evaluation.report import write_moments
 from ibe_rl.evaluation.rows import EACH
 from ibe_rl.ibe import ClusterMapping, Windows
 from ibe_rl.ibe.space import along
-from ibe_rl.metrics import vocabulary_scores
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.metrics.quality import mean_over_numbers
+from ibe_rl.metrics.quality import mean_over_numbers, vocabulary_scores
 from ibe_rl.types import Array
 
 SPEED = replace(WORDS, zero="as fast", negative="{degree}slower", positive="{degree}faster")

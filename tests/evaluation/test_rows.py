@@ -16,10 +16,8 @@ from ibe_rl.evaluation.rows import (
     score_motion,
     score_words,
     spread_over,
-    weighted_f1,
 )
 from ibe_rl.evaluation.verbalise import speak
-from ibe_rl.metrics import instruction_f1
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights
 
 HERE = moments(
@@ -49,17 +47,6 @@ def test_the_true_change_tells_the_motion_perfectly():
     assert scores["motion_spearman"][0] == pytest.approx(1)
     assert np.isnan(scores["motion_auc_hard"][0])  # one hard moment has nothing to be told apart from
     assert scores["instruction_f1"][0] < 1
-
-
-def test_f1_is_that_of_the_metrics():
-    random = np.random.default_rng(3)
-    said, told = random.uniform(-1, 1, 60), random.integers(-1, 2, 60).astype(float)
-    weights = episode_weights(np.repeat(np.arange(10), 6), 5, 0)
-    found = weighted_f1(said, told, (-1.0, 0.0, 1.0), weights)
-    for row, value in zip(weights.astype(int), found, strict=True):
-        again = np.repeat(np.arange(60), row)
-        assert value == pytest.approx(instruction_f1(said[again], told[again], (-1.0, 0.0, 1.0)))
-    assert weighted_f1(told, told, (-1.0, 0.0, 1.0), weights)[0] == 1
 
 
 def test_words_and_confidence():

@@ -10,7 +10,7 @@ from by_hand import on_a_line
 
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, explain, hold, put_in_words, voted
 from ibe_rl.ibe.space import along
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import DOES_NOT_KNOW, Array, Moment, Policy, Prediction
 

@@ -13,9 +13,8 @@ from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.evaluation import load_run
-from ibe_rl.evaluation.refit import open_log
-from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
+from ibe_rl.evaluation.trained_run import open_log
 from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
@@ -37,7 +36,7 @@ def explained(run: Path) -> None:
 
 def log(run: Path) -> None:
     """As explain.py task=compare does."""
-    opened = open_log(load_run(run))
+    opened = open_log(load_run(run).folder)
     opened.read(range(len(opened.index)))
     assert len(opened.context_names) == len(opened.index)
 

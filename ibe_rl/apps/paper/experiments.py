@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -22,31 +21,31 @@ from ibe_rl.apps.paper.strips import Told
 from ibe_rl.apps.paper.words import OURS, PAPER
 from ibe_rl.config.settings import ExplainConfig, FiguresConfig
 from ibe_rl.envs.make import make_game
-from ibe_rl.evaluation import load_run, tables
+from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.evaluation.progress_bar import waiting
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import fit_shuffled
 from ibe_rl.evaluation.report import make_folders
-from ibe_rl.evaluation.rollouts import PROCESSES
-from ibe_rl.evaluation.run_predictor import predictor_of, with_processes
+from ibe_rl.evaluation.run_predictor import PROCESSES, predictor_of, with_processes
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.ibe import ClusterMapping, TooLittleDataError, cut_windows, phrase
 from ibe_rl.metrics.effect import corrected
 from ibe_rl.metrics.observer import Observer, calibrate_observer
-from ibe_rl.storage.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
 from ibe_rl.types import Array, ConfigError, Episode, Mapping
 
 TRIES = 10
 """How many episodes are flown at most for each that observers foretell."""
 
 
-def reproduce(cfg: ExplainConfig) -> None:
-    """Find agents A, B and C, do the paper's experiments with them, write numbers, figures and the report.
+def reproduce(run: TrainedRun, cfg: ExplainConfig) -> None:
+    """Find agents A, B and C of a run, do the paper's experiments with them, write numbers, figures and the report.
 
     Raises:
         ConfigError: if the run lacks what is needed, or its episodes teach no vocabulary.
     """
     torch.set_num_threads(1)
-    lab = Lab(load_run(find_run(cfg.run, Path("runs"))), cfg)
+    lab = Lab(run, cfg)
     make_folders(lab.run.folder)
     say = Console(highlight=False, soft_wrap=True).print
     found, told = experiment(lab, say)
@@ -121,7 +120,7 @@ def teach(lab: Lab, agent: Skilled) -> list[dict[str, ClusterMapping]]:
         ConfigError: if the episodes are too few.
     """
     found = []
-    with waiting(f"vocabularies of agent {agent.name}", lab.config.clusterings) as step:
+    with progress_bar(f"vocabularies of agent {agent.name}", lab.config.clusterings) as step:
         for number in range(lab.config.clusterings):
             try:
                 seed = lab.config.seed + number
@@ -185,7 +184,7 @@ def learn_shuffled(lab: Lab, agent: Skilled) -> list[Mapping]:
     """
     ours, config = lab.mappings[OURS], lab.config
     best = words.best_of(agent.episodes, ours)
-    with waiting("vocabularies of shuffled instructions", config.shuffles) as step:
+    with progress_bar("vocabularies of shuffled instructions", config.shuffles) as step:
         settings = ours, lab.task, config.seed, lab.horizon_steps, config.shuffles
         found = fit_shuffled(best, agent.episodes, *settings, step)
     if not found:
@@ -202,7 +201,7 @@ def hidden_flights(lab: Lab, agent: Skilled, env: gymnasium.Env[Any, Any]) -> li
         ConfigError: if the agent hardly ever comes down.
     """
     count, steps = lab.config.prediction_episodes, lab.horizon_steps
-    with waiting(f"agent {agent.name} flies where the goal is hidden", count) as step:
+    with progress_bar(f"agent {agent.name} flies where the goal is hidden", count) as step:
         seeds = lab.seeds("foretold", TRIES * count)
         shown = pick(env, lab.task, agent.policy, lab.instructor, seeds, count, steps, step)
     if len(shown) < 2:

@@ -20,7 +20,7 @@ from ibe_rl.apps.paper.plot_style import LABELS, VARIANTS
 from ibe_rl.apps.paper.strips import Told
 from ibe_rl.apps.paper.words import OURS, PAPER
 from ibe_rl.evaluation.figures import save
-from ibe_rl.evaluation.progress_bar import waiting
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.storage.run_folder import write_atomically
 
 CUTS = (END, CONTACT)
@@ -127,7 +127,7 @@ def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, 
     every = [picture for section in sections.values() for picture in section]
     agent = found["prediction"][0]
     first = strip_file(agent["agent"], CONTACT, agent["cuts"][CONTACT]["most_telling"][OURS][0])
-    with waiting("figures", len(every)) as step:
+    with progress_bar("figures", len(every)) as step:
         files = []
         for picture in every:
             files.append(save(picture.draw(), folder / picture.file))

@@ -21,11 +21,12 @@ from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.evaluation import TrainedRun
-from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
-from ibe_rl.evaluation.progress_bar import waiting
-from ibe_rl.evaluation.rollouts import PROCESSES, SEEDS_EACH, seeds_for
+from ibe_rl.evaluation.moments import SEEN_STEPS
+from ibe_rl.evaluation.progress_bar import progress_bar
+from ibe_rl.evaluation.rollouts import EPISODES_AT_ONCE, SEEDS_EACH, seeds_for
+from ibe_rl.evaluation.run_predictor import PROCESSES
 from ibe_rl.evaluation.runs import kept_policies
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.instructors import make_instructor, speaks, stand_in
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
@@ -80,7 +81,7 @@ class Airfield:
 
     def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
         """Fly a greedy episode for each seed."""
-        while len(self._envs) < min(AT_ONCE, len(seeds)):
+        while len(self._envs) < min(EPISODES_AT_ONCE, len(seeds)):
             self._envs.append(make_game(self._env))
         return play(self._envs, policy, make_instructor(self._instructor, task_of(self._envs[0])), seeds)
 
@@ -177,11 +178,11 @@ def find_agents(lab: Lab) -> tuple[list[Skilled], list[dict[str, Any]]]:
     policies: dict[int, Policy] = dict(kept_policies(lab.run, EVALUATED, BETWEEN))
     title, most = f"looking for A and B among {len(policies)} policies", most_flights(len(policies))
     processes = lab.cfg.predictor.processes or PROCESSES
-    with waiting(title, most) as step, flying_together(lab.airfield, processes) as (fly, fly_all):
+    with progress_bar(title, most) as step, flying_together(lab.airfield, processes) as (fly, fly_all):
         chosen, tried = screen(policies, fly, lab.seeds("screened", SEEDS_EACH), step, fly_all)
     chosen["C"] = lab.run.policy_frame
     agents, seeds = [], lab.seeds("flown", lab.config.episodes)
-    with waiting("A, B and C fly again", len(chosen)) as step:
+    with progress_bar("A, B and C fly again", len(chosen)) as step:
         for name, frame in chosen.items():
             episodes = lab.fly(policies[frame], seeds)
             agents.append(Skilled(name, PAPER_SUCCESS.get(name), frame, policies[frame], episodes))

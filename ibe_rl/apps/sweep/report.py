@@ -18,10 +18,13 @@ from ibe_rl.apps.sweep import figures
 from ibe_rl.apps.sweep.intervals import check_installed, of_runs
 from ibe_rl.apps.sweep.launch import viewer
 from ibe_rl.apps.sweep.records import Record, read_sweep
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.figures import save
-from ibe_rl.evaluation.progress_bar import waiting
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.storage.run_folder import FIGURES, write_atomically
 from ibe_rl.types import ConfigError
+from ibe_rl.view.relay import choose_ports
+from ibe_rl.view.viewer import main as open_viewer
 
 PAGE, TABLE = "report.html", "sweep.csv"
 MAIN = (
@@ -30,6 +33,20 @@ MAIN = (
 )
 """What is in the short table, as far as the runs have it."""
 DIGITS = {"eval/return_mean": 1, "train/return_mean": 1, "quality/observer_error": 1}
+
+
+def report_sweep(cfg: ExplainConfig) -> None:
+    """Do what ``explain.py sweep=DIR`` asks for; with ``viewer=live`` open all recordings of the sweep too.
+
+    Raises:
+        ConfigError: if something else is asked for beside it; and as ``report``.
+    """
+    if cfg.run is not None or cfg.agent_file is not None or cfg.task != "episode":
+        raise ConfigError(f"sweep={cfg.sweep_dir} reports a whole sweep; allowed is no run=, agent= or task= beside it")
+    ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    report(Path(str(cfg.sweep_dir)))
+    if ports:
+        open_viewer([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
 
 
 def report(sweep: Path) -> None:
@@ -71,7 +88,7 @@ def put_together(records: Sequence[Record]) -> dict[str, Any]:
     by_name = {name: [record for record in counted if record.condition == name] for name in names}
     having = [(name, runs) for name, runs in by_name.items() if runs]
     conditions = []
-    with waiting("conditions", len(having)) as step:
+    with progress_bar("conditions", len(having)) as step:
         for name, runs in having:
             conditions.append(_condition(name, runs))
             step()

@@ -9,7 +9,7 @@ from processes import ROOT
 
 from ibe_rl.apps.paper.report_context import Airfield, flying_together
 from ibe_rl.config.settings import EnvConfig, InstructorConfig
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.runs import load_run
 
 SEEDS = [range(5), range(7, 9), range(20, 23)]
 

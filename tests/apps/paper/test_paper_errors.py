@@ -16,7 +16,7 @@ from ibe_rl.apps.paper.report_context import Lab, check_report
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.settings import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.types import ConfigError, Episode
 

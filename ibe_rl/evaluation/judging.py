@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, forecasts
+from ibe_rl.evaluation.baselines import CHEAP, Learnt, as_instruction, cheap_baselines, forecasts
 from ibe_rl.evaluation.controls import Flipped, of_another_moment
-from ibe_rl.evaluation.moments import Moments
+from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.evaluation.rows import (
     Samples,
     Truth,
@@ -25,7 +25,7 @@ from ibe_rl.evaluation.rows import (
     score_words,
     spread_over,
 )
-from ibe_rl.evaluation.verbalise import Spoken, calibrate, speak
+from ibe_rl.evaluation.verbalise import calibrate, speak
 from ibe_rl.metrics.bootstrap import estimate
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Task
@@ -34,22 +34,6 @@ from ibe_rl.types import Array, Mapping
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
 """What is held against the cheap baselines and the paper, moment by moment."""
 PREDICTED, TRUE_FUTURE = "baseline:predicted_change", "baseline:true_future"
-
-
-@dataclass(frozen=True)
-class Learnt:
-    """What was learnt from the log for one horizon.
-
-    Attributes:
-        vocabularies: explainer to its vocabulary.
-        ensembles: explainer to many vocabularies that cannot be right, of which the distribution is reported; without
-            any the other controls are left out too.
-        regressors: what the state alone tells of each number.
-    """
-
-    vocabularies: dict[str, Mapping]
-    ensembles: dict[str, Sequence[Mapping]]
-    regressors: Sequence[StateRegressor]
 
 
 @dataclass
@@ -120,7 +104,7 @@ def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) ->
     at, explained = moments.at(horizon_steps), task.explained
     return cheap_baselines(moments, horizon_steps, task, learnt.regressors) | {
         "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
-        "true_future": moments.realised[:, at][:, explained].astype(float),
+        "true_future": moments.real_change(horizon_steps, explained).astype(float),
     }
 
 
