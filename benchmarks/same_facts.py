@@ -17,6 +17,8 @@ from rerun.chunk import RrdReader
 
 from benchmarks.same_runs import ABOUT, OUTPUT
 
+LOG = "output.log"
+"""What a run of a sweep printed."""
 Facts = dict[str, Any]
 """Of a file: what each value is called, to the value: a plain one or an array."""
 
@@ -74,7 +76,7 @@ def reader(path: Path) -> Reader:
     """How to read a file, by its name."""
     named = {".csv": table, ".json": plain, ".yaml": plain, ".npy": array, ".npz": arrays, ".png": picture}
     named |= {".pt": checkpoint, ".rrd": recording}
-    return printed if path.name == OUTPUT else named.get(path.suffix, text)
+    return printed if path.name in (OUTPUT, LOG) else named.get(path.suffix, text)
 
 
 def table(path: Path, places: dict[str, str]) -> Facts:

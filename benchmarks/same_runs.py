@@ -11,10 +11,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.child import ONE_THREAD
+
 ABOUT, OUTPUT = "about.json", "output.txt"
 RUN = "{run}"
 """In commands: the folder of the run."""
-THREADS = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "MKL", "OPENBLAS", "NUMEXPR", "VECLIB_MAXIMUM")}
 TERMINAL = {"COLUMNS": "200", "TERM": "dumb", "PYTHONUNBUFFERED": "1"}
 
 SMALL = (
@@ -146,7 +147,7 @@ def run_one(checkout: Path, folder: Path, name: str, run: Run) -> None:
 
 def call(checkout: Path, command: list[str]) -> str:
     """Run a script in the checkout, one thread a process; returns what it printed."""
-    environment = os.environ | THREADS | TERMINAL | {"PYTHONPATH": str(checkout)}
+    environment = os.environ | ONE_THREAD | TERMINAL | {"PYTHONPATH": str(checkout)}
     ended = subprocess.run(  # noqa: S603 - the checkout's own script
         [sys.executable, *command],
         cwd=checkout,

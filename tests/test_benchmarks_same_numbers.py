@@ -50,6 +50,7 @@ def write_run(folder: Path) -> None:
     (run / OUTPUT).write_text(
         f"900 frames/s\n│ wall_s   │ 7 │\nkept in {run}\n  open: ../.venv/bin/python explain.py\n"
     )
+    shutil.copy(run / OUTPUT, run / "1_seed=1" / "output.log")
     write_recording(run / "recording.rrd", 3.0)
 
 
@@ -69,10 +70,9 @@ def after(before: Path, tmp_path: Path) -> Path:
     edit(run / "metrics.csv", "0.125", "0.0625")
     edit(run / "1_seed=1" / "metrics.csv", "0.5", "0.75")
     edit(run / "summary.json", '"wall_s": 1.5, "time_s": {"learn": 1}', '"wall_s": 9, "time_s": {"learn": 2}')
-    edit(run / OUTPUT, "900", "901")
-    edit(run / OUTPUT, "│ 7 │", "│ 8 │")
-    edit(run / OUTPUT, str(before), str(folder))
-    edit(run / OUTPUT, "../.venv", "/usr")
+    for printed in (run / OUTPUT, run / "1_seed=1" / "output.log"):
+        for old, new in {"900": "901", "│ 7 │": "│ 8 │", str(before): str(folder), "../.venv": "/usr"}.items():
+            edit(printed, old, new)
     state = torch.load(run / "checkpoints" / "latest.pt", weights_only=True)
     state["counts"]["wall_s"] = 4.0
     torch.save(state, run / "checkpoints" / "latest.pt")
