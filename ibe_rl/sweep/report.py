@@ -19,7 +19,7 @@ from ibe_rl.evaluation.waiting import waiting
 from ibe_rl.paper.page import number, template
 from ibe_rl.run_folder import FIGURES, write_atomically
 from ibe_rl.sweep import figures
-from ibe_rl.sweep.intervals import check_installed, of_runs
+from ibe_rl.sweep.intervals import of_runs
 from ibe_rl.sweep.launch import viewer
 from ibe_rl.sweep.records import Record, read_sweep
 
@@ -38,7 +38,6 @@ def report(sweep: Path) -> None:
     Raises:
         ConfigError: if there is no run, none is finished, or one of them is damaged.
     """
-    check_installed()
     records = read_sweep(sweep)
     found = put_together(records)
     folder = sweep / FIGURES
