@@ -29,15 +29,24 @@ VARYING = {
     r"checkpoints/.*\.pt: counts/(wall_s|times_s/.*)": "seconds",
     r"checkpoints/.*\.pt: recorder/recorder/id": "drawn anew for each recording",
     r"checkpoints/.*\.pt: recorder/(recorder/bytes|thinning/.*)": "bytes: rerun cuts and packs its chunks by the clock",
+    r"checkpoints/.*\.pt: random/(python/1/.*|numpy/1)": "generators that are neither seeded nor drawn from",
+    r".*\.rrd: /viewport ViewportBlueprint:root_container .*": "the identity of a panel, as bytes",
     r".*\.rrd: /__properties RecordingInfo:start_time .*": "a time of day",
 }
 """Facts that differ between two runs of the same code, ``file: name`` as an expression, and why."""
+
+STORAGE = re.compile(r"(.*/_storage)/_storage/[^/]*")
+"""Columns of a replay buffer in a checkpoint. What lies behind its filled part is whatever the memory held before."""
 
 VARYING_LINES = {
     r"frames/s": "speed",
     r"│ (wall_s|frames_per_s|time: \w+) ": "seconds",
 }
 """Lines of the terminal, likewise."""
+
+FRAMED = re.compile(r"^(?=[┏┃┡│└])|^ +the run in numbers$")
+PADDING = re.compile(r"([ ━─])\1+")
+"""In tables with a frame it grows with the longest of their times."""
 
 TIME_OF_DAY = "log_time"
 """The timeline of layouts; those of runs have none."""
@@ -115,8 +124,13 @@ def picture(path: Path, _: dict[str, str]) -> Facts:
 
 def checkpoint(path: Path, places: dict[str, str]) -> Facts:
     """Each tensor and each plain value of a state."""
-    found = leaves(torch.load(path, weights_only=True))
-    return {name: tidy(value, places) if isinstance(value, str) else value for name, value in found}
+    found = dict(leaves(torch.load(path, weights_only=True)))
+    for name, value in found.items():
+        if isinstance(value, str):
+            found[name] = tidy(value, places)
+        elif storage := STORAGE.fullmatch(name):
+            found[name] = value[: found[f"{storage[1]}/_len"]]
+    return found
 
 
 def recording(path: Path, places: dict[str, str]) -> Facts:
@@ -154,7 +168,8 @@ def printed(path: Path, places: dict[str, str]) -> Facts:
     """Each line that a terminal showed."""
     varies = re.compile("|".join(VARYING_LINES))
     lines = [line.rstrip() for line in tidy(path.read_text(), places).splitlines() if not varies.search(line)]
-    return {f"line {number}": line for number, line in enumerate(lines)}
+    unframed = (PADDING.sub(r"\1", line) if FRAMED.match(line) else line for line in lines)
+    return {f"line {number}": line for number, line in enumerate(unframed)}
 
 
 def text(path: Path, places: dict[str, str]) -> Facts:

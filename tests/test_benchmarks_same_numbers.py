@@ -20,6 +20,17 @@ from benchmarks.same_runs import ABOUT, CATALOGUE, OUTPUT, record
 RUN = "ppo_lander"
 
 
+PRINTED = """100% 900 frames/s
+ the run in numbers
+┏━━━━━━┳━━━┓
+│ wall_s │ 7 │
+└──────┴───┘
+kept in {run}
+  open: ../.venv/bin/python explain.py
+"""
+SLOWER = {"900": "90", "│ 7 │": "│ 10.5 │", "━┳━━━": "━━┳━━━━━━", "─┴───": "──┴──────", " the run": "    the run"}
+
+
 def write_recording(path: Path, last: float) -> None:
     stream = rr.RecordingStream("a test")
     stream.save(path)
@@ -43,13 +54,13 @@ def write_run(folder: Path) -> None:
     (run / "refreshes" / "20.json").write_text('{"clusters": [{"id": 0, "empty": []}, {"id": 1}]}')
     np.savez(run / "refreshes" / "probe.npz", delta=np.array([[1.0, np.nan]]))
     np.save(run / "trajectories" / "state.npy", np.arange(6.0).reshape(2, 3))
-    state = {"agent": {"w": torch.tensor([1.0, 2.0])}, "counts": {"wall_s": 3.0, "kept": 1}, "shown": (4, 5)}
+    buffer = {"_len": 2, "_storage": {"reward": torch.tensor([1.0, 2.0, 7.0])}}  # the last was never written
+    state = {"agent": {"w": torch.tensor([1.0, 2.0]), "buffer": {"_storage": buffer}}, "shown": (4, 5)}
+    state |= {"counts": {"wall_s": 3.0, "kept": 1}, "random": {"numpy": ("MT19937", torch.tensor([3]), 624)}}
     torch.save(state, run / "checkpoints" / "latest.pt")
     Image.fromarray(np.zeros((2, 2, 3), np.uint8)).save(run / "figures" / "one.png")
     (run / "figures" / "report.html").write_text("<p>one</p>\n<p>two</p>\n")
-    (run / OUTPUT).write_text(
-        f"900 frames/s\n│ wall_s   │ 7 │\nkept in {run}\n  open: ../.venv/bin/python explain.py\n"
-    )
+    (run / OUTPUT).write_text(PRINTED.format(run=run))
     shutil.copy(run / OUTPUT, run / "1_seed=1" / "output.log")
     write_recording(run / "recording.rrd", 3.0)
 
@@ -71,10 +82,12 @@ def after(before: Path, tmp_path: Path) -> Path:
     edit(run / "1_seed=1" / "metrics.csv", "0.5", "0.75")
     edit(run / "summary.json", '"wall_s": 1.5, "time_s": {"learn": 1}', '"wall_s": 9, "time_s": {"learn": 2}')
     for printed in (run / OUTPUT, run / "1_seed=1" / "output.log"):
-        for old, new in {"900": "901", "│ 7 │": "│ 8 │", str(before): str(folder), "../.venv": "/usr"}.items():
+        for old, new in (SLOWER | {str(before): str(folder), "../.venv": "/usr"}).items():
             edit(printed, old, new)
     state = torch.load(run / "checkpoints" / "latest.pt", weights_only=True)
     state["counts"]["wall_s"] = 4.0
+    state["random"]["numpy"] = ("MT19937", torch.tensor([4]), 624)
+    state["agent"]["buffer"]["_storage"]["_storage"]["reward"][2] = 8.0
     torch.save(state, run / "checkpoints" / "latest.pt")
     write_recording(run / "recording.rrd", 3.0)
     return folder
@@ -146,7 +159,7 @@ CHANGES: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "terminal": (
         lambda run: edit(run / OUTPUT, "kept", "put"),
         "terminal",
-        "output.txt: line 0: kept in FOLDER/ppo_lander → put in FOLDER/ppo_lander",
+        "output.txt: line 3: kept in FOLDER/ppo_lander → put in FOLDER/ppo_lander",
     ),
     "recording": (
         lambda run: write_recording(run / "recording.rrd", 4.0),
