@@ -51,7 +51,7 @@ PADDING = re.compile(r"([ ━─])\1+")
 TIME_OF_DAY = "log_time"
 """The timeline of layouts; those of runs have none."""
 
-PROGRAM = re.compile(r"\S*bin/(?=(python|rerun)\b)")
+PROGRAM = re.compile(r"(?<!\S)\S*?bin/(?=(python|rerun)\b)")
 """The folder of a program, as hints on the terminal have it."""
 IDENTITY = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 """Drawn anew for each panel of a layout."""

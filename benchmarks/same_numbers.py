@@ -1,7 +1,7 @@
 """Prove that a restructuring changed nothing: the same small seeded runs before and after, compared value by value.
 
 python -m benchmarks.same_numbers record CHECKOUT FOLDER [--only NAME ...]   runs its train.py and explain.py: minutes
-python -m benchmarks.same_numbers compare BEFORE AFTER                       a table; ends with 1 if anything differs
+python -m benchmarks.same_numbers compare BEFORE AFTER [--only NAME ...]     a table; ends with 1 if anything differs
 
 All it reads are the files that were written and what was printed, so it works with checkouts whose modules have other
 names.
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,8 @@ Row = tuple[str, str, list[str]]
 """A run, what of it, and the differences in words."""
 
 
-def compare(before: Path, after: Path) -> list[Row]:
-    """Compare two folders that ``record`` wrote.
+def compare(before: Path, after: Path, only: Collection[str] = ()) -> list[Row]:
+    """Compare two folders that ``record`` wrote, or ``only`` some of their runs.
 
     Returns:
         for each run and each kind of file, what differs.
@@ -39,7 +39,7 @@ def compare(before: Path, after: Path) -> list[Row]:
     for name, folder in (("BEFORE", before), ("AFTER", after)):
         if not (folder / ABOUT).is_file():
             raise ValueError(f"{name}={folder}: allowed is a folder that `record` wrote")
-    runs = {path.name for folder in (before, after) for path in folder.iterdir() if path.is_dir()}
+    runs = set(only) or {path.name for folder in (before, after) for path in folder.iterdir() if path.is_dir()}
     order = [*CATALOGUE, *sorted(runs - set(CATALOGUE))]
     return [row for run in order if run in runs for row in compare_run(run, files(before, run), files(after, run))]
 
@@ -117,10 +117,11 @@ def make_parser() -> argparse.ArgumentParser:
     recorder = what.add_parser("record", help="run a checkout's scripts")
     recorder.add_argument("checkout", type=Path, metavar="CHECKOUT")
     recorder.add_argument("folder", type=Path, metavar="FOLDER")
-    recorder.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"{', '.join(CATALOGUE)}; none: all")
     comparer = what.add_parser("compare", help="compare two recorded folders")
     comparer.add_argument("before", type=Path, metavar="BEFORE")
     comparer.add_argument("after", type=Path, metavar="AFTER")
+    for one in (recorder, comparer):
+        one.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"{', '.join(CATALOGUE)}; none: all")
     return parser
 
 
@@ -130,7 +131,7 @@ def main(arguments: list[str] | None = None) -> int:
     if asked.what == "record":
         record(asked.checkout, asked.folder, asked.only)
         return 0
-    rows = compare(asked.before, asked.after)
+    rows = compare(asked.before, asked.after, asked.only)
     sys.stdout.write(document(rows) + "\n")
     return int(any(found for _, _, found in rows))
 

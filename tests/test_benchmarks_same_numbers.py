@@ -187,6 +187,9 @@ def test_one_change_is_named(case: str, before: Path, after: Path, capsys: pytes
 def test_a_run_that_is_missing_differs(before: Path, after: Path) -> None:
     shutil.rmtree(after / RUN)
     assert all(found for _, _, found in compare(before, after))
+    shutil.copytree(before / RUN, after / "demo")
+    shutil.copytree(before / RUN, before / "demo")
+    assert not any(found for _, _, found in compare(before, after, ["demo"]))
 
 
 def test_of_long_texts_the_place_that_differs_is_shown() -> None:
