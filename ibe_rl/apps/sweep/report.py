@@ -55,7 +55,6 @@ def report(sweep: Path) -> None:
     Raises:
         ConfigError: if there is no run, none is finished, or one of them is damaged.
     """
-    check_installed()
     records = read_sweep(sweep)
     found = put_together(records)
     folder = sweep / FIGURES
