@@ -70,7 +70,7 @@ def test_only_the_page_of_the_server_may_instruct(room: Room):
 def test_a_request_without_or_with_two_hosts_is_refused(room: Room):
     for hosts in (b"", f"Host: {HOST}:{room.port}\r\n".encode() * 2):
         with room.raw(b"GET / HTTP/1.1\r\n" + hosts + b"\r\n") as stranger:
-            assert stranger.recv(100).split()[1] in (b"403", b"500")
+            assert stranger.recv(100).split()[1] in (b"400", b"403")
 
 
 def test_which_names_are_ours():
@@ -230,11 +230,50 @@ def _read_to(page: Client, last: int, steps: list[int]) -> None:
         steps.append(page.until("frame")["step"])
 
 
+def test_a_page_that_asks_for_more_than_there_is_gets_what_there_is(room: Room):
+    page = room.page(subprotocols=["chat"], compression="deflate")
+    assert page.until("seat")["instructs"]
+    assert page.socket.subprotocol is None
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: "])
+def test_a_connection_that_asks_for_nothing_is_closed(monkeypatch: pytest.MonkeyPatch, sent: bytes):
+    monkeypatch.setattr(server, "OPEN_S", 0.5)
+    with open_room() as room, room.raw(sent) as stranger:
+        assert stranger.recv(1) == b""
+
+
+@pytest.mark.parametrize("frames", [0, 400])
+def test_a_page_that_answers_no_ping_frees_the_chair(room: Room, monkeypatch: pytest.MonkeyPatch, frames: int):
+    monkeypatch.setattr(server, "PING_S", 1.0)
+    with room.raw(handshake(room.port)):
+        assert eventually(lambda: room.desk.chair == 1)
+        for number in range(frames):  # more than is kept for it
+            room.server.post("frame", {"step": number, "picture": PICTURE})
+        start = time.monotonic()
+        assert room.page().until("seat", lambda seat: seat["free"])["pages"] == 1
+        assert time.monotonic() - start < 5
+
+
+def handshake(port: int) -> bytes:
+    lines = (
+        "GET /lesson HTTP/1.1",
+        f"Host: {HOST}:{port}",
+        f"Origin: http://{HOST}:{port}",
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+        "Sec-WebSocket-Version: 13",
+    )
+    return "".join(f"{line}\r\n" for line in (*lines, "")).encode()
+
+
 GARBAGE = [
     b"\x00\xff" * 500,
     b"GET / HTTP/1.1\r\nHost: ",
     b"POST / HTTP/1.1\r\n\r\n",
     b"GET /" + b"a" * 20_000,
+    b"GET /lesson HTTP/1.1\r\n" + b"Some: thing\r\n" * 1_000 + b"\r\n",
     b"\r\n\r\n",
 ]
 
