@@ -33,6 +33,8 @@ from ibe_rl.env import LANDER_ID, LANDER_TASK
 from ibe_rl.env.make import make_gym
 from ibe_rl.log import TrajectoryLog
 
+pytestmark = pytest.mark.slow
+
 ENV = EnvConfig(id=LANDER_ID)
 STEPS = 130
 

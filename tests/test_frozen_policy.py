@@ -18,6 +18,8 @@ from ibe_rl.log import TrajectoryLog
 from ibe_rl.play import play
 from ibe_rl.refresh import Refresh
 
+pytestmark = pytest.mark.slow
+
 DEMO = Path(__file__).parent.parent / "demo"
 REFRESHES, EPISODES = 10, 320
 FIRST_SEED = 700_000

@@ -25,6 +25,8 @@ from ibe_rl.minari_log import export_log, import_log, main
 from ibe_rl.own_agent import guest_run_config, keep_run, open_study, study
 from ibe_rl.run_folder import create_run_folder
 
+pytestmark = pytest.mark.slow
+
 QUICK = ["mapping.horizon_steps=10", "mapping.spans_steps=[5]", "viewer=off"]
 COLUMNS = ("states", "actions", "rewards", "instructions", "given")
 

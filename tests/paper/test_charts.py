@@ -19,6 +19,8 @@ from ibe_rl.paper import charts
 from ibe_rl.paper.look import LABELS, SHADES, VARIANTS, hexed
 from ibe_rl.paper.words import OURS, PAPER
 
+pytestmark = pytest.mark.slow
+
 FOUND = found()
 CHARTS: dict[Callable[[dict[str, Any]], Figure], set[str]] = {
     charts.agents: {"training frames", "success (%)", "A, flown again: 74.5 %", "83.3 %", "95 % intervals"},

@@ -19,6 +19,8 @@ from ibe_rl.paper.look import LABELS, MARKERS, SHADES, hexed
 from ibe_rl.paper.strips import Told, gallery, strip
 from ibe_rl.paper.words import OURS, PAPER
 
+pytestmark = pytest.mark.slow
+
 TITLE = "Agent B, cut at first contact, episode 12: here our default vocabulary misleads most"
 
 

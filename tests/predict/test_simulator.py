@@ -21,6 +21,8 @@ from ibe_rl.instruct import make_instructor
 from ibe_rl.play import watch
 from ibe_rl.predict import Simulator, make_simulator
 
+pytestmark = pytest.mark.slow
+
 LEGS = slice(6, 8)
 RULE = LANDER_TASK.rule
 STEADY = SimpleNamespace(unwrapped=SimpleNamespace(continuous=False))
