@@ -33,6 +33,8 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
 from tests.by_hand import TASK, column, defy, obey
 
+pytestmark = pytest.mark.slow
+
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
 PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults", "sweep")
 ABOUT = {"date": "2026-01-02 03:04 UTC", "versions": {"python": "3.11.1"}}

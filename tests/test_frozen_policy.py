@@ -19,6 +19,8 @@ from ibe_rl.types import Episode
 from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.tracker import Development
 
+pytestmark = pytest.mark.slow
+
 DEMO = Path(__file__).parent.parent / "demo"
 REFRESHES, EPISODES = 10, 320
 FIRST_SEED = 700_000

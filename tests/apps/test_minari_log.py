@@ -25,6 +25,8 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import create_run_folder
 from ibe_rl.types import ConfigError, Episode
 
+pytestmark = pytest.mark.slow
+
 QUICK = ["mapping.horizon_steps=10", "mapping.spans_steps=[5]", "viewer=off"]
 COLUMNS = ("states", "actions", "rewards", "instructions", "given")
 

@@ -32,6 +32,8 @@ from ibe_rl.envs.make import make_gym
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
 
+pytestmark = pytest.mark.slow
+
 ENV = EnvConfig(id=LANDER_ID)
 STEPS = 130
 

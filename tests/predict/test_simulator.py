@@ -22,6 +22,8 @@ from ibe_rl.predict import make_simulator
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import Array, Moment, Policy, Predictor
 
+pytestmark = pytest.mark.slow
+
 LEGS = slice(6, 8)
 RULE = LANDER_TASK.rule
 STEADY = SimpleNamespace(unwrapped=SimpleNamespace(continuous=False))

@@ -152,7 +152,7 @@ def test_a_hanging_viewer_makes_nobody_wait(tmp_path: Path) -> None:
         recorder.batch(frame, {f"train/{i}": float(frame) for i in range(20)})
         recorder.flush()
     recorder.close()
-    assert time.perf_counter() - start < 5
+    assert time.perf_counter() - start < 30
     assert relay.alive()
     assert path.stat().st_size > 5 * 65_536  # far more than a pipe holds
     relay.close()

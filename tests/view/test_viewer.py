@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -190,12 +191,18 @@ def test_what_cannot_be_opened_is_refused_in_one_line(
     assert "rerun viewer is not installed" in refused(run)
 
 
-def viewing(*arguments: str | Path, temporary: Path) -> subprocess.Popen[str]:
-    """Start the viewer as a user does; it has printed its address when this returns."""
+@contextmanager
+def viewing(*arguments: str | Path, temporary: Path) -> Iterator[subprocess.Popen[str]]:
+    """The viewer as a user starts it; killed at the end if it has not ended by then."""
     command = [sys.executable, "-m", "ibe_rl.viewer", *map(str, arguments)]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"TMPDIR": str(temporary)}
-    )
+    environment = os.environ | {"TMPDIR": str(temporary)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def said(process: subprocess.Popen[str]) -> str:
@@ -225,7 +232,7 @@ def test_runs_are_served_until_they_are_closed(number: signal.Signals, tmp_path:
         server = server_of(relay)
         assert len(list((tmp_path / "tmp").iterdir())) == 1
         process.send_signal(number)
-        assert process.wait(60) == 0
+        assert process.wait(120) == 0
         assert process.stderr is not None
         assert process.stderr.read() == ""
     assert gone(relay)
@@ -239,7 +246,7 @@ def test_a_server_that_dies_ends_it(tmp_path: Path) -> None:
     with viewing(run, temporary=tmp_path) as process:
         said(process)
         os.kill(server_of(children(process.pid)[0]), signal.SIGKILL)
-        assert process.wait(60) == 1
+        assert process.wait(120) == 1
         assert process.stderr is not None
         assert "the server has ended" in process.stderr.read()
 
@@ -263,6 +270,7 @@ def address(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[s
             yield page
         finally:
             process.send_signal(signal.SIGINT)
+            process.wait(120)
 
 
 def data_of(page: str) -> str:

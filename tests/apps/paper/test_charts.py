@@ -19,6 +19,8 @@ from ibe_rl.apps.paper.plot_style import LABELS, SHADES, VARIANTS, hexed
 from ibe_rl.apps.paper.words import OURS, PAPER
 from ibe_rl.view import palette as colours
 
+pytestmark = pytest.mark.slow
+
 FOUND = found()
 CHARTS: dict[Callable[[dict[str, Any]], Figure], set[str]] = {
     charts.agents: {"training frames", "success (%)", "A, flown again: 74.5 %", "83.3 %", "95 % intervals"},

@@ -19,6 +19,8 @@ from ibe_rl.apps.paper.page import pictures, write_report
 from ibe_rl.apps.paper.strips import Told
 from ibe_rl.apps.paper.words import OURS, PAPER
 
+pytestmark = pytest.mark.slow
+
 ODD = "<script>alert('a & b')</script>"
 Write = Callable[[dict[str, Any], list[str]], str]
 

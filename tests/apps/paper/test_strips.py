@@ -19,6 +19,8 @@ from ibe_rl.apps.paper.words import OURS, PAPER
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.view import palette as colours
 
+pytestmark = pytest.mark.slow
+
 TITLE = "Agent B, cut at first contact, episode 12: here our default vocabulary misleads most"
 
 

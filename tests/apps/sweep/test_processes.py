@@ -52,6 +52,17 @@ time.sleep(600)
 """
 
 
+MEETS = """
+import pathlib, sys, time
+print(time.time())
+folder = pathlib.Path(sys.argv[1])
+(folder / "up").touch()
+while len(list(folder.parent.glob("*/up"))) < 2: time.sleep(.05)
+time.sleep(.5)  # a third would be seen here
+print(time.time())
+"""
+
+
 def job(folder: Path) -> Job:
     return Job(folder.name, folder, (), 100)
 
@@ -124,7 +135,7 @@ def test_what_it_said_another_time_is_not_why_it_failed(tmp_path: Path) -> None:
 
 
 def test_several_run_at_once_but_no_more_than_asked_for(tmp_path: Path) -> None:
-    code = "import time; print(time.time()); time.sleep(1); print(time.time())" + FINISHES
+    code = MEETS + FINISHES
     jobs = [job(tmp_path / name) for name in "abc"]
     run_all(jobs, going(a=code, b=code, c=code), 2, board()[0])
     spans = [[float(line) for line in (one.folder / "output.log").read_text().split()[:2]] for one in jobs]
