@@ -16,7 +16,7 @@ from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import GuestConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState
 from ibe_rl.ibe import ClusterMapping, Reactions
 from ibe_rl.metrics import Calibration
 from ibe_rl.storage.checkpoint import load, policies
@@ -69,9 +69,11 @@ class TrainedRun:
     scores_of_numbers: Sequence[Mapping[str, float]] = ()
 
     @property
-    def voice(self) -> Voice:
+    def voice(self) -> ExplainerState:
         """What the agent speaks with."""
-        return Voice(self.mapping, self.horizon_steps, self.task.phrases, self.spans, calibration=self.calibration)
+        return ExplainerState(
+            self.mapping, self.horizon_steps, self.task.phrases, self.spans, calibration=self.calibration
+        )
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """One more environment as the run had them."""

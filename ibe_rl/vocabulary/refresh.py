@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping, Interpretation, Reactions, TooLittleDataError, Transition, Windows, phrase
+from ibe_rl.ibe import ClusterMapping, ClusterTransition, Interpretation, Reactions, TooLittleDataError, Windows, phrase
 from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import read_json, write_json
@@ -42,7 +42,7 @@ class Change:
 
     last: ClusterMapping
     since_frame: int
-    transition: Transition
+    transition: ClusterTransition
     drift: VocabularyDrift
     policy_drift: float
     last_scores: Dict[str, float]

@@ -22,7 +22,7 @@ from ibe_rl.apps.teach.session import Desk
 from ibe_rl.config.settings import HumanConfig, InstructorConfig, TrainConfig
 from ibe_rl.envs.make import task_of
 from ibe_rl.envs.snapshots import make_copy
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
 from ibe_rl.instructors import LessonWriter
 from ibe_rl.predict import make_simulator
@@ -116,7 +116,7 @@ class NoClassroom:
     def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
         """Nobody to tell."""
 
-    def refresh(self, frame: int, voice: Voice) -> None:
+    def refresh(self, frame: int, voice: ExplainerState) -> None:
         """Nobody to tell."""
 
     def hurry(self) -> None:
@@ -175,7 +175,7 @@ class Classroom:
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
         self._link.tell("figures", {**figures, "curve": self._curve[:: 1 + len(self._curve) // 200]})
 
-    def refresh(self, frame: int, voice: Voice) -> None:
+    def refresh(self, frame: int, voice: ExplainerState) -> None:
         """A vocabulary has been learnt at a training ``frame``."""
         self._link.tell("voice", voice)
         self._link.tell("vocabulary", vocabulary(frame, voice, self._task))
@@ -241,7 +241,7 @@ def invitation(host: str, port: int) -> str:
     return "\n".join(lines)
 
 
-def vocabulary(frame: int, voice: Voice, task: Task) -> dict[str, Any]:
+def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
     """The vocabulary as a page shows it."""
     mapping = voice.mapping
     assert isinstance(mapping, ClusterMapping)
