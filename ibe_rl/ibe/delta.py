@@ -72,12 +72,7 @@ def delta_states(states: Array, horizon_steps: int, end: str = "drop") -> Array:
 
 
 def cut_windows(episodes: Sequence[Episode], horizon_steps: int, end: str = "drop") -> Windows:
-    """Cut every episode into its windows, one beginning at each step.
-
-    Args:
-        episodes: whole episodes of one environment, at least one.
-        horizon_steps: n.
-        end: see ``delta_states``.
+    """Cut whole episodes of one environment into windows, one beginning at each step.
 
     Raises:
         ValueError: without any episode, or as ``delta_states``.
@@ -156,11 +151,7 @@ class LoggedSteps:
 
     @classmethod
     def of(cls, episodes: Sequence[Episode], horizon_steps: int) -> LoggedSteps:
-        """Join the steps of whole episodes of one environment.
-
-        Raises:
-            ValueError: as ``cut_windows``.
-        """
+        """Join the steps of whole episodes of one environment; raises as ``cut_windows``."""
         windows = cut_windows(episodes, horizon_steps, "clamp")
         counts = [len(one) for one in episodes]
         reward_sums = [np.concatenate([[0.0], np.cumsum(one.rewards, dtype=float)]) for one in episodes]

@@ -40,8 +40,8 @@ def satisfaction(log: LoggedSteps, axis: Array, number: int, seed: int) -> Evide
     changed = np.unique(log.episode[rows[decrease > 0]])
     weights = _resamples(log.episode_count, seed)
     sums = [np.bincount(log.episode[rows], each, log.episode_count) for each in (moved * decrease, decrease**2)]
-    slope = _ratio(*(weights @ each for each in sums), above=1e-9)
-    return _evidence("satisfaction", slope, len(changed))
+    covariance, variance = (weights @ each for each in sums)
+    return _evidence("satisfaction", _ratio(covariance, variance, above=1e-9), len(changed))
 
 
 def compliance(log: LoggedSteps, axis: Array, number: int, among: Array, seed: int) -> Evidence | None:

@@ -51,9 +51,7 @@ def instruction_lasts(instructions: Sequence[Array]) -> int | None:
     """For how many more steps an instruction keeps its sign, the median over all steps with one.
 
     A roll-out holds the instruction constant, so a longer horizon would predict under an outdated instruction.
-
-    Args:
-        instructions: ``(T, d)`` of each episode, 0 in silence.
+    ``instructions`` are ``(T, d)`` of each episode, 0 in silence.
 
     Returns:
         The shortest median of the ``d`` numbers, at least ``MIN_HORIZON_STEPS``; None if all instructions are 0.
@@ -79,11 +77,8 @@ def _steps_left(signs: Array) -> Array:
 def leading_change(states: Sequence[Array], kept: Array) -> Array:
     """The first principal component ``(S, 1)`` of the standardised changes of the state in one step.
 
-    It stands in for the axes where the instruction does not depend on the state.
-
-    Args:
-        states: ``(T + 1, S)`` of each episode.
-        kept: ``(S,)`` bool, the dimensions that count.
+    It stands in for the axes where the instruction does not depend on the state. ``states`` are ``(T + 1, S)`` of each
+    episode; ``kept`` ``(S,)`` bool are the dimensions that count.
     """
     changes = np.concatenate([np.diff(np.asarray(each, float), axis=0) for each in _first_rows(states)])
     spread = changes.std(axis=0)

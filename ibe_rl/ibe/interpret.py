@@ -153,11 +153,7 @@ class _Reader:
 
 
 def decide(evidence: Sequence[Evidence], depends: bool) -> tuple[int, str]:
-    """Combine the sources by a vote.
-
-    Args:
-        evidence: of the sources that could be evaluated.
-        depends: whether the instruction depends on the state.
+    """Combine the sources by a vote; ``depends`` tells whether the instruction depends on the state.
 
     Returns:
         1 if +1 asks for a movement along the axis, -1 if for the opposite, 0 if it cannot be told; and why.

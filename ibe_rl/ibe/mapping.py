@@ -97,11 +97,7 @@ class ClusterMapping:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or shapes do not fit.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or a shape does not fit."""
         try:
             arrays: dict[str, Any] = {name: np.asarray(values[name], float) for name in _ARRAYS}
             if not all(np.isfinite(array).all() for array in arrays.values()):

@@ -44,11 +44,7 @@ class Evidence:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """From JSON.
-
-        Raises:
-            ValueError: if a number is not finite; ``KeyError`` or ``TypeError`` if a value is missing.
-        """
+        """From JSON; raises ValueError, KeyError or TypeError if a value is missing or not finite."""
         effect, low, high = (float(values[name]) for name in ("effect", "low", "high"))
         if not np.isfinite([effect, low, high]).all():
             raise ValueError("not all of its numbers are finite")
@@ -78,9 +74,9 @@ class Meaning:
     direction: tuple[float, ...] = ()
 
     @classmethod
-    def unknown(cls, reason: str, episodes: int, evidence: tuple[Evidence, ...] = ()) -> Self:
+    def unknown(cls, reason: str, episodes: int) -> Self:
         """The meaning of a number of which neither sign is known."""
-        return cls(negative=False, positive=False, reason=reason, evidence=evidence, episodes=episodes)
+        return cls(negative=False, positive=False, reason=reason, episodes=episodes)
 
     @property
     def known(self) -> bool:
@@ -113,11 +109,7 @@ class Meaning:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or not finite.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or not finite."""
         try:
             evidence = tuple(Evidence.from_dict(each) for each in values["evidence"])
             signs = bool(values["negative"]), bool(values["positive"])
@@ -181,11 +173,7 @@ class Reactions:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or shapes do not fit.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or a shape does not fit."""
         try:
             return cls(np.asarray(values["up"], float), np.asarray(values["down"], float))
         except (KeyError, TypeError, OverflowError) as error:

@@ -16,9 +16,7 @@ NOBODY_ASKED = "nobody has looked into what its words mean"
 def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
     """One line for each number: which of its words are known and from which evidence, or why they are not.
 
-    Args:
-        meanings: of a vocabulary; empty if it was learnt without an interpretation.
-        task: declares the words and the names of the state.
+    ``meanings`` are empty if the vocabulary was learnt without an interpretation.
     """
     if not meanings:
         return [NOBODY_ASKED]

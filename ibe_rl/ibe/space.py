@@ -97,11 +97,7 @@ class Space:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or shapes do not fit.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or a shape does not fit."""
         try:
             layers = values["layers"]
             weights = tuple(np.asarray(layer["weights"], float) for layer in layers)
@@ -160,12 +156,8 @@ def consequences(axes: Array, delta: Array, instruction: Array) -> Array:
 
     They are conditions of the instruction, not consequences: how fast to sink depends on the height, which falls
     whatever is said. The axis of a single number stays as it is, so that it does not depend on the basis of the state.
-    So does an axis of which no dimension moves both ways, or of which one sign never occurred.
-
-    Args:
-        axes: ``(S, d)``.
-        delta: ``(W, S)``.
-        instruction: ``(W, d)``.
+    So does an axis of which no dimension moves both ways, or of which one sign never occurred. The windows are given by
+    ``delta`` ``(W, S)`` and ``instruction`` ``(W, d)``.
     """
     kept = np.array(axes)
     if len(kept.T) == 1:
@@ -208,7 +200,7 @@ def lasso_axes(delta: Array, instruction: Array, seed: int) -> Array:
     """Axes ``(S, d)`` by the lasso regression of the instruction ``(W, d)`` on the change ``(W, S)``.
 
     Raises:
-        TooLittleDataError: with fewer windows than a regression needs.
+        TooLittleDataError: with fewer than ``MIN_REGRESSION_WINDOWS``.
     """
     _check_enough(delta)
     scale = StandardScaler().fit(delta).scale_
@@ -235,15 +227,7 @@ def _classes(told: Array) -> Array:
 def network(delta: Array, instruction: Array, kept: Array, hidden: Sequence[int], seed: int) -> Space:
     """A small network that regresses the instruction on the change (the authors' follow-up, ICONIP 2017).
 
-    Args:
-        delta: ``(W, S)``.
-        instruction: ``(W, d)``.
-        kept: ``(S,)`` bool, False for dimensions to mask.
-        hidden: widths of the hidden layers.
-        seed: of the initial weights and the validation set.
-
-    Raises:
-        TooLittleDataError: as ``lasso_axes``.
+    ``kept`` ``(S,)`` bool masks dimensions, ``hidden`` are the widths of the hidden layers; raises as ``lasso_axes``.
     """
     _check_enough(delta)
     scaler = StandardScaler().fit(delta)
@@ -266,14 +250,8 @@ def _check_enough(delta: Array) -> None:
 def movement_of_one(places: Array, instruction: Array, weight: Array, known: Array) -> Array:
     """The unit of movement ``(d,)``: how far the instruction 1 moved along each axis, by least squares without bias.
 
-    Where the sign is known the axis points the way that +1 asks for. There the unit is positive, and at least
-    ``MIN_UNIT`` of the mean movement.
-
-    Args:
-        places: ``(W, d)`` changes along the axes.
-        instruction: ``(W, d)``.
-        weight: ``(W,)`` of each window.
-        known: ``(d,)`` bool, whether the sign is known.
+    Windows have places and instructions ``(W, d)`` and weights ``(W,)``. Where the sign is known (``(d,)`` bool) the
+    axis points the way that +1 asks for. There the unit is positive, and at least ``MIN_UNIT`` of the mean movement.
 
     Raises:
         TooLittleDataError: if no instruction but 0 was given along an axis, or nothing moved under it.

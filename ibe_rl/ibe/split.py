@@ -66,11 +66,8 @@ def with_rest(centres: Array, power: float) -> Array:
     """Move the innermost pair of mirrored centres ``(k, P)`` to ``REST``, unless a centre is there already.
 
     Otherwise rest would be named by the smallest movement wherever nothing rests in the data. Three or fewer centres
-    stay as they are: an odd number has one in the middle, and two are needed for the two signs.
-
-    Args:
-        centres: their own mirror image.
-        power: exponent of the magnitude of a movement, see ``Space``.
+    stay as they are: an odd number has one in the middle, and two are needed for the two signs. ``power`` is that of
+    the ``Space``.
     """
     moves = np.abs(centres).max(axis=1) ** (1 / power)
     if len(centres) < MIN_CLUSTERS_WITH_REST or moves.min() <= REST:
