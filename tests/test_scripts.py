@@ -32,7 +32,7 @@ from ibe_rl.ibe import ClusterMapping, normalise
 from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG
-from ibe_rl.training.parts import TIMES
+from ibe_rl.training.run import TIMES
 from ibe_rl.types import DOES_NOT_KNOW
 from ibe_rl.vocabulary.probe import PROBE_WINDOWS
 from ibe_rl.vocabulary.tracker import FIGURES

@@ -179,8 +179,7 @@ class InstructedEnvs(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
-        steps = [game.step(action) for game, action in zip(self._games, plain(actions.numpy()), strict=True)]
-        states, rewards, terminated, truncated, infos = zip(*steps, strict=True)
+        states, rewards, terminated, truncated, infos = step_together(self._games, actions.numpy())
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
         success = [info[self._task.success_key] for info in infos]
@@ -211,14 +210,15 @@ class InstructedEnvs(EnvBase):
         }
 
 
+def step_together(games: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:
+    """Step each environment once: states, rewards, terminated, truncated, infos of ``N`` environments."""
+    steps = [game.step(action) for game, action in zip(games, plain(actions), strict=True)]
+    return list(zip(*steps, strict=True))
+
+
 def plain(actions: Array) -> Any:
     """Actions ``()`` or ``(N,)`` as plain ints, which games read faster; rows of numbers as they are."""
     return actions.tolist() if actions.dtype.kind in "iu" else actions
-
-
-def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:
-    """Make ``count`` copies of an environment that step together, seeded ``seed`` to ``seed + count - 1``."""
-    return join([make_gym(env_id, kwargs) for _ in range(count)], instructor, seed)
 
 
 def join(

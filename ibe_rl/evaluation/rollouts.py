@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from ibe_rl.apps.external.policy import crosses_processes
-from ibe_rl.collect.collector import JUDGING_SEED
+from ibe_rl.collect.rollout import JUDGING_SEED
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig
 from ibe_rl.evaluation.moments import Moments, Plan, gather
 from ibe_rl.evaluation.run_predictor import predictor_of, with_processes

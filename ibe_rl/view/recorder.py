@@ -61,33 +61,6 @@ def strict() -> bool:
     return strict_mode()
 
 
-class NoRecorder:
-    """Takes what a ``Recorder`` takes and writes nothing."""
-
-    def batch(self, frames: int, values: Mapping[str, float]) -> None:
-        """Do nothing."""
-
-    def refresh(self, refresh: Refresh) -> None:
-        """Do nothing."""
-
-    def skipped(self, frames: int, reason: str) -> None:
-        """Do nothing."""
-
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-    def news(self) -> list[str]:
-        """Nothing ever happens."""
-        return []
-
-    def state_dict(self) -> dict[str, Any]:
-        """Nothing to go on with."""
-        return {}
-
-
 class Recorder:
     """Writes one run to one file.
 

@@ -16,17 +16,14 @@ from torchrl.collectors import Collector
 from ibe_rl.agents import Agent, make_agent
 from ibe_rl.collect import collector as collect
 from ibe_rl.collect.collector import (
-    DENSE,
-    EVALUATION_SEED,
-    Every,
-    Rarer,
     batches,
     check_collect,
     env_of_worker,
     make_collector,
-    refresh_interval,
     steps_of,
 )
+from ibe_rl.collect.rollout import EVALUATION_SEED
+from ibe_rl.collect.schedule import DENSE, Every, Rarer, refresh_interval
 from ibe_rl.config.settings import (
     MAX_SEED,
     CollectConfig,

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from by_hand import TASK
 
-from ibe_rl.collect.collector import EVALUATION_SEED, SEEDS_PER_RUN
+from ibe_rl.collect.collector import SEEDS_PER_RUN
+from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.config.settings import MAX_SEED, EvaluateConfig, TrainConfig
 from ibe_rl.evaluation.rollouts import PURPOSES, horizons_of, seeds_for
 from ibe_rl.types import ConfigError

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from ibe_rl.agents import make_agent
-from ibe_rl.collect.collector import JUDGING_SEED
-from ibe_rl.collect.rollout import play
+from ibe_rl.collect.rollout import JUDGING_SEED, play
 from ibe_rl.config.settings import InstructorConfig, PPOConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym

@@ -17,8 +17,9 @@ from ibe_rl.evaluation import load_run
 from ibe_rl.evaluation.refit import open_log
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.instructors.recorded import read_lesson
+from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
-from ibe_rl.training.parts import begin, build
+from ibe_rl.training.build import make_parts
 from ibe_rl.training.resume import must_fit, read_state
 from ibe_rl.view import set_back
 from ibe_rl.view.overlay import Metrics
@@ -49,9 +50,10 @@ def resumed(run: Path) -> None:
     if state["recorder"]:
         with must_fit(run):
             set_back(run / RECORDING, state["recorder"]["recorder"]["bytes"])
-    with ExitStack() as owned, patch("ibe_rl.training.parts.run_name", lambda folder: folder.name):  # hydra's to know
-        parts = build(config, run, owned, state=state)
-        begin(parts, state)
+    with ExitStack() as owned, patch("ibe_rl.training.build.run_name", lambda folder: folder.name):  # hydra's to know
+        parts = make_parts(config, run, owned, StopRequest(), state)
+        with must_fit(run):
+            parts.random.load_state_dict(state["random"])
         parts.log.read(range(len(parts.log.index)))
 
 

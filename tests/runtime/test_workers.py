@@ -27,7 +27,7 @@ from ibe_rl.envs import LANDER_TASK
 from ibe_rl.runtime import workers
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
-from ibe_rl.training.parts import resumable
+from ibe_rl.training.failure import resumable
 from tests.collect.test_collect import ENV, make_dqn, sizes
 
 RUN = [*SMALL, "viewer=off", "total_frames=100000000", "collect.envs_per_process=2", "refresh_every_frames=null"]
@@ -159,9 +159,9 @@ def test_too_late_is_said_otherwise_than_hanging():
 def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
     parts: Any = SimpleNamespace(log=SimpleNamespace(frames=0))
     said = r"^worker 1; nothing had been collected yet, start the run anew$"
-    with pytest.raises(LostWorkerError, match=said), resumable(parts, lambda: 1.0):
+    with pytest.raises(LostWorkerError, match=said), resumable(parts):
         raise LostWorkerError("worker 1")
-    with pytest.raises(ZeroDivisionError), resumable(parts, lambda: 1.0):
+    with pytest.raises(ZeroDivisionError), resumable(parts):
         raise ZeroDivisionError
 
 

@@ -50,7 +50,7 @@ AGENTS = {
 SLOW = [name if name != "continuous" else pytest.param(name, marks=pytest.mark.soak) for name in AGENTS]
 KILL = """
 import os, signal
-from ibe_rl.run_folder import MetricsTable
+from ibe_rl.storage.run_folder import MetricsTable
 write = MetricsTable.write
 def write_and_die(self, row):
     write(self, row)

@@ -245,7 +245,7 @@ def test_a_slow_server_gets_all_in_bounded_pieces_and_a_hang_is_said_once(
 TRAINER = """
 import sys, time
 from pathlib import Path
-from ibe_rl.serve.relay import Ports, Relay
+from ibe_rl.view.relay import Ports, Relay
 relay = Relay(Path(sys.argv[1]), Ports(int(sys.argv[2]), int(sys.argv[3])))
 print(relay._process.pid, flush=True)
 time.sleep(60)

@@ -29,8 +29,7 @@ from ibe_rl.apps.paper.foretelling import (
     pick,
 )
 from ibe_rl.apps.paper.words import OURS, PAPER
-from ibe_rl.collect.collector import JUDGING_SEED
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import JUDGING_SEED, watch
 from ibe_rl.config.settings import InstructorConfig, PPOConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
