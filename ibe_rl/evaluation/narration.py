@@ -16,7 +16,7 @@ from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.trained_run import TrainedRun
-from ibe_rl.explain.explainer import Voice, explain
+from ibe_rl.explain.explainer import ExplainerState, explain
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.instructors import make_instructor, stand_in
@@ -45,9 +45,11 @@ def check_context(context: str | None, run: TrainedRun) -> None:
         raise ConfigError(f"context={context}: allowed is one of {allowed}, or none to draw one")
 
 
-def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> Voice:
+def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
     """What the agent of a run speaks with."""
-    return Voice(run.mapping, run.horizon_steps, run.task.phrases, run.spans, futures, run.calibration, min_confidence)
+    return ExplainerState(
+        run.mapping, run.horizon_steps, run.task.phrases, run.spans, futures, run.calibration, min_confidence
+    )
 
 
 def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:

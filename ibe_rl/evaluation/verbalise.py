@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibe_rl.evaluation.moments import Moments, Spoken
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, voted
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
@@ -18,7 +18,7 @@ def speak(mapping: Mapping, moments: Moments, horizon_steps: int, words: Sequenc
     """Put the futures of each moment and what really happened into words."""
     at = moments.at(horizon_steps)
     predicted, rows = moments.predicted[:, :, at], np.arange(len(moments))
-    phrases, which, agreement = voted(predicted, mapping, words, moments.trusted[:, :, at])
+    phrases, which, agreement = majority_phrases(predicted, mapping, words, moments.trusted[:, :, at])
     first, chosen = mapping.express(predicted[:, 0]), predicted[rows, which]
     real = phrases_of(mapping.express(moments.realised[:, at]), words)
     return Spoken(

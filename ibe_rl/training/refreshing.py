@@ -9,7 +9,7 @@ import numpy as np
 from torchrl import timeit
 
 from ibe_rl.collect.rollout import EVALUATION_SEED
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import Reactions, TooLittleDataError
 from ibe_rl.instructors import speaks
 from ibe_rl.metrics.quality import outcomes
@@ -85,7 +85,9 @@ def skip(run: Run, error: Exception) -> dict[str, float]:
     return {"ibe/skipped": run.counts.skipped}
 
 
-def told(run: Run, refresh: Refresh, rollout: Watched, said: Sequence[Explanation], voice: Voice) -> dict[str, float]:
+def told(
+    run: Run, refresh: Refresh, rollout: Watched, said: Sequence[Explanation], voice: ExplainerState
+) -> dict[str, float]:
     """Judge what was said of an episode and tell the listeners; returns columns of metrics.csv."""
     with timeit("explain"):
         row = figures(refresh) | run.vocabulary.judge(refresh, rollout.episode, said, run.cfg.explain_every_steps)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.task import Watched
 from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.refresh import Refresh
@@ -33,7 +33,7 @@ class Refreshed:
     rollout: Watched
     said: Sequence[Explanation]
     real: Sequence[str]
-    voice: Voice
+    voice: ExplainerState
     came_true: float
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping, Interpretation, Reactions, TooLittleDataError, Transition, Windows, phrase
+from ibe_rl.ibe import ClusterMapping, ClusterTransition, Interpretation, Reactions, TooLittleDataError, Windows, phrase
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
@@ -44,7 +44,7 @@ class Change:
 
     last: ClusterMapping
     since_frame: int
-    transition: Transition
+    transition: ClusterTransition
     drift: VocabularyDrift
     policy_drift: float
     last_scores: Dict[str, float]

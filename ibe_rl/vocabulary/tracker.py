@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig, TrainConfig
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, phrases_true_in
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, confidence_features, phrase_hits_in
 from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import policy_drift, vocabulary_drift
@@ -184,11 +184,11 @@ class Development:
         """The vocabulary that stands for a span of time, None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
 
-    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
+    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
         """What the agent speaks with as it is now, after the first refresh."""
         assert self.mapping is not None
         steps, words = steps_of(self._config), self._task.phrases
-        return Voice(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
+        return ExplainerState(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
 
     def judge(
         self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int
@@ -210,7 +210,7 @@ class Development:
         self._learn_confidence(new, true)
         row = {"ibe/came_true": phrase_accuracy(true), "ibe/unknown": float(np.mean([not one.known for one in new]))}
         if refresh.change is not None:
-            stale = phrases_true_in(refresh.change.last, episode, said, self._task.phrases)
+            stale = phrase_hits_in(refresh.change.last, episode, said, self._task.phrases)
             row["ibe/came_true_stale"] = phrase_accuracy(stale[::every_steps])
         return row
 

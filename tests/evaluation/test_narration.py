@@ -15,7 +15,7 @@ from rich.console import Console
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.evaluation.narration import print_narration
 from ibe_rl.evaluation.trained_run import TrainedRun
-from ibe_rl.explain.explainer import Voice, put_in_words
+from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Watched
@@ -45,7 +45,9 @@ def said_in(run: TrainedRun, flown: Watched) -> list[Explanation]:
     """What is said if the next two steps are foreseen rightly."""
     states = flown.episode.states
     ahead = np.minimum(np.arange(len(states) - 1)[:, None] + np.arange(3), len(states) - 1)
-    return put_in_words(states[ahead][:, None], Voice(run.mapping, 2, TASK.phrases, calibration=run.calibration))
+    return put_in_words(
+        states[ahead][:, None], ExplainerState(run.mapping, 2, TASK.phrases, calibration=run.calibration)
+    )
 
 
 def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | None = SURE) -> TrainedRun:

@@ -13,7 +13,7 @@ import pytest
 from view_data import TASK, filmed, refreshed
 
 from ibe_rl.apps.teach.classroom import Classroom
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.training.build import LiveView
 from ibe_rl.training.listeners import Checkpoints, Listeners, Table
 from ibe_rl.training.progress import TrainingProgress
@@ -28,7 +28,9 @@ OURS = [Checkpoints, Classroom, Listeners, LiveView, RunRecorder, Table, Trainin
 def event() -> Refreshed:
     rollout, said, real = filmed()
     refresh = refreshed()
-    return Refreshed(10, 1, refresh, rollout, said, real, Voice(refresh.mapping, 20, TASK.phrases), came_true=1.0)
+    return Refreshed(
+        10, 1, refresh, rollout, said, real, ExplainerState(refresh.mapping, 20, TASK.phrases), came_true=1.0
+    )
 
 
 def tell_all(listener: Listener) -> None:

@@ -10,7 +10,7 @@ from processes import assert_whole
 from rerun.chunk import RrdReader
 from view_data import TASK, filmed, refreshed
 
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.view import run_recorder, set_back
 from ibe_rl.view.recording_file import earlier
 from ibe_rl.view.run_recorder import RunRecorder
@@ -24,7 +24,7 @@ def event(frames: int) -> Refreshed:
     """A refresh with the episode explained after it."""
     watched, said, real = filmed()
     refresh = replace(refreshed(), frame=frames)
-    voice = Voice(refresh.mapping, 20, TASK.phrases)
+    voice = ExplainerState(refresh.mapping, 20, TASK.phrases)
     return Refreshed(frames, 1, refresh, watched, said, real, voice, came_true=1.0)
 
 

@@ -11,7 +11,7 @@ import pytest
 from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import Meaning, TooLittleDataError, Transition
+from ibe_rl.ibe import ClusterTransition, Meaning, TooLittleDataError
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
@@ -51,7 +51,7 @@ def test_nothing_moves_while_nothing_new_happens(log: TrajectoryLog):
         refresh = development.refresh(log, stay)
         assert refresh.change is not None
         assert refresh.change.since_frame == since_frame
-        assert refresh.change.transition == Transition({0: 1.0, 1: 1.0, 2: 1.0}, (), ())
+        assert refresh.change.transition == ClusterTransition({0: 1.0, 1: 1.0, 2: 1.0}, (), ())
         assert refresh.change.drift == VocabularyDrift(0.0, 0.0, 1.0)
         assert refresh.change.policy_drift == refresh.change.staleness == 0
         assert refresh.change.last_scores == pytest.approx(refresh.scores, nan_ok=True)
@@ -215,7 +215,7 @@ def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: 
         given.append(sorted(names(refresh)))
     assert given == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
     assert refresh.change is not None
-    assert refresh.change.transition == Transition({}, (3, 4, 5), (6, 7, 8))
+    assert refresh.change.transition == ClusterTransition({}, (3, 4, 5), (6, 7, 8))
 
 
 def test_names_of_a_vocabulary_that_was_not_taken_are_free(log: TrajectoryLog):

@@ -17,7 +17,7 @@ from ibe_rl.apps.paper.words import OURS, PAPER
 from ibe_rl.collect.rollout import watch
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.explain.explainer import voted
+from ibe_rl.explain.explainer import majority_phrases
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.effect import paired_p
 from ibe_rl.metrics.observer import Observer, carries_on, observer_errors
@@ -153,7 +153,7 @@ def listen(
 def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:
     """The expressions ``(E, T)`` of what most futures ``(E, T, F, S)`` are called."""
     flat = deltas.reshape(-1, *deltas.shape[2:])
-    _, which, _ = voted(flat, mapping, task.phrases)
+    _, which, _ = majority_phrases(flat, mapping, task.phrases)
     return mapping.express(flat[np.arange(len(flat)), which])[:, 0].reshape(deltas.shape[:2])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import trim_mean
 
 from ibe_rl.apps.sweep.records import Curve
-from ibe_rl.types import Array, ConfigError
+from ibe_rl.types import Array
 
 REPS = 5_000
 """Resamples of the runs."""

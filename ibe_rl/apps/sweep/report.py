@@ -15,7 +15,7 @@ from rich.table import Table
 
 from ibe_rl.apps.paper.page import number, template
 from ibe_rl.apps.sweep import figures
-from ibe_rl.apps.sweep.intervals import check_installed, of_runs
+from ibe_rl.apps.sweep.intervals import of_runs
 from ibe_rl.apps.sweep.launch import viewer
 from ibe_rl.apps.sweep.records import Record, read_sweep
 from ibe_rl.config.settings import ExplainConfig

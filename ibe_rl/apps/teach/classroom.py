@@ -22,7 +22,7 @@ from ibe_rl.apps.teach.session import Desk
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import task_of
 from ibe_rl.envs.snapshots import make_copy
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter
@@ -225,7 +225,7 @@ def invitation(host: str, port: int) -> str:
     return "\n".join(lines)
 
 
-def vocabulary(frame: int, voice: Voice, task: Task) -> dict[str, Any]:
+def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
     """The vocabulary as a page shows it."""
     mapping = voice.mapping
     assert isinstance(mapping, ClusterMapping)

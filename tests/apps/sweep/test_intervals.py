@@ -5,9 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from ibe_rl.apps.sweep import intervals
 from ibe_rl.apps.sweep.intervals import common_frames, interquartile, of_runs
-from ibe_rl.types import ConfigError
 
 
 def test_the_mean_is_that_of_the_middle_half() -> None:

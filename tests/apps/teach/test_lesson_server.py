@@ -13,6 +13,7 @@ import pytest
 from clients import Client, Room, eventually, open_room
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from ibe_rl.apps.teach import server
 from ibe_rl.apps.teach.messages import MAX_BYTES
 from ibe_rl.apps.teach.server import MAX_A_SECOND, MAX_BAD, MAX_PAGES, SECURITY, Server, is_ours
 from ibe_rl.apps.teach.session import Desk

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ibe_rl.ibe.record import Record
+from ibe_rl.ibe.delta import LoggedSteps
 from ibe_rl.types import Episode
 
 
@@ -31,10 +31,10 @@ TWO = [
 
 
 def test_each_step_is_the_beginning_of_a_window() -> None:
-    record = Record.of(TWO, 2)
-    assert (len(record), record.size, record.horizon_steps) == (5, 2, 2)
+    record = LoggedSteps.of(TWO, 2)
+    assert (len(record), record.episode_count, record.horizon_steps) == (5, 2, 2)
     assert record.states[:, 0].tolist() == [0, 1, 3, 5, 5]
-    assert record.after[:, 0].tolist() == [1, 3, 6, 5, 4]
+    assert record.next_states[:, 0].tolist() == [1, 3, 6, 5, 4]
     assert record.step.tolist() == [0, 1, 2, 0, 1]
     assert record.episode.tolist() == [0, 0, 0, 1, 1]
     assert record.returns.tolist() == [111, 6]
@@ -42,23 +42,23 @@ def test_each_step_is_the_beginning_of_a_window() -> None:
 
 
 def test_windows_end_with_their_episode() -> None:
-    record = Record.of(TWO, 2)
+    record = LoggedSteps.of(TWO, 2)
     assert record.delta[:, 0].tolist() == [3, 5, 3, -1, -1]
-    assert record.earned.tolist() == [11, 110, 100, 6, 4]
-    assert record.whole.tolist() == [True, True, False, True, False]
+    assert record.window_return.tolist() == [11, 110, 100, 6, 4]
+    assert record.complete.tolist() == [True, True, False, True, False]
 
 
 def test_windows_longer_than_every_episode_are_none_of_them_whole() -> None:
-    record = Record.of(TWO, 9)
+    record = LoggedSteps.of(TWO, 9)
     assert record.delta[:, 0].tolist() == [6, 5, 3, -1, -1]
-    assert record.earned.tolist() == [111, 110, 100, 6, 4]
-    assert not record.whole.any()
+    assert record.window_return.tolist() == [111, 110, 100, 6, 4]
+    assert not record.complete.any()
 
 
 def test_silence_says_nothing() -> None:
-    record = Record.of(TWO, 2)
+    record = LoggedSteps.of(TWO, 2)
     assert record.given.tolist() == [True, False, True, True, True]
-    assert record.told[:, 0].tolist() == [1, 0, -1, -1, 0]
+    assert record.instruction[:, 0].tolist() == [1, 0, -1, -1, 0]
     assert record.signs(0).tolist() == [1, 0, -1, -1, 0]
 
 
@@ -73,13 +73,13 @@ def test_each_number_has_its_own_signs() -> None:
         success=False,
         context="here",
     )
-    record = Record.of([both], 1)
+    record = LoggedSteps.of([both], 1)
     assert record.signs(0).tolist() == [1, -1]
     assert record.signs(1).tolist() == [-1, 0]
 
 
 def heard(told: list[float | None], horizon_steps: int) -> list[int]:
-    steps = Record.of([episode([0.0] * (len(told) + 1), told)], horizon_steps).last_heard(0).tolist()
+    steps = LoggedSteps.of([episode([0.0] * (len(told) + 1), told)], horizon_steps).last_heard(0).tolist()
     assert steps == sorted(steps)
     return steps
 
@@ -94,25 +94,25 @@ def test_silence_is_0_for_an_instructor_who_never_says_0() -> None:
 
 
 def test_nobody_is_heard_in_another_episode() -> None:
-    record = Record.of([episode([0, 0, 0], [0, None]), episode([0, 0, 0], [None, 1])], 1)
+    record = LoggedSteps.of([episode([0, 0, 0], [0, None]), episode([0, 0, 0], [None, 1])], 1)
     assert record.last_heard(0).tolist() == [0, 1, 3, 3]
 
 
 def test_onsets_are_between_two_things_that_were_said_in_one_episode() -> None:
     told: list[float | None] = [1, 1, -1, None, 1, 0, 0, 0.5]
-    record = Record.of([episode([0.0] * 9, told), episode([0, 0], [-1])], 1)
+    record = LoggedSteps.of([episode([0.0] * 9, told), episode([0, 0], [-1])], 1)
     assert record.onsets(0).tolist() == [2, 5, 7]  # not over silence, and not to the next episode
 
 
 def test_a_louder_word_for_the_same_way_is_no_onset() -> None:
-    assert Record.of([episode([0, 0, 0], [0.2, 1])], 1).onsets(0).tolist() == []
+    assert LoggedSteps.of([episode([0, 0, 0], [0.2, 1])], 1).onsets(0).tolist() == []
 
 
 def test_without_episodes_there_is_no_record() -> None:
-    with pytest.raises(ValueError, match="a record needs at least one episode"):
-        Record.of([], 1)
+    with pytest.raises(ValueError, match="cut_windows needs at least one episode"):
+        LoggedSteps.of([], 1)
 
 
 def test_a_horizon_of_no_step_is_refused() -> None:
     with pytest.raises(ValueError, match="horizon_steps=0: at least 1"):
-        Record.of(TWO, 0)
+        LoggedSteps.of(TWO, 0)
