@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import trim_mean
 
-from ibe_rl.apps.sweep.records import Curve
+from ibe_rl.apps.sweep.records import RunCurve
 from ibe_rl.types import Array, ConfigError
 
 REPS = 5_000
@@ -55,7 +55,7 @@ def together(parts: Mapping[str, Array]) -> dict[str, list[dict[str, float]]]:
     return {name: found.get(name, []) for name in parts}
 
 
-def of_runs(ends: Sequence[Mapping[str, float]], curves: Mapping[str, Sequence[Curve]]) -> tuple[Ends, Curves]:
+def of_runs(ends: Sequence[Mapping[str, float]], curves: Mapping[str, Sequence[RunCurve]]) -> tuple[Ends, Curves]:
     """What some runs ended on, and their curves, put together.
 
     Args:
@@ -89,7 +89,7 @@ def _curve(frames: Array, means: Sequence[Mapping[str, float]]) -> dict[str, lis
     return {"frames": frames.tolist()} | {name: [one[name] for one in means] for name in ("value", "low", "high")}
 
 
-def common_frames(curves: Sequence[Curve]) -> Array:
+def common_frames(curves: Sequence[RunCurve]) -> Array:
     """Frames at which to compare curves that may stand at others: of the one with the fewest, where all of them are."""
     start, end = max(frames[0] for frames, _ in curves), min(frames[-1] for frames, _ in curves)
     fewest = min((frames for frames, _ in curves), key=len)
