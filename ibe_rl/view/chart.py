@@ -109,6 +109,6 @@ def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, num
     edges = bin_edges(np.concatenate([best, others]))
     middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges).astype(np.float32)
     drawn = picture.cut(densities([best, others], edges))
-    for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.OTHERS), strict=True):
+    for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.GREY), strict=True):
         chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
         recording.log(f"{picture.entity(task, 'change', number)}/{name}", chart)

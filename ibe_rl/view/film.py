@@ -162,13 +162,14 @@ class Film:
     def _send_lanes(self, place: Place, instructed: Sequence[str], said: Sequence[Explanation]) -> None:
         for one in said:
             self._shades.setdefault(
-                one.said, colours.of_expressions(one.expression[None])[0] if one.known else np.array(colours.SILENT)
+                one.said,
+                colours.of_expressions(one.expression[None])[0] if one.known else np.array(colours.SILENT_GREY),
             )
         words = list(self._shades)
         states = rr.StateConfiguration(
             values=[SILENCE, *words],
             labels=[SILENCE, *sentences.short(words, self._task.phrases)],
-            colors=np.array([colours.SILENT, *self._shades.values()], np.uint8),
+            colors=np.array([colours.SILENT_GREY, *self._shades.values()], np.uint8),
         )
         for lane, spoken in (("instructor", instructed), ("agent", [one.said for one in said])):
             self._recording.log(f"says/{lane}", states, static=True)
@@ -211,6 +212,6 @@ class Film:
 def _shades(said: Sequence[Explanation]) -> Array:
     """Colours ``(N, 3)`` of expressions, grey where the agent does not know."""
     known = np.array([one.known for one in said])[:, None]
-    return np.where(known, colours.of_expressions(np.array([one.expression for one in said])), colours.SILENT).astype(
-        np.uint8
-    )
+    return np.where(
+        known, colours.of_expressions(np.array([one.expression for one in said])), colours.SILENT_GREY
+    ).astype(np.uint8)

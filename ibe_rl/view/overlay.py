@@ -16,21 +16,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ibe_rl.types import ConfigError
+from ibe_rl.view.palette import RUNS
 
 APPLICATION = "ibe_rl_overlay"
 """Not the application of a run's recording: rerun keeps one layout for each."""
 FRAMES = "frames"
-PALETTE = (
-    (86, 180, 233),
-    (230, 159, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (240, 228, 66),
-    (213, 94, 0),
-    (0, 114, 178),
-    (240, 240, 240),
-)
-"""Of Okabe and Ito, told apart by colour-blind people too; white for their black, as the page is dark."""
 PLOTS: dict[str, tuple[str, ...]] = {
     "Return per episode": ("train/return_mean", "eval/return_mean"),
     "Success, training": ("train/success_rate",),
@@ -104,7 +94,7 @@ class Overlay:
 
     def __init__(self, path: Path, runs: Mapping[str, Path]) -> None:
         self._metrics = {name: Metrics(csv_file) for name, csv_file in runs.items()}
-        self._colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(runs)}
+        self._colours = {name: RUNS[i % len(RUNS)] for i, name in enumerate(runs)}
         self._columns: set[str] = set()
         self._recording = rr.RecordingStream(APPLICATION, recording_id=str(uuid4()))
         self._recording.set_sinks(rr.FileSink(path))

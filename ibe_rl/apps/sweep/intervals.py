@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import trim_mean
 
-from ibe_rl.apps.sweep.records import Curve
+from ibe_rl.apps.sweep.records import RunCurve
 from ibe_rl.types import Array
 
 REPS = 5_000
@@ -30,7 +30,7 @@ def _interval(each: Array, drawn: Array) -> dict[str, float]:
     return {"value": float(trim_mean(each, 0.25)), "low": float(low), "high": float(high)}
 
 
-def of_runs(ends: Sequence[Mapping[str, float]], curves: Mapping[str, Sequence[Curve]]) -> tuple[Ends, Curves]:
+def of_runs(ends: Sequence[Mapping[str, float]], curves: Mapping[str, Sequence[RunCurve]]) -> tuple[Ends, Curves]:
     """What some runs ended on, and their curves, put together.
 
     Args:
@@ -54,13 +54,13 @@ def _end(each: list[float]) -> dict[str, Any]:
     return {**mean, **bounds, "runs": len(each), "each": each}
 
 
-def _curve(curves: Sequence[Curve]) -> dict[str, list[float]]:
+def _curve(curves: Sequence[RunCurve]) -> dict[str, list[float]]:
     frames = common_frames(curves)
     means = interquartile(np.array([np.interp(frames, *one) for one in curves]))
     return {"frames": frames.tolist()} | {name: [one[name] for one in means] for name in ("value", "low", "high")}
 
 
-def common_frames(curves: Sequence[Curve]) -> Array:
+def common_frames(curves: Sequence[RunCurve]) -> Array:
     """Frames at which to compare curves that may stand at others: of the one with the fewest, where all of them are."""
     start, end = max(frames[0] for frames, _ in curves), min(frames[-1] for frames, _ in curves)
     fewest = min((frames for frames, _ in curves), key=len)
