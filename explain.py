@@ -38,7 +38,7 @@ from ibe_rl.metrics import outcomes
 from ibe_rl.storage.run_folder import find_run
 from ibe_rl.task import Watched
 from ibe_rl.types import ConfigError, Explanation
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
 from ibe_rl.view.viewer import main as show
 

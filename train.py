@@ -63,7 +63,7 @@ from ibe_rl.training.parts import (
 )
 from ibe_rl.training.progress import closing_table, how_to_open, recent_mean
 from ibe_rl.training.resume import State, clear_way, must_fit, take_up
-from ibe_rl.view import set_back
+from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live
 from ibe_rl.vocabulary.rule_reads import check_dimensions, lead_on
 from ibe_rl.vocabulary.tracker import figures

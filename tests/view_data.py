@@ -25,7 +25,7 @@ from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episo
 from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
 from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, Episode, Explanation, Moment
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports
 from ibe_rl.vocabulary.refresh import Change, Refresh
 from ibe_rl.vocabulary.tracker import figures

@@ -38,7 +38,8 @@ from ibe_rl.training.instruction_reward import Obedience, check_obedience, make_
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import PARTS, State, must_fit
 from ibe_rl.types import ConfigError, Instructor
-from ibe_rl.view import NoRecorder, RunRecorder
+from ibe_rl.view.recorder import NoRecorder
+from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.vocabulary.tracker import FIGURES, Development, check_development
 

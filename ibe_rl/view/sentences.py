@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Dict
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ibe_rl.ibe import ClusterMapping, meaning_lines, phrase, sayable
-from ibe_rl.metrics import in_one_line, wrong_signs
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import sayable
+from ibe_rl.ibe.meaning_lines import meaning_lines
+from ibe_rl.ibe.vocabulary import phrase
+from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
-
-if TYPE_CHECKING:
-    from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.refresh import Refresh
 
 
 def shared_words(words: Sequence[Phrases]) -> int:
@@ -42,7 +41,7 @@ def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
     return [*map(shortener(words), phrases)]
 
 
-def counts(of: Dict[str, int]) -> str:
+def counts(of: Mapping[str, int]) -> str:
     """Names and numbers in one line.
 
     >>> counts({"left": 1200, "right": 3})
@@ -55,7 +54,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     """The clusters as a markdown table with what each was called before; the one just spoken marked."""
     rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
-    for row, (name, now) in enumerate(phrases_of(mapping, words).items()):
+    for row, (name, now) in enumerate(cluster_phrases(mapping, words).items()):
         number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
         then = before.get(name, "new") if before else now
         cells = [f"#{name}", number, now, "" if then == now else then, f"{mapping.sizes[row]:,.0f}"]
@@ -65,7 +64,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     return "\n".join(rows)
 
 
-def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
+def cluster_phrases(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
     """What the clusters are called, in short, by their ids; no word whose meaning is not known."""
     known = sayable(mapping.expressions, mapping.meanings)
     said = [phrase(one, words) if can else CANNOT_TELL for one, can in zip(mapping.expressions, known, strict=True)]
@@ -75,7 +74,7 @@ def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, s
 
 def phrases_before(refresh: Refresh, words: Sequence[Phrases]) -> dict[int, str]:
     """What the clusters were called before a refresh that was taken; empty if nothing was before."""
-    return phrases_of(refresh.change.last, words) if refresh.change is not None and refresh.taken else {}
+    return cluster_phrases(refresh.change.last, words) if refresh.change is not None and refresh.taken else {}
 
 
 def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
@@ -83,7 +82,7 @@ def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
     change, before = refresh.change, phrases_before(refresh, words)
     if change is None or not refresh.taken:
         return []
-    now = phrases_of(refresh.mapping, words)
+    now = cluster_phrases(refresh.mapping, words)
     lines = [f"#{name} emerged: {now[name]}" for name in change.transition.emerged]
     lines += [f"#{name} vanished: {before[name]}" for name in change.transition.vanished]
     renamed = [name for name in change.transition.survived if before[name] != now[name]]
@@ -131,7 +130,7 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
     return f"Instructor: **{instructed}**  \nAgent: **{explanation.in_time()}**{shown}{sure}"
 
 
-def judged(steps_ago: int, said: str, happened: str) -> str:
+def verdict_line(steps_ago: int, said: str, happened: str) -> str:
     """What was said of the time up to now, and whether it went as predicted.
 
     Of what no word was said of, only that is told.

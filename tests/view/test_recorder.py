@@ -8,9 +8,9 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, WATCHED, Rows, column, developed, explain, flights, frames, read, real, refreshed
 
-from ibe_rl.view import NoRecorder, Recorder, picture, sentences
+from ibe_rl.view import picture, sentences
 from ibe_rl.view import recorder as module
-from ibe_rl.view.recorder import INTRO_STEPS
+from ibe_rl.view.recorder import INTRO_STEPS, NoRecorder, Recorder
 from ibe_rl.view.run_recorder import RunRecorder
 
 

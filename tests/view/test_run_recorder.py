@@ -10,8 +10,8 @@ from processes import assert_whole
 from rerun.chunk import RrdReader
 from view_data import TASK, filmed, refreshed
 
-from ibe_rl.view import run_recorder, set_back
-from ibe_rl.view.recording_file import earlier
+from ibe_rl.view import run_recorder
+from ibe_rl.view.recording_file import earlier, set_back
 from ibe_rl.view.run_recorder import RunRecorder
 
 ROW = {"train/return_mean": 1.0, "train/success_rate": 0.5}

@@ -26,7 +26,7 @@ def test_the_table_names_clusters_by_their_ids_and_says_what_they_were_called() 
     lines = sentences.vocabulary_table(refresh, TASK.phrases, spoken=int(refresh.mapping.ids[2])).splitlines()
     assert len(lines) == 2 + 8
     before = sentences.phrases_before(refresh, TASK.phrases)
-    now = sentences.phrases_of(refresh.mapping, TASK.phrases)
+    now = sentences.cluster_phrases(refresh.mapping, TASK.phrases)
     for row, name in enumerate(refresh.mapping.ids.tolist()):
         cells = [cell.strip(" *") for cell in lines[2 + row].strip("|").split("|")]
         assert cells[0] == (f"→ #{name}" if row == 2 else f"#{name}")
@@ -57,8 +57,8 @@ def test_each_cluster_that_changed_has_its_line() -> None:
 
 
 def test_a_verdict_says_what_happened_where_it_was_not_what_was_said() -> None:
-    assert sentences.judged(60, "going up", "going up") == "said 60 steps ago: going up: it did"
-    assert sentences.judged(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
+    assert sentences.verdict_line(60, "going up", "going up") == "said 60 steps ago: going up: it did"
+    assert sentences.verdict_line(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
 
 
 def test_what_cannot_be_told_is_not_a_number_in_words() -> None:
@@ -117,5 +117,5 @@ def test_neither_a_number_without_a_meaning_nor_a_confidence_that_is_none_is_sho
 
 
 def test_what_it_could_not_tell_is_not_judged() -> None:
-    assert sentences.judged(60, CANNOT_TELL, "going up") == "60 steps ago it could not tell"
-    assert "no known word for" in sentences.judged(60, "going up", CANNOT_TELL)
+    assert sentences.verdict_line(60, CANNOT_TELL, "going up") == "60 steps ago it could not tell"
+    assert "no known word for" in sentences.verdict_line(60, "going up", CANNOT_TELL)

@@ -114,7 +114,7 @@ def newest_row(path: Path) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=False) if value}
 
 
-def closing_table(outcomes: Sequence[Outcome]) -> Table:
+def outcomes_table(outcomes: Sequence[Outcome]) -> Table:
     """What became of every run, with its score."""
     table = Table("run", "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
     for outcome in outcomes:

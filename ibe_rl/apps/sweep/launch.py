@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from ibe_rl.apps.ray.workers import check_address, check_installed
-from ibe_rl.apps.sweep.board import Board, closing_table, failures
+from ibe_rl.apps.sweep.board import Board, failures, outcomes_table
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.apps.sweep.processes import cores, run_all
 from ibe_rl.config.arguments import quoted
@@ -54,8 +54,8 @@ def launch(
     outcomes = run_all(
         jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
     )
-    console.print(closing_table(outcomes))
-    for line in [*failures(outcomes), *how_to_open(sweep)]:
+    console.print(outcomes_table(outcomes))
+    for line in [*failures(outcomes), *sweep_hints(sweep)]:
         console.print(line, markup=False)
     became = {outcome.became for outcome in outcomes}
     if not became <= {DONE, DONE_BEFORE, FAILED}:
@@ -121,7 +121,7 @@ def viewer(sweep: Path) -> str:
     return f"{installed('python')} -m ibe_rl.viewer {sweep}"
 
 
-def how_to_open(sweep: Path) -> list[str]:
+def sweep_hints(sweep: Path) -> list[str]:
     """How to look at the runs together."""
     return [
         f"the runs are in {sweep}",
