@@ -33,7 +33,7 @@ from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED
 from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, ConfigError, Explanation
 from ibe_rl.view.film import SILENCE
-from ibe_rl.view.sentences import short
+from ibe_rl.view.wording import short
 
 NOT_TRUSTED = "(?)"
 

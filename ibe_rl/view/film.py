@@ -13,7 +13,7 @@ from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, Explanation
 from ibe_rl.view import blueprint as view
 from ibe_rl.view import palette as colours
-from ibe_rl.view import picture, sentences
+from ibe_rl.view import picture, wording
 
 SILENCE = "(silent)"
 
@@ -63,7 +63,7 @@ class Film:
     """
 
     def __init__(self, recording: rr.RecordingStream, task: Task) -> None:
-        self._recording, self._task, self._short = recording, task, sentences.shortener(task.phrases)
+        self._recording, self._task, self._short = recording, task, wording.shortener(task.phrases)
         self._shades: dict[str, Array] = {}  # of each phrase, as it was first said
 
     def send(
@@ -150,7 +150,7 @@ class Film:
         paths = picture.thinned(self._drawn(np.stack([said[i].trusted_path for i in begun])))
         shades = np.where(np.array(true)[:, None], colours.GREEN, colours.PINK).astype(np.uint8)
         self._send("scene/then", times, rr.LineStrips2D.columns(strips=paths, colors=shades))
-        words = [sentences.verdict_line(steps_ago, said[i].phrase, real[i]) for i in begun]
+        words = [wording.verdict_line(steps_ago, said[i].phrase, real[i]) for i in begun]
         width, height = self._task.scene_size
         bottom = np.tile(np.array([width / 2, height], np.float32), (len(begun), 1))
         self._send("scene/verdict", times, rr.Points2D.columns(positions=bottom, colors=shades, labels=words))
@@ -193,11 +193,11 @@ class Film:
         said, instructed, steps_ago = take.said, take.instructed, take.horizon_steps
         made = picture.made_at(said)[: max(0, len(said) - steps_ago)]
         verdicts = [""] * min(steps_ago, len(said))
-        verdicts += [sentences.verdict_line(steps_ago, said[i].said, take.real[i]) for i in made]
+        verdicts += [wording.verdict_line(steps_ago, said[i].said, take.real[i]) for i in made]
         spoken = [(one.in_time(), one.cluster) for one in said]
         rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
         texts = [
-            f"{head}  \n{sentences.said_lines(instructed[i], said[i])}  \n{verdicts[i]}\n\n{standing(said[i].cluster)}"
+            f"{head}  \n{wording.said_lines(instructed[i], said[i])}  \n{verdicts[i]}\n\n{standing(said[i].cluster)}"
             for i in rows
         ]
         columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
