@@ -24,7 +24,7 @@ def expression_colours(values: Array) -> list[str]:
     return [hexed(each) for each in colours.of_expressions(values)]
 
 
-INK, FAINT, LINE = hexed(colours.INK), hexed(colours.AXIS), hexed(colours.LINE)
+INK, FAINT, LINE = hexed(colours.WHITE), hexed(colours.AXIS), hexed(colours.GRID)
 DARK: Any = {
     **dict.fromkeys(("figure.facecolor", "axes.facecolor", "legend.facecolor"), hexed(colours.BACKGROUND)),
     **dict.fromkeys(("text.color", "axes.labelcolor", "axes.titlecolor"), INK),

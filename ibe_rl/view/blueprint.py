@@ -180,7 +180,7 @@ def _over_training(
     )
 
 
-def style(recording: rr.RecordingStream, task: Task) -> None:
+def log_styles(recording: rr.RecordingStream, task: Task) -> None:
     """Log the colours, widths and names that never change."""
 
     def static(path: str, *what: rr.AsComponents) -> None:
@@ -208,7 +208,7 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
     )
 
 
-def look(shapes: Sequence[Shape]) -> rr.LineStrips2D:
+def line_styles(shapes: Sequence[Shape]) -> rr.LineStrips2D:
     """Colours and widths of shapes, without where they are."""
     return rr.LineStrips2D.from_fields(colors=[s.colour for s in shapes], radii=[s.radius for s in shapes])
 

@@ -20,9 +20,8 @@ from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.training.build import make_parts
 from ibe_rl.training.resume import must_fit, read_state
-from ibe_rl.view import set_back
 from ibe_rl.view.overlay import Metrics
-from ibe_rl.view.recording_file import whole_messages
+from ibe_rl.view.recording_file import set_back, whole_messages
 from ibe_rl.view.viewer import Messages, run_names, runs_at
 
 

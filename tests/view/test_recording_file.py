@@ -9,7 +9,7 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, eventually, record
 
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.recording_file import RecordingFile, whole_messages
 
 HEADER = b"RRF2" + bytes(8)

@@ -18,8 +18,8 @@ from view_data import TASK, eventually, free_ports
 
 from ibe_rl.runtime.ports import is_free
 from ibe_rl.types import ConfigError
-from ibe_rl.view import Recorder
 from ibe_rl.view import relay as module
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports, Relay, choose_ports, main, rerun_binary
 
 

@@ -27,10 +27,11 @@ from viewers import viewer as viewer  # a fixture
 from ibe_rl.runtime.ports import is_free
 from ibe_rl.storage.run_folder import MetricsTable
 from ibe_rl.types import ConfigError
-from ibe_rl.view import Recorder
 from ibe_rl.view import relay as relay_module
-from ibe_rl.view.overlay import APPLICATION, COLUMNS, PALETTE, PLOTS, Overlay, blueprint
+from ibe_rl.view.overlay import OVERLAY_APPLICATION, PLOT_COLUMNS, PLOTS, Overlay, curves_blueprint
+from ibe_rl.view.palette import RUN_COLOURS
 from ibe_rl.view.recorder import APPLICATION as RUN_APPLICATION
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import rerun_binary
 from ibe_rl.view.viewer import Messages, gather, main, run_names, runs_at, with_curves
 
@@ -296,7 +297,7 @@ def drawn_in(path: Path) -> set[str]:
     """Metrics with a curve for both runs, in a file that may be cut in the middle of a message."""
     try:
         reader = RrdReader(str(path))
-        overlays = [one for one in reader.recordings() if one.application_id == APPLICATION]
+        overlays = [one for one in reader.recordings() if one.application_id == OVERLAY_APPLICATION]
         chunks = [chunk for one in overlays for chunk in reader.stream(store=one)]
     except (RuntimeError, ValueError, OSError):
         return set()
@@ -306,7 +307,7 @@ def drawn_in(path: Path) -> set[str]:
 
 def test_all_recordings_arrive(heard: Path) -> None:
     applications = [one.application_id for one in RrdReader(str(heard)).recordings()]
-    assert sorted(applications) == [RUN_APPLICATION, RUN_APPLICATION, APPLICATION]
+    assert sorted(applications) == [RUN_APPLICATION, RUN_APPLICATION, OVERLAY_APPLICATION]
 
 
 def plots_of(viewer: ViewerClient, shot: Path) -> dict[str, np.ndarray]:
@@ -323,9 +324,12 @@ def test_every_plot_of_the_overlay_is_filled(viewer: ViewerClient, tmp_path: Pat
     for path in tables.values():
         with MetricsTable(path) as table:
             for at in range(20):
-                table.write({"frames": 1000 * at} | dict(zip(COLUMNS, random.uniform(0, 1, len(COLUMNS)), strict=True)))
-    with rr.RecordingStream(APPLICATION) as empty:
-        empty.set_sinks(rr.FileSink(tmp_path / "empty.rrd"), default_blueprint=blueprint(set(COLUMNS)))
+                table.write(
+                    {"frames": 1000 * at}
+                    | dict(zip(PLOT_COLUMNS, random.uniform(0, 1, len(PLOT_COLUMNS)), strict=True))
+                )
+    with rr.RecordingStream(OVERLAY_APPLICATION) as empty:
+        empty.set_sinks(rr.FileSink(tmp_path / "empty.rrd"), default_blueprint=curves_blueprint(set(PLOT_COLUMNS)))
         empty.flush()
     opened(viewer, tmp_path / "empty.rrd")
     shot = tmp_path / "shot.png"
@@ -360,7 +364,7 @@ def test_the_page_opens_on_the_curves_of_both_runs(address: str, tmp_path: Path)
             page.screenshot(path=shot)
             with Image.open(shot) as image:
                 picture = np.asarray(image.convert("RGB")).astype(int)
-            counts[:] = [int((np.abs(picture - colour).max(axis=-1) < 12).sum()) for colour in PALETTE[:3]]
+            counts[:] = [int((np.abs(picture - colour).max(axis=-1) < 12).sum()) for colour in RUN_COLOURS[:3]]
             return min(counts[:2]) > 300 and counts[2] < 30  # there is no third run
 
         assert eventually(drawn), counts

@@ -16,7 +16,7 @@ PAPER_SUCCESS = {"A": 19 / 30, "B": 25 / 30}
 NEAR_SUCCESS = 0.08
 COARSE = 40
 """How many policies run in the first round, evenly spaced."""
-EPISODES = (20, 60, 80, 200, 500)
+ROUND_EPISODES = (20, 60, 80, 200, 500)
 STAYING = (14, 3, 5, 3, 1)
 """How many episodes a policy has run after each round, and how many policies then stay in the race for an agent."""
 WIDENED = 2
@@ -77,7 +77,7 @@ def screen(
     frames, stride, chosen = list(policies), _stride(len(policies)), {}
     for name, wanted in PAPER_SUCCESS.items():
         left = frames[::stride]
-        for number in range(len(EPISODES)):
+        for number in range(len(ROUND_EPISODES)):
             if number == WIDENED:
                 left = [*{near_by for frame in left for near_by in _around(frames, frame, stride - 1)}]
             left = race.run(left, number, wanted)
@@ -92,14 +92,14 @@ class _Race:
         self, policies: dict[int, Policy], run_all: RunAll, seeds: Sequence[int], step: Callable[[], None]
     ) -> None:
         self._policies, self._run_all, self._seeds, self._step = policies, run_all, seeds, step
-        spare = len(seeds) - EPISODES[-1] + 1
-        self._first = {frame: place * EPISODES[-1] % spare for place, frame in enumerate(policies)}
+        spare = len(seeds) - ROUND_EPISODES[-1] + 1
+        self._first = {frame: place * ROUND_EPISODES[-1] % spare for place, frame in enumerate(policies)}
         self.tried: dict[int, list[bool]] = {frame: [] for frame in policies}
 
     def run(self, entered: Sequence[int], number: int, wanted: float) -> list[int]:
         """Run what is due in a round; returns the policies that stay, the nearest first."""
-        due = [frame for frame in sorted(entered) if len(self.tried[frame]) < EPISODES[number]]
-        seeds = [self._more(frame, EPISODES[number]) for frame in due]
+        due = [frame for frame in sorted(entered) if len(self.tried[frame]) < ROUND_EPISODES[number]]
+        seeds = [self._more(frame, ROUND_EPISODES[number]) for frame in due]
         results = self._run_all([self._policies[frame] for frame in due], seeds)
         for frame, episodes in zip(due, results, strict=True):
             self.tried[frame] += [episode.success for episode in episodes]

@@ -24,8 +24,8 @@ from ibe_rl.apps.paper.names import (
 from ibe_rl.apps.plot_style import DARK, FAINT, INK, expression_colours, grid, hexed, interval, legend_of
 from ibe_rl.view import palette as colours
 
-GROUPS = {"best": "the best episodes", "others": "the other episodes"}
-BEST, OTHER, YELLOW = hexed(colours.GREEN), hexed(colours.GREY), hexed(colours.INSTRUCTED)
+_GROUPS = {"best": "the best episodes", "others": "the other episodes"}
+_BEST, _OTHER, _YELLOW = hexed(colours.GREEN), hexed(colours.MUTED), hexed(colours.INSTRUCTED)
 CUT_TITLES = {AT_END: "to the end of the episode (as in the paper)", AT_CONTACT: "to the first ground contact"}
 
 
@@ -36,20 +36,20 @@ def policies_chart(found: dict[str, Any]) -> Figure:
     tried = found["screened"]
     frames = np.array([each["frame"] for each in tried]) / 1000
     sizes = [8 + each["episodes"] / 4 for each in tried]
-    axis.scatter(frames, [100 * each["success"] for each in tried], s=sizes, color=OTHER, label="tried out, to choose")
+    axis.scatter(frames, [100 * each["success"] for each in tried], s=sizes, color=_OTHER, label="tried out, to choose")
     beside = ((-20, 5), (-5, 12), (11, 5))  # apart from each other, should it be one policy
     for each, marker, offset in zip(found["agents"], "osD", beside, strict=True):
         told, frame = each["success"], each["frame"] / 1000
-        axis.vlines(frame, 100 * told["low"], 100 * told["high"], color=BEST, linewidth=2)
+        axis.vlines(frame, 100 * told["low"], 100 * told["high"], color=_BEST, linewidth=2)
         label = f"{each['name']}, flown again: {100 * told['value']:.1f} %"
-        axis.plot([frame], [100 * told["value"]], marker, color=BEST, markersize=9, label=label, markeredgecolor=INK)
+        axis.plot([frame], [100 * told["value"]], marker, color=_BEST, markersize=9, label=label, markeredgecolor=INK)
         axis.annotate(
             each["name"], (frame, 100 * told["value"]), offset, textcoords="offset points", weight="bold", fontsize=12
         )
         if each["wanted"]:
-            axis.axhline(100 * each["wanted"], color=YELLOW, linewidth=0.9, linestyle=":")
+            axis.axhline(100 * each["wanted"], color=_YELLOW, linewidth=0.9, linestyle=":")
             text = f"the paper's agent {each['name']}: {100 * each['wanted']:.1f} %"
-            axis.text(frames[0], 100 * each["wanted"] + 1.2, text, color=YELLOW, fontsize=8)
+            axis.text(frames[0], 100 * each["wanted"] + 1.2, text, color=_YELLOW, fontsize=8)
     axis.set(xlabel="training frames (thousand)", ylabel="greedy success (%)", ylim=(-3, 103))
     legend_of([axis], figure, 4)
     figure.suptitle("Agents A, B and C among the policies that the run kept (95 % intervals)")
@@ -78,12 +78,12 @@ def movements_chart(found: dict[str, Any]) -> Figure:
 
 def _histogram(axis: Axes, told: dict[str, Any]) -> None:
     edges = np.array(told["edges"])
-    for name, colour, alpha in (("others", OTHER, 0.75), ("best", BEST, 0.45)):
+    for name, colour, alpha in (("others", _OTHER, 0.75), ("best", _BEST, 0.45)):
         axis.stairs(told[name]["density"], edges, color=colour, fill=True, alpha=alpha)
-        axis.stairs(told[name]["density"], edges, color=colour, linewidth=1.2, label=GROUPS[name])
-    for name, colour, line in (("others", hexed(colours.PALE), "--"), ("best", BEST, "-")):
+        axis.stairs(told[name]["density"], edges, color=colour, linewidth=1.2, label=_GROUPS[name])
+    for name, colour, line in (("others", hexed(colours.PALE), "--"), ("best", _BEST, "-")):
         if told[name]["mean"] is not None:
-            axis.axvline(told[name]["mean"], color=colour, linewidth=2, linestyle=line, label=f"mean, {GROUPS[name]}")
+            axis.axvline(told[name]["mean"], color=colour, linewidth=2, linestyle=line, label=f"mean, {_GROUPS[name]}")
     axis.axvline(0, color=FAINT, linewidth=0.8, linestyle=":")
     top = 1.25 * told["shown_to"]
     axis.set_ylim(0, top or None)
@@ -100,7 +100,7 @@ def claim_chart(found: dict[str, Any]) -> Figure:
     for axis, value in zip(axes, told, strict=True):
         for place, agent in enumerate(found["preliminary"]):
             claims = agent["told"][value]["claim"]
-            for over, shift, colour, marker in (("all", -0.13, BEST, "o"), ("within", 0.13, YELLOW, "D")):
+            for over, shift, colour, marker in (("all", -0.13, _BEST, "o"), ("within", 0.13, _YELLOW, "D")):
                 if claims[over]:
                     interval(axis, claims[over]["superiority"], place + shift, colour, marker)
         axis.axvline(0.5, color=INK, linewidth=0.9, linestyle=":")
@@ -109,8 +109,8 @@ def claim_chart(found: dict[str, Any]) -> Figure:
         axis.set_title(f"told {float(value):+.0f}: {asked}".replace("+0", "0"))
     axes[0].set_yticks(range(len(names)), [f"agent {name}" for name in names])
     for over, colour, marker in (
-        ("over all episodes, as in the paper", BEST, "o"),
-        (f"among episodes with the same {found['protocol']['context']}", YELLOW, "D"),
+        ("over all episodes, as in the paper", _BEST, "o"),
+        (f"among episodes with the same {found['protocol']['context']}", _YELLOW, "D"),
     ):
         axes[0].plot([], [], color=colour, marker=marker, label=over)
     legend_of(axes[:1], figure, 2)
@@ -200,8 +200,11 @@ def _small(axis: Axes, rates: dict[str, dict[str, Any]]) -> None:
     for place, told in enumerate(rates.values()):
         for side, shift, colour in (("left", -0.2, colours.NEGATIVE), ("right", 0.2, colours.POSITIVE)):
             called, wrong = (100 * (told[f"{kind}_{side}"]["value"] or 0.0) for kind in ("straight", "wrong"))
-            solid = {"color": hexed(colour), "label": None if place else f"to the {side}, called straight"}
-            hatched = {"facecolor": "none", "edgecolor": hexed(colour), "hatch": "////"}
+            solid: dict[str, Any] = {
+                "color": hexed(colour),
+                "label": None if place else f"to the {side}, called straight",
+            }
+            hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": hexed(colour), "hatch": "////"}
             hatched["label"] = "" if place else f"to the {side}, called the other way"
             axis.barh(place + shift, called, 0.36, **solid)
             axis.barh(place + shift, wrong, 0.36, left=called, **hatched)

@@ -28,9 +28,9 @@ OBSERVER_STYLES = {
     DEFAULT: ("the default vocabulary", colours.EXPLANATION, "D"),
     PAPERS: ("the paper's vocabulary", colours.PINK, "s"),
     NO_WORDS: ("no explanation: carries the motion on", colours.PALE, "v"),
-    STRAIGHT: ("no explanation: straight down from here", colours.GREY, "^"),
-    SHUFFLED: ("taught with shuffled instructions", colours.GREY, "X"),
-    SWAPPED: ("the default, left and right swapped", colours.GREY, "P"),
+    STRAIGHT: ("no explanation: straight down from here", colours.MUTED, "^"),
+    SHUFFLED: ("taught with shuffled instructions", colours.MUTED, "X"),
+    SWAPPED: ("the default, left and right swapped", colours.MUTED, "P"),
 }
 """Observers, in the order in which they are drawn, to what they are told, their colour and their marker."""
 OBSERVER_LABELS = {name: label for name, (label, _, _) in OBSERVER_STYLES.items()}

@@ -158,7 +158,7 @@ def ask_observers(
     cut: str,
     policy: Policy,
     predictor: Predictor,
-    vocabularies: dict[str, Mapping],
+    vocabularies: dict[str, ClusterMapping],
     shuffled: Sequence[Mapping],
     observer: Observer,
     task: Task,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ibe_rl.apps.plot_style import DARK, FAINT, grid, hexed, interval
 from ibe_rl.apps.sweep.records import COLUMN_LABELS
-from ibe_rl.view.palette import RUNS
+from ibe_rl.view.palette import RUN_COLOURS
 
 _LINES = ("-", "--", ":")
 _MARKED_POINTS = 15
@@ -19,7 +19,10 @@ _MARKED_POINTS = 15
 
 def _style(number: int) -> dict[str, Any]:
     """Colour and line of a condition."""
-    return {"color": hexed(RUNS[number % len(RUNS)]), "linestyle": _LINES[number // len(RUNS) % len(_LINES)]}
+    return {
+        "color": hexed(RUN_COLOURS[number % len(RUN_COLOURS)]),
+        "linestyle": _LINES[number // len(RUN_COLOURS) % len(_LINES)],
+    }
 
 
 @rc_context(DARK)

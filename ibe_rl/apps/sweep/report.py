@@ -15,8 +15,8 @@ from rich.table import Table
 
 from ibe_rl.apps.report_page import number, write_page
 from ibe_rl.apps.sweep import figures
+from ibe_rl.apps.sweep.board import viewer_command
 from ibe_rl.apps.sweep.intervals import of_runs
-from ibe_rl.apps.sweep.launch import viewer
 from ibe_rl.apps.sweep.records import COLUMN_LABELS, LEARNING, TRUTH, SweepRun, read_sweep
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.progress_bar import progress_bar
@@ -68,7 +68,11 @@ def report(sweep: Path) -> None:
     console.print(short_table(found["conditions"]))
     for notice in found["notices"]:
         console.print(f"note: {notice}", markup=False)
-    for what, where in (("table", folder / _TABLE), ("report", page), ("all recordings together", viewer(sweep))):
+    for what, where in (
+        ("table", folder / _TABLE),
+        ("report", page),
+        ("all recordings together", viewer_command(sweep)),
+    ):
         console.print(f"{what}: {where}", markup=False)
 
 
@@ -168,6 +172,6 @@ def write_figures(folder: Path, found: dict[str, Any], sweep: Path) -> Path:
         columns=columns,
         labels=COLUMN_LABELS,
         digits=DIGITS,
-        viewer=viewer(sweep),
+        viewer=viewer_command(sweep),
     )
     return page

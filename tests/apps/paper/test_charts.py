@@ -150,7 +150,7 @@ def test_the_paper_is_drawn_beside_the_agents() -> None:
 def test_histograms_have_the_colours_of_the_live_view() -> None:
     shades = {patch.get_label(): patch.get_edgecolor() for patch in charts.movements_chart(FOUND).axes[0].patches}
     assert shades["the best episodes"] == pytest.approx(to_rgba_array(hexed(colours.GREEN))[0])
-    assert shades["the other episodes"] == pytest.approx(to_rgba_array(hexed(colours.GREY))[0])
+    assert shades["the other episodes"] == pytest.approx(to_rgba_array(hexed(colours.MUTED))[0])
 
 
 def test_the_claim_is_drawn_over_all_episodes_and_within_contexts() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.apps.paper.agents import EPISODES, PAPER_SUCCESS, PaperAgent, most_runs, screen
+from ibe_rl.apps.paper.agents import PAPER_SUCCESS, ROUND_EPISODES, PaperAgent, most_runs, screen
 
 SEEDS = range(600, 1100)
 
@@ -89,10 +89,10 @@ def test_each_flies_the_first_seeds_once_and_not_more_than_the_last_round_asks_f
     for frame, policy in policies.items():
         flown = field.seeds_of(policy)
         assert flown == [*SEEDS[: len(flown)]]
-        assert len(flown) in (0, *EPISODES)
+        assert len(flown) in (0, *ROUND_EPISODES)
         successes = [seed * 187 % 300 < 300 * policy.rate for seed in flown]
         assert tried.get(frame, []) == successes
-    assert all(len(tried[frame]) == EPISODES[-1] for frame in chosen.values())
+    assert all(len(tried[frame]) == ROUND_EPISODES[-1] for frame in chosen.values())
 
 
 def test_where_there_are_enough_seeds_each_policy_flies_its_own():

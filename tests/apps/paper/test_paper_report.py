@@ -45,7 +45,7 @@ def read(folder: Path) -> Any:
 def few_flights() -> Iterator[None]:
     """A policy flies a handful of episodes to be chosen, where it would be hundreds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(agents, "EPISODES", (4, 5, 6, 8, 10))
+        patch.setattr(agents, "ROUND_EPISODES", (4, 5, 6, 8, 10))
         yield
 
 

@@ -19,7 +19,7 @@ from rich.console import Console
 from view_data import eventually
 
 from ibe_rl.apps.sweep import processes
-from ibe_rl.apps.sweep.board import Board, closing_table, failures, newest_row
+from ibe_rl.apps.sweep.board import Board, failures, newest_row, outcomes_table
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, NOT_BEGUN, STOPPED, Job, Outcome
 from ibe_rl.apps.sweep.processes import run_all
 from ibe_rl.storage.run_folder import MetricsTable
@@ -220,7 +220,7 @@ def test_a_line_follows_the_frames_of_its_run(tmp_path: Path) -> None:
 def test_the_table_at_the_end_has_the_scores(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text(json.dumps({"frames": 4000, "success_rate": 0.125, "return_mean": 33.3}))
     said = io.StringIO()
-    Console(file=said, width=100).print(closing_table([Outcome(job(tmp_path), DONE), Outcome(job(tmp_path), STOPPED)]))
+    Console(file=said, width=100).print(outcomes_table([Outcome(job(tmp_path), DONE), Outcome(job(tmp_path), STOPPED)]))
     assert "4,000" in said.getvalue()
     assert "12.5%" in said.getvalue()
     assert said.getvalue().count("33.3") == 1
