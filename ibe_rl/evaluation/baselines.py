@@ -19,7 +19,7 @@ from ibe_rl.metrics.quality import direction
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode, Mapping
 
-MAX_WINDOWS = 60_000
+MAX_REGRESSION_WINDOWS = 60_000
 """The regressor learns from at most so many windows, drawn at random."""
 CHEAP = ("present_velocity", "direction_to_goal", "last_instruction", "constant", "state_regressor")
 """Baselines that need no simulator."""
@@ -74,7 +74,7 @@ def fit_state_regressors(
     states = np.concatenate([episode.states[:-1] for episode in episodes])
     changes = np.concatenate([delta_states(episode.states, horizon_steps, "clamp") for episode in episodes])
     numbers = np.repeat(np.arange(len(episodes)), [len(episode) for episode in episodes])
-    rows = np.random.default_rng(seed).permutation(len(states))[:MAX_WINDOWS]
+    rows = np.random.default_rng(seed).permutation(len(states))[:MAX_REGRESSION_WINDOWS]
     return [_fit(states[rows], changes[rows, dimension], numbers[rows], seed) for dimension in task.explained]
 
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.rollouts import Rollouts
-from ibe_rl.evaluation.rows import MOTION, Samples, as_json, difference, over_numbers
+from ibe_rl.evaluation.rows import MOTION, Samples, difference, estimate_json, over_numbers
 from ibe_rl.evaluation.verbalise import speak
-from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
+from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.quality import motion_scores
 from ibe_rl.task import Task
 from ibe_rl.types import Mapping, Policy
 
-METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
+AGE_METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
 
 
 def judge_all_ages(
@@ -76,8 +76,8 @@ def judge_ages(
         {
             "policy_frame": policy_frame,
             "vocabulary_frame": frame,
-            **{metric: as_json(estimate(each[metric])) for metric in METRICS},
-            "refreshed_minus_this": {metric: difference(samples[max(samples)], each, metric) for metric in METRICS},
+            **{metric: estimate_json(each[metric]) for metric in AGE_METRICS},
+            "refreshed_minus_this": {metric: difference(samples[max(samples)], each, metric) for metric in AGE_METRICS},
         }
         for frame, each in samples.items()
     ]

@@ -9,11 +9,12 @@ from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import ExplainConfig, MappingConfig
 from ibe_rl.evaluation import report, tables
 from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
-from ibe_rl.evaluation.judging import Judged, judge, paired_of, rows_of
+from ibe_rl.evaluation.judging import judge, paired_of, rows_of
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts
+from ibe_rl.evaluation.rows import Judged
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.bootstrap import episode_weights
@@ -33,7 +34,7 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     configs = asked_for(cfg.compare.mappings, choices("mapping"))
     refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
     report.make_folders(run.folder)
-    learnt = learn(run, refits, configs, cfg)
+    learnt = learn_mappings(run, refits, configs, cfg)
     with shared_predictor(run, cfg) as predictor:
         both, held_out = Rollouts(run, cfg, predictor).judged_and_held_out((own,))
     moments = both.judged()
@@ -44,11 +45,11 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
     samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     add_errors(rows, samples, own)
-    about = report.protocol(run, cfg, len(moments))
+    about = report.common_protocol(run, cfg, len(moments))
     path = run.folder / EVALUATION / "compare.json"
     write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
-    tables.tell_rows(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps")
-    tables.tell_observers(observers, rows)
+    tables.print_rows(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps")
+    tables.print_observers(observers, rows)
     tables.console().print(f"numbers: {path}", soft_wrap=True)
 
 
@@ -64,7 +65,7 @@ def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str
     return {name: known[name] for name in sorted({*(names or known), "paper"})}
 
 
-def learn(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
+def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
     """Learn all of them from nothing; the paper's is the baseline."""
     own = run.horizon_steps
     vocabularies: dict[str, Mapping] = {AS_REFRESHED: run.mapping}

@@ -13,12 +13,13 @@ from ibe_rl.evaluation.advice import lines_of, verdict_of
 from ibe_rl.evaluation.baselines import Learnt, StateRegressor
 from ibe_rl.evaluation.changing import judge_all_ages
 from ibe_rl.evaluation.controls import Flipped
-from ibe_rl.evaluation.judging import Judged, confidence_of, judge, paired_of, rows_of
+from ibe_rl.evaluation.judging import confidence_of, judge, paired_of, rows_of
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
+from ibe_rl.evaluation.rows import Judged
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
@@ -53,7 +54,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     observers, rows = watch_all(judged, learnt, moments, held_out, run, cfg, ours)
     quality = {
         "verdict": verdict_of(rows, ours, run),
-        "protocol": protocol(run, cfg, horizons, learnt, moments),
+        "protocol": evaluation_protocol(run, cfg, horizons, learnt, moments),
         "rows": rows,
         "paired": [each for one in judged.values() for each in paired_of(one, ours)],
         "confidence": confidence_of(judged[own], ours),
@@ -66,7 +67,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     write_json(folder / CALIBRATION, calibration)
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
     beside = [name for name in SHOWN if name in judged[own].samples]  # what the environment declares nothing for is not
-    tell(quality, observers, own, (ours, *beside))
+    print_results(quality, observers, own, (ours, *beside))
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
 
@@ -135,7 +136,7 @@ def changing_policy(rollouts: Rollouts) -> list[dict[str, Any]]:
     return judge_all_ages(rollouts, kept_policies(run), {frame: one.mapping for frame, one in refreshes.items()})
 
 
-def protocol(
+def evaluation_protocol(
     run: TrainedRun, cfg: ExplainConfig, horizons: tuple[int, ...], learnt: dict[int, Learnt], moments: Moments
 ) -> dict[str, Any]:
     """What the numbers stand on."""
@@ -144,7 +145,7 @@ def protocol(
     counts["changing"] = config.changing_episodes
     seeds = {name: seeds_for(name, config.seed, count) for name, count in counts.items() if count}
     refreshed = (*run.spans, run.horizon_steps)
-    return report.protocol(run, cfg, len(moments.judged())) | {
+    return report.common_protocol(run, cfg, len(moments.judged())) | {
         "changing_episodes": config.changing_episodes,
         "seeds": {name: [each[0], each[-1]] for name, each in seeds.items()},
         "horizons_steps": list(horizons),
@@ -166,7 +167,7 @@ def _about(regressor: StateRegressor) -> dict[str, Any]:
     return {"kind": regressor.kind, "r2": regressor.r2}
 
 
-def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
+def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
     """Print the verdict and the tables; ``shown`` are the explainers over the horizons."""
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     for line in lines_of(quality["verdict"]["text"], quality["verdict"]["advice"]):
@@ -176,10 +177,10 @@ def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Se
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
         "(with 95 % intervals)"
     )
-    tables.tell_rows([row for row in rows if row["horizon_steps"] == own], title)
+    tables.print_rows([row for row in rows if row["horizon_steps"] == own], title)
     console.print(tables.paired_table(quality["paired"], own))
     console.print(tables.horizons_table(rows, shown))
-    tables.tell_observers(observers, rows)
+    tables.print_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
 

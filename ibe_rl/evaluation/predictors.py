@@ -10,16 +10,16 @@ from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import ExplainConfig, PredictorConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.baselines import Learnt, StateRegressor, fit_state_regressors
-from ibe_rl.evaluation.judging import Judged, judge, rows_of
+from ibe_rl.evaluation.judging import judge, rows_of
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
-from ibe_rl.evaluation.rows import as_json, difference
+from ibe_rl.evaluation.rows import Judged, difference, estimate_json
 from ibe_rl.evaluation.run_predictor import PROCESSES, can_predict, predictor_of, with_processes
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
-from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
+from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
 from ibe_rl.types import Policy
@@ -27,7 +27,7 @@ from ibe_rl.vocabulary.refresh import Saved
 
 EXACT, AGAIN = "simulator", "simulator_again"
 """The exact predictor, and the same once more with other chance: no other can be expected to agree with it more."""
-OURS = "ibe:own"
+_OURS = "ibe:own"
 PAIRED = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true", "came_true_voted", "ece")
 """What is told as a difference to the exact one, on the same moments."""
 
@@ -64,7 +64,7 @@ def judge_predictors(run: TrainedRun, cfg: ExplainConfig) -> None:
     report.make_folders(run.folder)
     rows = [row for age in ages_of(run, cfg) for row in judge_age(run, age, kinds, regressors, cfg)]
     path = run.folder / EVALUATION / "predictors.json"
-    write_json(path, {"protocol": report.protocol(run, cfg, rows[-1]["moments"]), "rows": rows})
+    write_json(path, {"protocol": report.common_protocol(run, cfg, rows[-1]["moments"]), "rows": rows})
     drawn = figures.save(figures.predictors(rows, run.horizon_steps), run.folder / FIGURES / "predictors.png")
     console = tables.console()
     newest = [row for row in rows if row["frame"] == rows[-1]["frame"]]
@@ -99,12 +99,12 @@ def judge_age(
     for name, moments, held_out in predicted_by_each(run, age, kinds, cfg):
         here = moments.judged()
         weights = episode_weights(here.episode, config.resamples, config.seed)
-        learnt = Learnt({OURS: age.saved.mapping}, {}, regressors)
+        learnt = Learnt({_OURS: age.saved.mapping}, {}, regressors)
         judged = judge(learnt, here, held_out.judged(), n, run.task, weights, config.seed)
         exact = exact or judged
-        row = next(row for row in rows_of(judged) if row["explainer"] == OURS)
+        row = next(row for row in rows_of(judged) if row["explainer"] == _OURS)
         change = held_out.real_change(n, run.task.explained)[:, 0]
-        vocabularies = {OURS: [age.saved.mapping]}
+        vocabularies = {_OURS: [age.saved.mapping]}
         samples, _ = observe_all(moments, change, n, run.task, vocabularies, config.resamples, config.seed)
         add_errors([row], samples, n)
         about = {"frame": age.saved.frame, "policy_frame": age.policy_frame, "predictor": name, "moments": len(here)}
@@ -114,16 +114,16 @@ def judge_age(
 
 def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) -> dict[str, Any]:
     """How often the same is said as with the exact predictor, in all and where the predictor stands by it."""
-    same = judged.spoken[OURS].phrase == exact.spoken[OURS].phrase
+    same = judged.spoken[_OURS].phrase == exact.spoken[_OURS].phrase
     trusted = moments.trusted[:, :, -1].all(axis=1)
     told = {"equal": same, "trusted": trusted}
-    shares: dict[str, Any] = {name: as_json(estimate(weighted_mean(values, weights))) for name, values in told.items()}
+    shares: dict[str, Any] = {name: estimate_json(weighted_mean(values, weights)) for name, values in told.items()}
     parts = {"equal_trusted": trusted, "equal_not_trusted": ~trusted}
     shares |= {
-        name: as_json(estimate(weighted_mean(same[rows], weights[:, rows]))) if rows.any() else None
+        name: estimate_json(weighted_mean(same[rows], weights[:, rows])) if rows.any() else None
         for name, rows in parts.items()
     }
-    ours, theirs = judged.samples[OURS], exact.samples[OURS]
+    ours, theirs = judged.samples[_OURS], exact.samples[_OURS]
     return shares | {f"{metric}_minus_exact": difference(ours, theirs, metric) for metric in PAIRED}
 
 

@@ -6,18 +6,18 @@ Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples, row 0 o
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
-from ibe_rl.metrics.bootstrap import Estimate, estimate, weighted_mean
-from ibe_rl.metrics.confidence import brier, ece, risk_at
+from ibe_rl.metrics.bootstrap import estimate, weighted_mean
+from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at
 from ibe_rl.metrics.quality import direction, instruction_f1, mean_over_numbers, motion_scores
 from ibe_rl.task import Task
-from ibe_rl.types import Array
+from ibe_rl.types import Array, Mapping
 
 Samples = dict[str, Array]
 """Metric to values ``(R,)``; of an instruction with several numbers also ``metric[i]``, of number i by itself."""
@@ -26,7 +26,7 @@ MOTION = ("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spear
 WORDS = ("came_true", "came_true_voted")
 CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
-METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
+ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
 """The metrics of a row, in the order of the report."""
 EACH = (*MOTION, "vocabulary_loss", "instruction_f1")
 """What is told of each number by itself; in the row of all of them stands the mean."""
@@ -67,6 +67,31 @@ class Truth:
     def unweighed(self) -> Truth:
         """The same with one row of equal weights: for values without an interval."""
         return replace(self, weights=self.weights[:1])
+
+
+@dataclass
+class Judged:
+    """What came out at one horizon.
+
+    Attributes:
+        truth: what really happened.
+        names: of the numbers of an instruction.
+        samples: explainer to its metrics on every resample.
+        refits: explainer to the metrics of each of its vocabularies, without resamples.
+        spoken: explainer to what its vocabulary said.
+        calibrations: explainer to how its confidence is made.
+        probabilities: explainer to that confidence ``(N,)``.
+        mappings: explainer to its vocabulary.
+    """
+
+    truth: Truth
+    names: Sequence[str]
+    samples: dict[str, Samples] = field(default_factory=dict)
+    refits: dict[str, list[Samples]] = field(default_factory=dict)
+    spoken: dict[str, Spoken] = field(default_factory=dict)
+    calibrations: dict[str, Calibration] = field(default_factory=dict)
+    probabilities: dict[str, Array] = field(default_factory=dict)
+    mappings: dict[str, Mapping] = field(default_factory=dict)
 
 
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
@@ -130,7 +155,7 @@ def balance(mapping: Any) -> dict[str, Any]:
 
 def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     """What a row says: all metrics in their order, and under ``each`` those of every number by its name, if several."""
-    row: dict[str, Any] = {metric: told.get(metric) for metric in METRICS}
+    row: dict[str, Any] = {metric: told.get(metric) for metric in ROW_METRICS}
     if len(names) > 1:
         row["each"] = [
             {"number": name} | {metric: told.get(numbered(metric, i)) for metric in (*EACH, "left_right")}
@@ -139,9 +164,10 @@ def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     return row
 
 
-def as_json(value: Estimate) -> dict[str, float | None]:
-    """An estimate for a report, rounded to what anybody can read."""
-    return {name: None if number is None else round(number, 5) for name, number in value.to_dict().items()}
+def estimate_json(samples: Array) -> dict[str, float | None]:
+    """Value and interval of a metric on all resamples ``(R,)`` for a report, rounded to five digits."""
+    told = estimate(samples).to_dict()
+    return {name: None if number is None else round(number, 5) for name, number in told.items()}
 
 
 def fixed(value: float) -> dict[str, float | None]:
@@ -162,4 +188,4 @@ def difference(one: Samples, other: Samples, metric: str) -> dict[str, float | N
     """By how much ``one`` has more of a metric, on the same moments and resamples; None if either lacks it."""
     if metric not in one or metric not in other:
         return None
-    return as_json(estimate(one[metric] - other[metric]))
+    return estimate_json(one[metric] - other[metric])

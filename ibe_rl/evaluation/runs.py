@@ -39,7 +39,7 @@ from ibe_rl.types import ConfigError, Policy
 from ibe_rl.vocabulary.refresh import Saved, load_refresh
 from ibe_rl.vocabulary.training_episodes import settled
 
-RUNS = Path("runs")
+_RUNS = Path("runs")
 OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
 """Settings that make a run folder for an external policy, and say nothing about one that is there."""
 MakePolicy = Callable[[TrainConfig], Policy]
@@ -52,7 +52,7 @@ def open_run(run: str | None, external_policy: MakePolicy | None = None) -> Trai
     Raises:
         ConfigError: if there is none; and as ``load_run``.
     """
-    return load_run(find_run(run, RUNS), external_policy)
+    return load_run(find_run(run, _RUNS), external_policy)
 
 
 def run_config(folder: Path) -> TrainConfig:

@@ -8,9 +8,9 @@ from lift import TASK, moments, words
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.rows import (
     Truth,
-    as_json,
     balance,
     difference,
+    estimate_json,
     fixed,
     score_confidence,
     score_motion,
@@ -18,7 +18,7 @@ from ibe_rl.evaluation.rows import (
     spread_over,
 )
 from ibe_rl.evaluation.verbalise import speak
-from ibe_rl.metrics.bootstrap import Estimate, episode_weights
+from ibe_rl.metrics.bootstrap import episode_weights
 
 HERE = moments(
     realised=[2, -2, 0, 2],
@@ -68,7 +68,7 @@ def test_balance_is_told_where_there_are_clusters():
 
 
 def test_values_for_a_report():
-    assert as_json(Estimate(0.123456789, float("nan"), 1.0)) == {"value": 0.12346, "low": None, "high": 1.0}
+    assert estimate_json(np.array([0.123456789])) == {"value": 0.12346, "low": None, "high": None}
     assert fixed(2) == {"value": 2.0, "low": None, "high": None}
     assert spread_over([float("nan"), 0.0, 1.0]) == {"value": 0.5, "low": 0.025, "high": 0.975}
     assert spread_over([float("nan")]) == {"value": None, "low": None, "high": None}

@@ -33,7 +33,7 @@ from ibe_rl.view.palette import RUN_COLOURS
 from ibe_rl.view.recorder import APPLICATION as RUN_APPLICATION
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import rerun_binary
-from ibe_rl.view.viewer import Messages, gather, main, run_names, runs_at, with_curves
+from ibe_rl.view.viewer import Messages, append_new_messages, run_names, runs_at, viewer_command, with_curves
 
 SHOWN = {"train/return_mean", "eval/return_mean", "train/success_rate", "eval/success_rate", "ibe/came_true"}
 
@@ -121,19 +121,19 @@ def test_recordings_that_grow_are_gathered_into_one(tmp_path: Path) -> None:
     paths = {name: tmp_path / f"{name}.rrd" for name in ("a", "b")}
     with (tmp_path / "shown.rrd").open("wb") as shown:
         parts = [Messages(path) for path in paths.values()]
-        gather(parts, shown)  # neither is there yet
+        append_new_messages(parts, shown)  # neither is there yet
         assert shown.tell() == 0
         recorders = {name: Recorder(path, TASK, name) for name, path in paths.items()}
         for frame in (1, 2, 3):
             for name, recorder in recorders.items():
                 recorder.batch(frame, {f"train/{name}": 1.0})
                 recorder.flush()
-            gather(parts, shown)
+            append_new_messages(parts, shown)
             assert frames_in(tmp_path / "shown.rrd") == {name: list(range(1, frame + 1)) for name in paths}
         for recorder in recorders.values():
             recorder.close()
-        gather(parts, shown)
-        gather(parts, shown)
+        append_new_messages(parts, shown)
+        append_new_messages(parts, shown)
     assert len(RrdReader(str(tmp_path / "shown.rrd")).recordings()) == 2
     assert frames_in(tmp_path / "shown.rrd") == {"a": [1, 2, 3], "b": [1, 2, 3]}
 
@@ -145,7 +145,7 @@ def test_a_half_written_message_waits_for_its_end(tmp_path: Path) -> None:
     with (tmp_path / "shown.rrd").open("wb") as shown:
         for end in [*range(0, len(whole), 97), len(whole)]:
             growing.write_bytes(whole[:end])
-            gather([part], shown)
+            append_new_messages([part], shown)
             assert whole[:end].startswith((tmp_path / "shown.rrd").read_bytes())
             sizes.append(shown.tell())
     assert len(set(sizes)) > 10  # it came bit by bit
@@ -163,7 +163,7 @@ def gathered_rows(path: Path) -> int:
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """The one line of error that a command line ends in."""
     with pytest.raises(SystemExit) as stopped:
-        main(arguments)
+        viewer_command(arguments)
     assert stopped.value.code == 2
     return capsys.readouterr().err.splitlines()[-1]
 

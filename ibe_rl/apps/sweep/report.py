@@ -23,7 +23,6 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.storage.run_folder import FIGURES, write_atomically
 from ibe_rl.types import ConfigError
 from ibe_rl.view.relay import choose_ports
-from ibe_rl.view.viewer import main as open_viewer
 
 _TABLE = "sweep.csv"
 MAIN = (
@@ -45,7 +44,7 @@ def report_sweep(cfg: ExplainConfig) -> None:
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     report(Path(str(cfg.sweep_dir)))
     if ports:
-        open_viewer([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
+        viewer_command([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
 
 
 def report(sweep: Path) -> None:
