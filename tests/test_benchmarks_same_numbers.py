@@ -184,12 +184,13 @@ def test_one_change_is_named(case: str, before: Path, after: Path, capsys: pytes
     assert f"| ppo_lander | {what} | 1 difference | {words} |" in capsys.readouterr().out
 
 
-def test_a_run_that_is_missing_differs(before: Path, after: Path) -> None:
+def test_a_run_that_is_missing_differs_unless_only_others_are_asked_for(before: Path, after: Path) -> None:
+    for folder in (before, after):
+        shutil.copytree(folder / RUN, folder / "demo")
     shutil.rmtree(after / RUN)
-    assert all(found for _, _, found in compare(before, after))
-    shutil.copytree(before / RUN, after / "demo")
-    shutil.copytree(before / RUN, before / "demo")
-    assert not any(found for _, _, found in compare(before, after, ["demo"]))
+    rows = compare(before, after)
+    assert all(bool(found) == (run == RUN) for run, _, found in rows)
+    assert compare(before, after, ["demo"]) == [row for row in rows if row[0] == "demo"]
 
 
 def test_of_long_texts_the_place_that_differs_is_shown() -> None:
