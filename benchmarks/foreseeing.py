@@ -20,7 +20,7 @@ import torch
 
 from benchmarks.explaining import watched_moments
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy
 from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.predictors import Age, judge_age
 from ibe_rl.evaluation.refit import Refits

@@ -19,7 +19,7 @@ from ibe_rl.evaluation.runs import load_run
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode, Policy
-from ibe_rl.vocabulary.refresh import learn_vocabulary
+from ibe_rl.vocabulary.fitting import learn_vocabulary
 
 NOISE = 1e-3
 """Standard deviation in the states, so that no two windows are the same."""

@@ -14,7 +14,8 @@ from gymnasium.wrappers import TimeLimit
 
 from benchmarks.meaning.mass import PointMass
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.declare import ANY, SUCCESS, Declared
+from ibe_rl.envs.declare import ANY
+from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array
 

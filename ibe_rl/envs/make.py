@@ -14,7 +14,9 @@ from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
 from ibe_rl.config.settings import EnvConfig, TaskConfig
-from ibe_rl.envs.declare import Declared, declare
+from ibe_rl.envs.declare import declare
+from ibe_rl.envs.snapshots import Stoppable, stoppable
+from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.storage.partial_episode import UnderWay
 from ibe_rl.task import Shape, Task
@@ -70,6 +72,22 @@ def _check_registered(env_id: str) -> None:
 def make_game(env: EnvConfig) -> gymnasium.Env[Any, Any]:
     """As ``make_gym``, from the settings of an environment."""
     return make_gym(env.id, env.kwargs, env.task)
+
+
+def make_copy(env: EnvConfig) -> Stoppable:
+    """One more game to predict in.
+
+    Raises:
+        ConfigError: if such games cannot be taken up exactly.
+    """
+    made = stoppable(make_game(env))
+    if made is None:
+        raise ConfigError(
+            f"predictor=simulator with env.id={env.id}: this environment cannot be stopped and taken up again exactly "
+            "(it has no snapshot() and restore(), and a deep copy of it goes on otherwise); allowed is "
+            "predictor=ensemble or predictor=regression, which learn from the log"
+        )
+    return made
 
 
 def task_of(env: gymnasium.Env[Any, Any]) -> Task:

@@ -14,7 +14,7 @@ import torch
 
 from ibe_rl.config.command_line import named_settings
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy
 from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.predict import KeptPredictor, is_learnt, make_predictor
 from ibe_rl.storage.checkpoint import PREDICTOR, as_arrays, load, policies

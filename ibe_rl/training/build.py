@@ -16,8 +16,7 @@ from ibe_rl.collect.collector import batches, make_collector, timed
 from ibe_rl.config.command_line import output_folder, run_name, save_config
 from ibe_rl.config.kinds import make_listeners
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy, make_game, task_of
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.import_string import import_app
@@ -34,11 +33,10 @@ from ibe_rl.storage.run_folder import (
 from ibe_rl.training.check import check_run
 from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_obedience
-from ibe_rl.training.listeners import Checkpoints, Listeners, Table
+from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import State, clear_way, must_fit, take_up
 from ibe_rl.training.run import Run
-from ibe_rl.training.summary import LATER_COLUMNS
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live
 from ibe_rl.view.run_recorder import RunRecorder

@@ -10,8 +10,7 @@ from ibe_rl.agents import check_actions, check_agent
 from ibe_rl.collect.collector import check_collect
 from ibe_rl.config.command_line import is_sweep
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import task_of
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy, task_of
 from ibe_rl.instructors import check_instructor
 from ibe_rl.predict import check_predictor, is_learnt
 from ibe_rl.runtime.import_string import import_app

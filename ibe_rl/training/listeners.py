@@ -12,6 +12,10 @@ from ibe_rl.collect.schedule import Every, Rarer
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, MetricsTable, write_json
 from ibe_rl.vocabulary.listener import Listener, Refreshed
+from ibe_rl.vocabulary.tracker import FIGURES
+
+LATER_COLUMNS = ("eval/return_mean", "eval/success_rate", *FIGURES, "ibe/skipped")
+"""Columns of metrics.csv that only some rows fill."""
 
 
 class Listeners(Listener):

@@ -10,7 +10,8 @@ from torchrl import timeit
 
 from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.ibe import Reactions, TooLittleDataError
+from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.instructors import speaks
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.predict import asks_policy, is_learnt

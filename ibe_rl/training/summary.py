@@ -11,11 +11,8 @@ import numpy as np
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.training.run import Run
 from ibe_rl.types import Array, Episode
-from ibe_rl.vocabulary.tracker import FIGURES
 
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
-LATER_COLUMNS = ("eval/return_mean", "eval/success_rate", *FIGURES, "ibe/skipped")
-"""Columns of metrics.csv that only some rows fill."""
 
 
 def training_row(log: TrajectoryLog, losses: dict[str, float]) -> dict[str, float]:

@@ -207,7 +207,7 @@ def say(runs: Mapping[str, Path], ports: Ports) -> None:
     sys.stdout.flush()
 
 
-def viewer_command(arguments: Sequence[str] | None = None) -> int:
+def open_recordings(arguments: Sequence[str] | None = None) -> int:
     """Open runs from the command line until Ctrl-C."""
     parser = argparse.ArgumentParser(prog="python -m ibe_rl.viewer", description="Open runs in the browser.")
     what = "folder of a run or of a sweep, or a recording, finished or growing; default: the newest run below runs/"

@@ -13,7 +13,10 @@ import numpy as np
 
 from ibe_rl.config.settings import MappingConfig, TrainConfig
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, confidence_features, phrase_hits_in
-from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
+from ibe_rl.ibe.delta import Windows, cut_windows
+from ibe_rl.ibe.identity import keep_identity
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import policy_drift, vocabulary_drift
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES, mean_scores, number_scores, phrase_accuracy, phrase_hits
@@ -21,9 +24,9 @@ from ibe_rl.metrics.verdict import wrong_signs
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
-from ibe_rl.vocabulary.fitting import check_mapping
+from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.probe import Probe, draw_probe
-from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
+from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.training_episodes import find_steps, settled, steps_of
 
 JUDGED_EPISODES = 200

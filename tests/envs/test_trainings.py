@@ -11,7 +11,7 @@ from processes import SMALL, call
 
 from ibe_rl.collect.rollout import watch
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy
 from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import explain

@@ -33,7 +33,7 @@ from ibe_rl.view.palette import RUN_COLOURS
 from ibe_rl.view.recorder import APPLICATION as RUN_APPLICATION
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import rerun_binary
-from ibe_rl.view.viewer import Messages, append_new_messages, run_names, runs_at, viewer_command, with_curves
+from ibe_rl.view.viewer import Messages, append_new_messages, open_recordings, run_names, runs_at, with_curves
 
 SHOWN = {"train/return_mean", "eval/return_mean", "train/success_rate", "eval/success_rate", "ibe/came_true"}
 
@@ -163,7 +163,7 @@ def gathered_rows(path: Path) -> int:
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """The one line of error that a command line ends in."""
     with pytest.raises(SystemExit) as stopped:
-        viewer_command(arguments)
+        open_recordings(arguments)
     assert stopped.value.code == 2
     return capsys.readouterr().err.splitlines()[-1]
 

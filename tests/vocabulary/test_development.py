@@ -17,7 +17,8 @@ from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array
 from ibe_rl.vocabulary import tracker as module
-from ibe_rl.vocabulary.refresh import Refresh, learn_vocabulary, load_refresh, save_refresh
+from ibe_rl.vocabulary.fitting import learn_vocabulary
+from ibe_rl.vocabulary.refresh import Refresh, load_refresh, save_refresh
 from ibe_rl.vocabulary.tracker import Development, figures
 
 

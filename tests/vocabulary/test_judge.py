@@ -15,7 +15,8 @@ from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode, Explanation
 from ibe_rl.vocabulary import tracker as module
-from ibe_rl.vocabulary.refresh import Change, Refresh, learn_vocabulary, load_refresh
+from ibe_rl.vocabulary.fitting import learn_vocabulary
+from ibe_rl.vocabulary.refresh import Change, Refresh, load_refresh
 from ibe_rl.vocabulary.tracker import Development
 
 

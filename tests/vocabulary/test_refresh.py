@@ -15,7 +15,8 @@ from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary import refresh as module
-from ibe_rl.vocabulary.refresh import Change, Refresh, learn_vocabulary, load_refresh, save_refresh
+from ibe_rl.vocabulary.fitting import learn_vocabulary
+from ibe_rl.vocabulary.refresh import Change, Refresh, load_refresh, save_refresh
 
 
 @pytest.fixture

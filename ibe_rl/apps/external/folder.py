@@ -16,12 +16,13 @@ from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.config.command_line import composed, write_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.ibe import Reactions, TooLittleDataError
+from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import REFRESHES, SUMMARY, TRAJECTORIES, write_json
 from ibe_rl.types import ConfigError, Episode
-from ibe_rl.vocabulary.fitting import check_mapping
-from ibe_rl.vocabulary.refresh import Refresh, learn_vocabulary, save_refresh
+from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
+from ibe_rl.vocabulary.refresh import Refresh, save_refresh
 from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_told, settled, steps_of
 

@@ -22,8 +22,7 @@ from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import composed, settings_at_hand
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.make import episode_seed, make_game, task_of
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import episode_seed, make_copy, make_game, task_of
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.evaluation.moments import Plan
 from ibe_rl.evaluation.narration import check_context, explain_rollout, print_narration

@@ -23,6 +23,7 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.storage.run_folder import FIGURES, write_atomically
 from ibe_rl.types import ConfigError
 from ibe_rl.view.relay import choose_ports
+from ibe_rl.view.viewer import open_recordings
 
 _TABLE = "sweep.csv"
 MAIN = (
@@ -44,7 +45,7 @@ def report_sweep(cfg: ExplainConfig) -> None:
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     report(Path(str(cfg.sweep_dir)))
     if ports:
-        viewer_command([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
+        open_recordings([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
 
 
 def report(sweep: Path) -> None:

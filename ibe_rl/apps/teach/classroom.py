@@ -20,10 +20,12 @@ from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Desk
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import task_of
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy, task_of
 from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import sayable
+from ibe_rl.ibe.meaning_lines import meaning_lines
+from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
