@@ -49,7 +49,7 @@ MAX_BAD = 10
 GOODBYE, LEAVING, NOT_OURS, TOO_MANY = 1000, 1001, 1003, 1008  # close codes of RFC 6455
 PING_S = 6.0
 """A page that has been quiet for so long is asked whether it is there; it is gone after half as long again."""
-START_S, STOP_S = 10.0, 1.0
+START_S, STOP_S, CUT_S = 10.0, 2.0, 0.1
 OPEN_S = 5.0
 """A connection that has asked for nothing for so long is closed."""
 UNREAD_BYTES = 1 << 15
@@ -73,6 +73,7 @@ class Server:
         self._waiting: dict[int, dict[str, str]] = {}
         self._news: dict[int, asyncio.Event] = {}
         self._newest: dict[str, str] = {}
+        self._attending: set[asyncio.Task[None]] = set()
         self._numbers = count(1)
         self._loop = asyncio.new_event_loop()
         self._started, self._stop = Future[None](), asyncio.Event()
@@ -92,7 +93,7 @@ class Server:
     def close(self) -> None:
         """Let what has been posted arrive, then end."""
         self._call(self._stop.set)
-        self._thread.join(4 * STOP_S)
+        self._thread.join(2 * STOP_S)
 
     def _call(self, what: Callable[..., Any], *arguments: Any) -> None:
         with suppress(RuntimeError):  # the loop has ended, nobody is there to be told
@@ -109,13 +110,15 @@ class Server:
         logging.getLogger("aiohttp").setLevel(logging.CRITICAL + 1)  # what strangers send is not ours to report
         app = web.Application(middlewares=[self._admit])
         app.add_routes([web.get(LESSON_PATH, self._attend), *(web.get(path, _part) for path in PAGES)])
-        runner = web.AppRunner(app, access_log=None, keepalive_timeout=OPEN_S, shutdown_timeout=STOP_S)
+        runner = web.AppRunner(app, access_log=None, keepalive_timeout=OPEN_S, shutdown_timeout=CUT_S)
         await runner.setup()
         await web.TCPSite(runner, self._host, self._port).start()
         self._started.set_result(None)
         await self._stop.wait()
         for news in self._news.values():
             news.set()
+        if self._attending:  # now, as the cleanup hears no goodbye
+            await asyncio.wait(self._attending, timeout=STOP_S)
         await runner.cleanup()
 
     @web.middleware
@@ -136,6 +139,7 @@ class Server:
         assert transport is not None  # without one it could not be prepared
         transport.set_write_buffer_limits(UNREAD_BYTES)
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
+        self._attending.add(request.task)
         try:
             code, why = await self._converse(connection)
             async with asyncio.timeout(STOP_S):
@@ -144,6 +148,7 @@ class Server:
             pass
         finally:
             transport.abort()
+            self._attending.discard(request.task)
         return connection
 
     async def _converse(self, connection: web.WebSocketResponse) -> tuple[int, str]:
@@ -164,6 +169,7 @@ class Server:
             self._desk.leave(page)
             self._seats()
             self._controls()
+            await asyncio.wait(talks)  # before the page's goodbye is read
 
     async def _hear(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
         """Take in what a page says, until it goes or has to; returns why."""

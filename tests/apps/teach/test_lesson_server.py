@@ -326,6 +326,17 @@ def test_the_farewell_arrives_even_if_some_pages_do_not_answer(room: Room):
         room.raw()
 
 
+def test_nobody_waits_for_a_page_that_says_goodbye(room: Room):
+    page = room.seated()
+    reader = threading.Thread(target=page.closing)
+    reader.start()
+    start = time.monotonic()
+    room.server.close()
+    assert time.monotonic() - start < 0.8
+    reader.join(10)
+    assert page.socket.close_code == 1001
+
+
 def test_the_newest_of_each_kind_is_told_to_a_page_that_comes_later(room: Room):
     for step in range(3):
         room.server.post("frame", {"step": step})
