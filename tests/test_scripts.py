@@ -316,13 +316,6 @@ def test_explain_takes_the_newest_run(
     assert "Policy of frame 6,144" in capsys.readouterr().out.replace("\n", " ")
 
 
-def test_dqn_trains_too(tmp_path: Path) -> None:
-    call("train", *SMALL, "agent=dqn", "agent.learn_after_frames=1000", f"run_dir={tmp_path / 'dqn'}", "viewer=off")
-    table = rows(tmp_path / "dqn")
-    assert float(table[-1]["train/q_loss"]) > 0
-    assert json.loads((tmp_path / "dqn" / "summary.json").read_text())["agent"] == "dqn"
-
-
 def test_a_refresh_that_cannot_be_made_is_skipped_counted_and_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -609,26 +602,6 @@ def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
     assert summary["frames"] == int(rows(folder)[-1]["frames"])
     assert (folder / "checkpoints" / f"policy_{summary['frames']:012d}.pt").is_file()
     assert_whole(folder / "recording.rrd")
-
-
-def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:
-    script = start("train.py", "-m", "seed=0,1,2", *SMALL, f"run_dir={tmp_path / 'sweep'}", "viewer=file")
-    output, _ = script.communicate(timeout=200)
-    assert script.returncode == 0, output
-    found = sorted((tmp_path / "sweep").glob("*/summary.json"))
-    assert [json.loads(path.read_text())["seed"] for path in found] == [0, 1, 2]
-    assert len({rows(path.parent)[-1]["train/return_mean"] for path in found}) == 3
-    recordings = sorted((tmp_path / "sweep").glob("*/recording.rrd"))
-    assert [name_of(recording) for recording in recordings] == ["seed=0", "seed=1", "seed=2"]
-    assert f"-m ibe_rl.viewer {tmp_path / 'sweep'}\n" in output
-
-
-def name_of(recording: Path) -> str:
-    chunks = [chunk.to_record_batch() for chunk in RrdReader(str(recording)).stream()]
-    [name] = [
-        chunk["RecordingInfo:name"][0].as_py()[0] for chunk in chunks if "RecordingInfo:name" in chunk.schema.names
-    ]
-    return str(name)
 
 
 def test_importing_ibe_brings_no_torch() -> None:

@@ -120,6 +120,12 @@ def test_every_number_is_that_of_the_uninterrupted_run(folders: Folders) -> None
     assert len(rows(whole)) == 24
 
 
+def test_dqn_learns(sittings: Callable[[str], Folders]) -> None:
+    whole = sittings("dqn")[0]
+    assert float(rows(whole)[-1]["train/q_loss"]) > 0
+    assert json.loads((whole / "summary.json").read_text())["agent"] == "dqn"
+
+
 def test_every_refresh_is_that_of_the_uninterrupted_run(folders: Folders) -> None:
     whole, _, resumed = folders
     names = [path.name for path in sorted((whole / "refreshes").glob("*.json"))]

@@ -253,12 +253,35 @@ def test_a_server_that_dies_ends_it(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Two trainings, and what was printed."""
     folder = tmp_path_factory.mktemp("viewer") / "sweep"
     script = start("train.py", "-m", "seed=0,1", *SMALL, f"run_dir={folder}", "viewer=file")
-    output, _ = script.communicate(timeout=200)
+    output, _ = script.communicate(timeout=240)
     assert script.returncode == 0, output
-    return folder
+    return folder, output
+
+
+@pytest.fixture(scope="module")
+def sweep(swept: tuple[Path, str]) -> Path:
+    return swept[0]
+
+
+def test_a_sweep_makes_a_folder_a_run(swept: tuple[Path, str]) -> None:
+    folder, output = swept
+    runs = sorted(path.parent for path in folder.glob("*/summary.json"))
+    assert [read_json(run / "summary.json")["seed"] for run in runs] == [0, 1]
+    assert len({read_rows(run / METRICS)[-1]["train/return_mean"] for run in runs}) == 2
+    assert [name_of(run / "recording.rrd") for run in runs] == ["seed=0", "seed=1"]
+    assert f"-m ibe_rl.viewer {folder}\n" in output
+
+
+def name_of(recording: Path) -> str:
+    chunks = [chunk.to_record_batch() for chunk in RrdReader(str(recording)).stream()]
+    [name] = [
+        chunk["RecordingInfo:name"][0].as_py()[0] for chunk in chunks if "RecordingInfo:name" in chunk.schema.names
+    ]
+    return str(name)
 
 
 @pytest.fixture(scope="module")

@@ -217,9 +217,10 @@ def test_training_can_go_on_to_the_report(tmp_path: Path, monkeypatch: pytest.Mo
         asked.append(settings)
 
     monkeypatch.setattr(experiments, "reproduce", reproduce)
-    call("train", *SMALL, f"run_dir={tmp_path / 'without'}", "viewer=off")
+    short = [*SMALL, "total_frames=2000", "viewer=off"]
+    call("train", *short, f"run_dir={tmp_path / 'without'}")
     assert not asked
-    call("train", *SMALL, f"run_dir={tmp_path / 'run'}", "viewer=off", "report=true", "predictor.futures=2")
+    call("train", *short, f"run_dir={tmp_path / 'run'}", "report=true", "predictor.futures=2")
     [settings] = asked
     assert (settings.run, settings.task) == (str(tmp_path / "run"), "figures")
     assert settings.predictor.futures == 2
