@@ -14,9 +14,9 @@ import torch
 from tensordict import TensorDictBase
 
 from ibe_rl.agents import make_agent
-from ibe_rl.agents.ppo import SamplingPolicy
+from ibe_rl.agents.ppo import PPOConfig, SamplingPolicy
 from ibe_rl.collect.collector import batches, make_collector
-from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig, PPOConfig
+from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.make import InstructedEnvs, make_gym, task_of
 

@@ -28,10 +28,12 @@ from benchmarks.why_variants import renamed
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
-from ibe_rl.metrics import motion_auc
+from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
 from tests.by_hand import TASK, column, defy, obey
+
+pytestmark = pytest.mark.slow
 
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
 PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults", "sweep")

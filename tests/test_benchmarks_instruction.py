@@ -18,10 +18,11 @@ from benchmarks.instruction_report import insert, success, table
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from ibe_rl.agents import check_agent
 from ibe_rl.collect.collector import check_collect
+from ibe_rl.config.kinds import register
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import FlawedConfig, PredictorConfig
-from ibe_rl.config.store import register
+from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_TASK
+from ibe_rl.instructors.flawed import FlawedConfig
 from ibe_rl.training.instruction_reward import check_obedience
 from ibe_rl.types import Array
 from ibe_rl.vocabulary.tracker import check_development
@@ -31,12 +32,12 @@ ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name
 
 
 def mean_and_reach(values: Array) -> list[dict[str, float]]:
-    """In the place of rliable's bootstrap, which takes minutes and is not there in every test."""
+    """In the place of the bootstrap, with ends that can be told by hand."""
     return [{"value": float(one.mean()), "low": float(one.min()), "high": float(one.max())} for one in values.T]
 
 
 @pytest.fixture(autouse=True)
-def without_rliable(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (instruction_report, robustness_report):
         monkeypatch.setattr(module, "interquartile", mean_and_reach)
 

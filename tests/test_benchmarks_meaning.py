@@ -21,6 +21,8 @@ from ibe_rl.envs.make import task_of
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.types import Array, Episode, observe
 
+pytestmark = pytest.mark.slow
+
 ALL = situations()
 UP = Truth(np.array([1.0]), 0.5, True, "by hand")
 BOTH_WAYS = [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]]

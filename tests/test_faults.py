@@ -48,7 +48,7 @@ class Training:
 
     def ended(self, group: list[int], frames: int = FRAMES) -> str:
         """Wait for the end of a run that must end well and leave nothing running; what it printed."""
-        output, _ = self.process.communicate(timeout=120)
+        output, _ = self.process.communicate(timeout=240)
         assert self.process.returncode == 0, output
         assert "Traceback" not in output, output
         assert json.loads((self.folder / "summary.json").read_text())["frames"] >= frames

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from processes import ROOT, SMALL, call
 
-from ibe_rl.config.task import TaskConfig
+from ibe_rl.config.settings import TaskConfig
 
 DOC = (ROOT / "docs" / "OWN_ENVIRONMENT.md").read_text()
 FEWER = ["viewer=file", "collect.envs_per_process=16", "explain_every_steps=25", "total_frames=4000"]

@@ -11,7 +11,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,16 +19,18 @@ import numpy as np
 import pytest
 from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
-from view_data import column, frames, read
+from view_data import column, eventually, frames, read
 
 import explain
 from benchmarks import foreseeing
 from ibe_rl.config.command_line import load_config
-from ibe_rl.config.settings import EnsembleConfig, EvaluateConfig, MappingConfig, TrainConfig
-from ibe_rl.evaluation import load_run
+from ibe_rl.config.settings import EvaluateConfig, MappingConfig, TrainConfig
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
-from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
+from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.training.run import TIMES
@@ -594,13 +595,10 @@ def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
     folder = tmp_path / "stopped"
     many = ["collect.processes=2", "total_frames=100000000"]
     script = start("train.py", *SMALL, *many, f"run_dir={folder}", "viewer=live")
-    until = time.monotonic() + 120
-    while not list((folder / "refreshes").glob("*.json")):
-        assert script.poll() is None, script.stdout.read() if script.stdout else ""
-        assert time.monotonic() < until
-        time.sleep(0.2)
+    assert eventually(lambda: list((folder / "refreshes").glob("*.json")) or script.poll() is not None)
+    assert script.poll() is None, script.stdout.read() if script.stdout else ""
     os.killpg(script.pid, signal.SIGINT)  # to the whole group, as a terminal does
-    output, _ = script.communicate(timeout=60)
+    output, _ = script.communicate(timeout=120)
     assert script.returncode == 0, output
     assert "live view: http://127.0.0.1" in output
     assert "ssh -L" in output
@@ -677,7 +675,7 @@ def test_a_run_is_explained_with_the_predictor_that_it_learnt(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, asked = Path(shutil.copytree(run, tmp_path / "run")), list[str]()
-    monkeypatch.setattr(explain, "explain_episode", lambda cfg: asked.append(cfg.predictor.kind))
+    monkeypatch.setattr(explain, "explain_episode", lambda _, cfg: asked.append(cfg.predictor.kind))
     call("explain", f"run={folder}")
     settings = folder / ".hydra" / "config.yaml"
     settings.write_text(settings.read_text().replace("kind: simulator", "kind: ensemble"))

@@ -14,7 +14,7 @@ from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed
 from ibe_rl.ibe import ClusterMapping, Reactions
-from ibe_rl.predict import Simulator
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.vocabulary.refresh import learn_vocabulary

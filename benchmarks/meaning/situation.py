@@ -11,8 +11,8 @@ import gymnasium
 from benchmarks.meaning.environments import Reward, World, make_game, make_task
 from benchmarks.meaning.rules import MakeInstructor, Rule
 from benchmarks.meaning.trial import Trial, Truth, cached, code_version, play_both
-from ibe_rl.apps.external.policy import Wandering
-from ibe_rl.instructors import Oracle
+from ibe_rl.apps.external.policy import EpsilonGreedy
+from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.task import Task
 from ibe_rl.types import Policy
 
@@ -67,7 +67,7 @@ class Situation:
             cache: folder that keeps the episodes for the next time.
         """
         instructor = self.make_instructor or (lambda _: Oracle(self.rule))
-        acting = Wandering(self.policy, self.world.random_actions, self.make_env().action_space, seed)
+        acting = EpsilonGreedy(self.policy, self.world.random_actions, self.make_env().action_space, seed)
         path = None if cache is None else cache / f"{self.name}_{seed}_{code_version()}.npz"
         logged, fresh = cached(path, lambda: play_both(self.make_env, self.policy, acting, instructor, seed))
         return Trial(

@@ -9,16 +9,21 @@ import gymnasium
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
-from ibe_rl.agents.actions import discrete, make_actions
-from ibe_rl.agents.dqn import DQN
+from ibe_rl.agents.actions import make_actions
 from ibe_rl.agents.networks import GreedyPolicy
-from ibe_rl.agents.ppo import PPO
-from ibe_rl.config.settings import AgentConfig, DQNConfig, PPOConfig
+from ibe_rl.config.kinds import implementation, made
+from ibe_rl.config.settings import AgentConfig
 from ibe_rl.types import ConfigError
 
 
 class Agent(Protocol):
-    """A learner: ``policy`` explores and is what the collector runs, ``greedy`` is what is explained."""
+    """A learner: ``policy`` explores and is what the collector runs, ``greedy`` is what is explained.
+
+    A kind of agent is such a class. It is called with its settings, the observation size O, the space of actions, the
+    frames that it will learn from, and the places in the observation that it does not see. Class attributes:
+    ``settings``, a dataclass derived from ``AgentConfig``, and if need be ``check(settings, actions)``, which raises
+    ``ConfigError``.
+    """
 
     policy: TensorDictModuleBase
     greedy: GreedyPolicy
@@ -57,16 +62,12 @@ def make_agent(
         state_names: of the first numbers of the observation, for ``config.ignores``.
 
     Raises:
-        ConfigError: if the agent cannot take such actions, the config is of no known kind, or the agent is to ignore
-            what is not there.
+        ConfigError: if the agent cannot take such actions, there is no such kind, or it is to ignore what is not there.
     """
     check_actions(config, actions)
     ignored = _ignored(config, state_names)
-    if isinstance(config, PPOConfig):
-        return PPO(config, observation_size, make_actions(actions, config.first_std), total_frames, ignored)
-    if isinstance(config, DQNConfig):
-        return DQN(config, observation_size, make_actions(actions, 1.0).outputs, total_frames, ignored)
-    raise ConfigError(f"agent={type(config).__name__}: allowed is one of PPOConfig, DQNConfig")
+    agent: Agent = made("agent", config, observation_size, actions, total_frames, ignored)
+    return agent
 
 
 def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
@@ -79,14 +80,15 @@ def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
 
 
 def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
-    """Refuse, before anything is made, an agent for which the environment's actions are of the wrong kind.
+    """Refuse, before anything is made, an agent that cannot work with the environment's actions.
 
     Raises:
         ConfigError: naming the actions and what is allowed.
     """
     make_actions(actions, 1.0)
-    if isinstance(config, DQNConfig) and not discrete(actions):
-        raise ConfigError(f"agent=dqn: the environment's actions are {actions}, not Discrete; allowed is agent=ppo")
+    checks = getattr(implementation("agent", config.kind), "check", None)
+    if checks:
+        checks(config, actions)
 
 
 def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
@@ -97,4 +99,4 @@ def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
     return [list(state_names).index(name) for name in config.ignores]
 
 
-__all__ = ["DQN", "PPO", "Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent"]
+__all__ = ["Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent"]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from dataclasses import dataclass
 from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -14,9 +16,31 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
+from ibe_rl.agents.actions import discrete
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
-from ibe_rl.config.settings import DQNConfig
+from ibe_rl.config.limits import TINY, setting
+from ibe_rl.config.settings import AgentConfig
+from ibe_rl.types import ConfigError
+
+
+@dataclass
+class DQNConfig(AgentConfig):
+    """Deep Q-learning with a slowly following target network, the paper's kind of agent.
+
+    The learning rate falls linearly to 0 over the run; epsilon from 1 to ``epsilon_early`` and on to ``epsilon_end``.
+    """
+
+    kind: str = setting("dqn", kept=True)
+    n_steps: int = setting(5, low=1, high=1_000, kept=True)  # of real rewards before the target network is asked
+    buffer_frames: int = setting(400_000, low=1_000, kept=True)
+    minibatch_size: int = setting(256, low=1)
+    frames_per_update: int = setting(10, low=1)
+    learn_after_frames: int = setting(5_000, low=0)
+    epsilon_early: float = setting(0.1, low=0.0, high=1.0)
+    epsilon_end: float = setting(0.0, low=0.0, high=1.0)
+    epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
+    target_rate: float = setting(1.0, low=TINY, high=1.0)  # share of the way to the network, a batch; 1: all of it
 
 
 class EpsilonGreedyPolicy(TensorDictModuleBase):
@@ -84,7 +108,7 @@ class DQN:
     Args:
         config: see ``DQNConfig``.
         observation_size: O.
-        n_actions: A.
+        actions: of the environment, one of a few.
         total_frames: frames after which the learning rate reaches 0 and epsilon its end.
         ignored: places in the observation that it does not see.
 
@@ -93,10 +117,20 @@ class DQN:
         greedy: what is evaluated and explained.
     """
 
+    kind, settings = "dqn", DQNConfig
+
     def __init__(
-        self, config: DQNConfig, observation_size: int, n_actions: int, total_frames: int, ignored: Sequence[int] = ()
+        self,
+        config: DQNConfig,
+        observation_size: int,
+        actions: gymnasium.Space[Any],
+        total_frames: int,
+        ignored: Sequence[int] = (),
     ):
+        self.check(config, actions)
+        assert isinstance(actions, gymnasium.spaces.Discrete)
         self._config, self._total_frames, self._frames = config, total_frames, 0
+        n_actions = int(actions.n)
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0, ignored=ignored)
         self._network, self.policy, self._epsilon = network, EpsilonGreedyPolicy(deepcopy(network), n_actions), 1.0
         self.greedy = GreedyPolicy(network, config.average_share)
@@ -104,6 +138,18 @@ class DQN:
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
         self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
         self._unfinished: TensorDictBase | None = None  # the newest steps, whose n-th next is still to come
+
+    @staticmethod
+    def check(config: DQNConfig, actions: gymnasium.Space[Any]) -> None:
+        """Refuse actions of another kind.
+
+        Raises:
+            ConfigError: naming the actions and what is allowed.
+        """
+        if not discrete(actions):
+            raise ConfigError(
+                f"agent={config.kind}: the environment's actions are {actions}, not Discrete; allowed is agent=ppo"
+            )
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
         """Take in a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon.

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import gymnasium
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
@@ -17,10 +19,26 @@ from torch import Tensor, nn
 from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
-from ibe_rl.agents.actions import Actions
+from ibe_rl.agents.actions import Actions, make_actions
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
-from ibe_rl.config.settings import PPOConfig
+from ibe_rl.config.limits import TINY, setting
+from ibe_rl.config.settings import AgentConfig
+
+
+@dataclass
+class PPOConfig(AgentConfig):
+    """Proximal policy optimisation; learning rate and entropy bonus fall linearly to 0 over the run."""
+
+    kind: str = setting("ppo", kept=True)
+    gae_lambda: float = setting(0.98, low=0.0, high=1.0)
+    clip: float = setting(0.2, low=1e-6, high=1.0)
+    epochs: int = setting(4, low=1)
+    minibatch_size: int = setting(512, low=2)
+    entropy: float = setting(0.004, low=0.0)
+    first_std: float = setting(0.6, low=TINY, high=10.0)  # of continuous actions at the start, in half ranges
+    value_weight: float = setting(0.5, low=0.0)
+    max_grad_norm: float = setting(0.5, low=TINY)
 
 
 class SamplingPolicy(TensorDictModuleBase):
@@ -82,7 +100,7 @@ class PPO:
     Args:
         config: see ``PPOConfig``.
         observation_size: O.
-        actions: the kind that the environment takes.
+        actions: of the environment.
         total_frames: frames after which learning rate and entropy bonus reach 0.
         ignored: places in the observation that it does not see.
 
@@ -91,16 +109,23 @@ class PPO:
         greedy: what is evaluated and explained.
     """
 
+    kind, settings = "ppo", PPOConfig
+
     def __init__(
-        self, config: PPOConfig, observation_size: int, actions: Actions, total_frames: int, ignored: Sequence[int] = ()
+        self,
+        config: PPOConfig,
+        observation_size: int,
+        actions: gymnasium.Space[Any],
+        total_frames: int,
+        ignored: Sequence[int] = (),
     ):
         self._config, self._total_frames, self._frames = config, total_frames, 0
-        self._actions = actions
-        network = make_network(observation_size, config.hidden, actions.outputs, nn.ReLU, 0.01, ignored)
-        self._actor = actions.finish(network)
+        self._actions = make_actions(actions, config.first_std)
+        network = make_network(observation_size, config.hidden, self._actions.outputs, nn.ReLU, 0.01, ignored)
+        self._actor = self._actions.finish(network)
         self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0, ignored=ignored)
-        self.policy = SamplingPolicy(deepcopy(self._actor), actions)
-        self.greedy = GreedyPolicy(self._actor, config.average_share, actions.mode)
+        self.policy = SamplingPolicy(deepcopy(self._actor), self._actions)
+        self.greedy = GreedyPolicy(self._actor, config.average_share, self._actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])
         self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
         self._parameters = [*self._actor.parameters(), *self._critic.parameters()]

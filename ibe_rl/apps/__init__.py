@@ -1,9 +1,10 @@
-"""What not every user needs: teaching page, the paper's report, sweeps, Minari, external agents, Ray.
+"""Applications: what not every user needs, built on the core.
 
-Each application attaches to the core: as a listener, as a hydra plugin, or by its name in a setting. The core trains,
-explains and evaluates without this folder.
+In: runs and their folders, agents and logs from elsewhere, people who teach.
+Out: reports with figures (``paper``, ``sweep``), runs of others (``external``, ``minari``), lessons (``teach``),
+workers on a cluster (``ray``).
+Imports: every other room. None of them imports this one: they reach it by listeners, registries or import strings, so
+that the core trains, explains and evaluates without it.
 
-In: runs, and what listeners hear.
-Out: pages, reports, datasets, more processes.
-Imports: any room; none imports it.
+``report_page`` writes the page of a report from a template and its figures, ``plot_style`` is how these look.
 """

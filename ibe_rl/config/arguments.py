@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from hydra.core.override_parser.types import Quote, QuotedString
 
+from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles
 from ibe_rl.storage.run_folder import CONFIG, read_yaml
 
-KINDS = ("agent", "instructor", "predictor")
-"""Groups whose choices have settings of their own."""
 SPELT = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
 """Settings of a script that name a file or folder, where hydra would look in ``configs/``; what they are in it."""
 OF_A_TRAINING = re.compile(r"(env|mapping)[.=]")
@@ -55,12 +56,32 @@ def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
     resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
-        kinds = {group: str(saved[group]["kind"]) for group in KINDS if "kind" in saved[group]}
-    except (OSError, ValueError, KeyError, TypeError, IndexError):
+        given = {one.partition("=")[0] for one in arguments}
+        folders = [KindFiles("", str(folder)) for folder in (configs, *own_folders(arguments))]
+        return [
+            f"{group}={chosen}"
+            for group in GROUPS
+            if group not in given and (chosen := _chosen(group, saved, folders)) is not None
+        ]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
         return []  # if it is wrong, taking the run up says so
-    known = {group: {path.stem for path in (configs / group).glob("*.yaml")} for group in KINDS}
-    known["instructor"].discard("recorded")  # it wants a setting more, and is not resumed
-    return [f"{group}={kind}" for group, kind in kinds.items() if kind in known[group]]
+
+
+def _chosen(group: str, saved: dict[str, Any], folders: Sequence[KindFiles]) -> str | None:
+    """The files of a group that a saved config was made from, as on the command line; None if there are none."""
+    names = {kind: name for folder in folders for kind, name in folder.kinds(group).items()}
+    if group in SEVERAL:
+        several = saved.get(SEVERAL[group], {})
+        return f"[{','.join(several)}]" if several and all(one["kind"] in names for one in several.values()) else None
+    return names.get(saved[group].get("kind"))
+
+
+def own_folders(arguments: Sequence[str]) -> list[str]:
+    """The folders that ``--config-dir`` names."""
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--config-dir", "-cd", action="append", default=[])
+    found: list[str] = parser.parse_known_args(list(arguments))[0].config_dir
+    return found
 
 
 def quoted(text: str) -> str:

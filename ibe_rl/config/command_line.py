@@ -21,13 +21,11 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
 
-from ibe_rl.config import settings as schemas
-from ibe_rl.config.arguments import KINDS, as_hydra_reads
-from ibe_rl.config.limits import check
-from ibe_rl.config.store import register
-from ibe_rl.config.task import code_of
+from ibe_rl.config.arguments import as_hydra_reads
+from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles, check_config, register, with_settings
+from ibe_rl.config.settings import CODE_SETTINGS
 from ibe_rl.runtime.workers import LostWorkerError
-from ibe_rl.storage.run_folder import NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
 from ibe_rl.types import ConfigError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -51,8 +49,8 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     def main(composed: Any) -> None:
         nonlocal started
         try:
-            values = OmegaConf.to_object(composed)
-            check(values)
+            values = OmegaConf.to_object(_with_what_a_run_keeps(composed))
+            check_config(values)
             started = True
             with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
                 script(values)
@@ -80,8 +78,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 def choices(group: str) -> dict[str, Any]:
     """All choices of a group of ``configs/``, as ``train.py`` would compose each; only inside ``run_script``."""
     names = GlobalHydra.instance().config_loader().get_group_options(group)
-    files = [name for name in names if "schema" not in name]
-    return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in files}
+    return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in names}
 
 
 @contextmanager
@@ -110,7 +107,7 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
             values = OmegaConf.to_object(hydra.compose(name, as_hydra_reads(overrides, name, CONFIGS)))
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(one_line(error)) from None
-    check(values)
+    check_config(values)
     return values
 
 
@@ -167,7 +164,7 @@ def _swept() -> set[str]:
 
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
     """Write the composed config and the overrides the way hydra does; of a run that ``goes_on`` behind those before."""
-    known = ("resume", "resume_from", *(KINDS if goes_on else ()))
+    known = ("resume", "resume_from", *(GROUPS if goes_on else ()))
     given = [one for one in HydraConfig.get().overrides.task if one.partition("=")[0] not in known]
     before = read_overrides(folder / "overrides.yaml") if goes_on else []
     write_config(values, [*before, *given], folder)
@@ -191,32 +188,90 @@ def load_config(path: Path, schema: type) -> Any:
         ConfigError: if the file does not fit the schema, or names code that no file of one's own names.
     """
     try:
-        saved = OmegaConf.create(read_yaml(path))
-        agents = {"ppo": schemas.PPOConfig, "dqn": schemas.DQNConfig, "guest": schemas.GuestConfig}
-        agent = agents[saved.agent.kind]
-        instructor = schemas.INSTRUCTORS.get(saved.instructor.kind, schemas.InstructorConfig)
-        predictor = schemas.PREDICTORS.get(saved.predictor.get("kind"), schemas.PredictorConfig)
-        chosen = schema(agent=agent(), instructor=instructor(), predictor=predictor())
-        typed = OmegaConf.merge(OmegaConf.structured(chosen), saved)
+        saved = _renamed(read_yaml(path))
+        _refuse_strange_code(saved, path)
+        typed = OmegaConf.merge(OmegaConf.structured(schema), {**saved, **_kinds_of(saved)})
         values: Any = OmegaConf.to_object(typed)
+    except ConfigError:
+        raise
     except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
         reason = one_line(error)[:200]
         raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
-    _refuse_strange_code(values.env, path)
     return values
 
 
-def _refuse_strange_code(env: schemas.EnvConfig, path: Path) -> None:
-    """Refuse an environment of a saved config that names code which no file in ``configs/env`` names."""
-    named = code_of(env.id, env.task)
-    if named:
-        with settings_at_hand():
-            named -= set().union(*(code_of(known.id, known.task) for known in choices("env").values()))
-    if named:
+def _kinds_of(saved: dict[str, Any]) -> dict[str, Any]:
+    """The parts of a saved config whose settings depend on their kind."""
+    one = {group: with_settings(group, saved[group]) for group in GROUPS.keys() - SEVERAL.keys() if group in saved}
+    several = {
+        key: {name: with_settings(group, values) for name, values in saved[key].items()}
+        for group, key in SEVERAL.items()
+        if key in saved
+    }
+    return one | several
+
+
+def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
+    """With the names that code of this package has now: the room of the environments was called ``env``."""
+    task = saved["env"].get("task") or {}
+    old = {name: value for name, value in task.items() if isinstance(value, str) and value.startswith("ibe_rl.env.")}
+    task |= {name: f"ibe_rl.envs.{value.removeprefix('ibe_rl.env.')}" for name, value in old.items()}
+    return saved
+
+
+def _refuse_strange_code(saved: dict[str, Any], path: Path) -> None:
+    """Refuse a saved config that names code which no file in ``configs`` or below a ``--config-dir`` names.
+
+    Raises:
+        ConfigError: naming the code and what is allowed.
+    """
+    named = {("env", code) for code in _code_of_env(saved["env"])}
+    for group in GROUPS:
+        parts = saved.get(SEVERAL[group], {}).values() if group in SEVERAL else [saved.get(group, {})]
+        named |= {(group, kind) for kind in map(_kind_of, parts) if ":" in kind}
+    if not named:
+        return
+    with settings_at_hand():
+        sources = GlobalHydra.instance().config_loader().get_sources()
+        folders = [source for source in sources if isinstance(source, KindFiles)]
+        trusted = {(group, kind) for group in GROUPS for folder in folders for kind in folder.kinds(group)}
+        if any(group == "env" for group, _ in named):
+            known = (OmegaConf.to_container(OmegaConf.structured(one)) for one in choices("env").values())
+            trusted |= {("env", code) for one in known for code in _code_of_env(one)}
+    strange = sorted(named - trusted)
+    if strange:
+        group = strange[0][0]
+        codes = ", ".join(code for of, code in strange if of == group)
+        whose = "environment" if group == "env" else group
         raise ConfigError(
-            f"{path}: its environment runs code, {', '.join(sorted(named))}; allowed is what comes with ibe_rl or is "
-            "named by a file in configs/env or below a --config-dir: put one there if you trust it"
+            f"{path}: its {whose} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
+            f"configs/{group} or below a --config-dir: put one there if you trust it"
         )
+
+
+def _kind_of(values: dict[str, Any]) -> str:
+    return str(values.get("kind", ""))
+
+
+def _code_of_env(env: dict[str, Any]) -> set[str]:
+    """All code outside this package that making an environment and calling what is declared of it would run."""
+    task, env_id = env.get("task") or {}, str(env.get("id"))
+    named = {str(task[name]) for name in CODE_SETTINGS if task.get(name)} | ({env_id} if ":" in env_id else set())
+    return {one for one in named if not one.startswith("ibe_rl.envs.")}
+
+
+def _with_what_a_run_keeps(composed: Any) -> Any:
+    """A composed config in which a run that is resumed has its own values where there is no default."""
+    if not composed.get("resume"):
+        return composed
+    try:
+        saved = OmegaConf.create(read_yaml(Path(composed.resume) / CONFIG))
+    except (OSError, ValueError):
+        return composed  # taking the run up says what is wrong with it
+    for key in OmegaConf.missing_keys(composed):
+        if OmegaConf.select(saved, key) is not None:
+            OmegaConf.update(composed, key, OmegaConf.select(saved, key))
+    return composed
 
 
 def changed(saved: Any, fixed: Sequence[str]) -> Any:
@@ -231,16 +286,29 @@ def changed(saved: Any, fixed: Sequence[str]) -> Any:
     """
     config = OmegaConf.structured(saved)
     for one in OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task)):
-        key, group = one.key_or_group, "." not in one.key_or_group and isinstance(one.value(), str)
-        if key in ("resume", "resume_from") or (key in KINDS and one.value() == getattr(saved, key).kind):
+        key = one.key_or_group
+        chosen = hydra.compose("train", [one.input_line]) if _is_group(key) else {}
+        if key in ("resume", "resume_from") or _is_of_kind(chosen.get(key), getattr(saved, key, None)):
             continue
         if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):
             raise ConfigError(f"{one.input_line} with resume: a run keeps its {', '.join(fixed)}; allowed is all else")
-        if group and OmegaConf.is_config(OmegaConf.select(config, key)):
-            OmegaConf.update(config, key, hydra.compose("train", [f"{key}={one.value()}"])[key], merge=False)
+        if key in SEVERAL:
+            new = {name: each for name, each in chosen[SEVERAL[key]].items() if name not in config[SEVERAL[key]]}
+            config[SEVERAL[key]] |= new
+        elif key in chosen:
+            OmegaConf.update(config, key, chosen[key], merge=False)
         else:
             OmegaConf.update(config, key, one.value())
     return OmegaConf.to_object(config)
+
+
+def _is_group(key: str) -> bool:
+    return "." not in key and GlobalHydra.instance().config_loader().get_group_options(key) != []
+
+
+def _is_of_kind(chosen: Any, kept: Any) -> bool:
+    """Whether what was chosen is of the kind that the run has."""
+    return chosen is not None and "kind" in chosen and chosen.kind == getattr(kept, "kind", None)
 
 
 def one_line(error: BaseException) -> str:
@@ -251,7 +319,8 @@ def one_line(error: BaseException) -> str:
     text = str(cause)
     unknown = re.search(r"Key '(\w+)' not in '(\w+)'", text)
     if unknown:
-        return _unknown_key(unknown[1], unknown[2], getattr(cause, "full_key", None))
+        names = getattr(getattr(cause, "object_type", None), "__dataclass_fields__", {})
+        return f"{getattr(cause, 'full_key', None) or unknown[1]}: no such setting; allowed are {', '.join(names)}"
     key = getattr(cause, "full_key", None)
     first = text.strip().splitlines()[0] if text.strip() else type(error).__name__
     if isinstance(error, OverrideParseException):
@@ -259,13 +328,9 @@ def one_line(error: BaseException) -> str:
     return f"{key}: {first}" if key else first
 
 
-def _unknown_key(key: str, owner: str, full_key: str | None) -> str:
-    fields = getattr(getattr(schemas, owner, None), "__dataclass_fields__", {})
-    return f"{full_key or key}: no such setting; allowed are {', '.join(fields)}"
-
-
 def _unknown_choice(text: str) -> str:
     wanted = re.search(r"Could not find '([\w/]+)/([\w.-]+)'", text) or re.search(r"'([\w/]+)/([\w.-]+)'", text)
     options = [line.strip() for line in text.splitlines() if line.startswith("\t")]
-    allowed = ", ".join(sorted(option for option in options if "schema" not in option and "/" not in option))
-    return f"{wanted[1]}={wanted[2]}: allowed is one of {allowed}" if wanted else text.splitlines()[0]
+    names = ", ".join(sorted(option for option in options if "/" not in option))
+    allowed = f"one of {names}" if names else "the name of a file below a --config-dir"
+    return f"{wanted[1]}={wanted[2]}: allowed is {allowed}" if wanted else text.splitlines()[0]

@@ -11,11 +11,43 @@ from ibe_rl.types import ConfigError
 
 TINY = 1e-9
 """The lower limit of what must be above 0."""
+KEPT = {"kept": True}
+"""Metadata of a field without limits that a resumed run keeps; see ``setting``."""
 
 
-def setting(default: Any, *, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()) -> Any:
-    """A field with limits; ``low`` and ``high`` are themselves allowed."""
-    return field(default=default, metadata={"low": low, "high": high, "choices": tuple(choices)})
+def setting(
+    default: Any,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+    kept: bool = False,
+    learnt: bool = True,
+) -> Any:
+    """A field with limits.
+
+    Args:
+        default: its value.
+        low: the lowest value allowed.
+        high: the highest value allowed.
+        choices: the only values allowed.
+        kept: a run that is resumed keeps it, and of a group all that is in it.
+        learnt: False where what a predictor learns does not depend on it.
+    """
+    metadata = {"low": low, "high": high, "choices": tuple(choices), "kept": kept, "learnt": learnt}
+    return field(default=default, metadata=metadata)
+
+
+def kept_settings(config: Any, prefix: str = "") -> list[str]:
+    """The settings of a config that a resumed run keeps; of a group that it keeps whole only its name."""
+    found = []
+    for item in fields(config):
+        value = getattr(config, item.name)
+        if item.metadata.get("kept"):
+            found.append(f"{prefix}{item.name}")
+        elif is_dataclass(value):
+            found += kept_settings(value, f"{prefix}{item.name}.")
+    return found
 
 
 def check(config: Any) -> None:
@@ -38,6 +70,9 @@ def _settings(config: Any, prefix: str) -> Iterator[tuple[str, Any, dict[str, An
         value = getattr(config, item.name)
         if is_dataclass(value):
             yield from _settings(value, f"{prefix}{item.name}.")
+        elif isinstance(value, dict) and any(map(is_dataclass, value.values())):
+            for name, one in value.items():
+                yield from _settings(one, f"{prefix}{item.name}.{name}.")
         else:
             yield f"{prefix}{item.name}", value, dict(item.metadata)
 

@@ -1,6 +1,7 @@
-"""Every setting: its name, type, default, limits and meaning. The files in configs/ only pick and override.
+"""The settings that all kinds share: name, type, default, limits and meaning. Files in configs/ pick and override.
 
-A field's metadata holds its limits. ``ibe_rl.config.limits.check`` refuses what is outside before anything is built.
+A kind of agent, instructor, mapping or predictor adds its own in its module (``ibe_rl.config.kinds``). A field's
+metadata holds its limits; ``ibe_rl.config.limits.check`` refuses what is outside before anything is built.
 See all values of a run with ``python train.py --cfg job``.
 """
 
@@ -11,16 +12,59 @@ from typing import Any
 
 from omegaconf import MISSING
 
-from ibe_rl.config.limits import TINY, setting
-from ibe_rl.config.predictor import PREDICTORS as PREDICTORS
-from ibe_rl.config.predictor import EnsembleConfig as EnsembleConfig
-from ibe_rl.config.predictor import PredictorConfig as PredictorConfig
-from ibe_rl.config.predictor import RegressionConfig as RegressionConfig
-from ibe_rl.config.task import TaskConfig
+from ibe_rl.config.limits import KEPT, TINY, setting
 
 MAX_SEED = 9_999
-OTHERS = ("oracle", "silent", "habits")
-"""Who can instruct beside a person; ``habits`` does as the person would, going by what they said so far."""
+DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
+
+
+@dataclass
+class PhrasesConfig:
+    """The words for one number of the instruction; see ``ibe_rl.task.Phrases``."""
+
+    zero: str = MISSING
+    negative: str = MISSING  # with {degree} where the word for it goes
+    positive: str = MISSING
+    degrees: dict[str, float] = field(default_factory=lambda: dict(DEGREES))  # word: from which magnitude on, rising
+
+
+@dataclass
+class TaskConfig:
+    """See ``ibe_rl.task.Task``. What is ``module:name`` is a function, or a class that is made without arguments.
+
+    Modules are looked for where Python does and in the folder that the program was started in.
+    """
+
+    name: str = MISSING
+    rule: str = MISSING  # module:name; states (..., S) to instructions (..., d)
+    phrases: list[PhrasesConfig] = MISSING  # one for each number of the instruction
+    explained: list[str] = MISSING  # the state dimensions that its numbers speak of: each rises where the rule says +1
+    explained_band: list[float] = MISSING  # change of each beyond which it went one way or the other
+    explained_range: list[float] = field(default_factory=list)  # how far each reaches; empty: 1 each
+    instruction_values: list[float] = field(default_factory=lambda: [-1.0, 0.0, 1.0])  # that each number can have
+    state_names: list[str] = field(default_factory=list)  # empty: state_0, state_1, ...
+    state_units: list[str] = field(default_factory=list)  # empty: none
+    max_episode_steps: int | None = setting(None, low=1)  # None: as it is registered
+    success: str | None = None  # module:name; last state (S,), terminated, truncated to bool
+    success_key: str | None = None  # or the key of its info that says so; with neither nothing counts as success
+    context: str | None = None  # module:name; first state (S,) to the name of what the episode is about
+    contexts: list[str] = field(default_factory=list)  # all such names
+    context_option: str | None = None  # the key of the reset option that fixes it
+    motion: str | None = None  # module:name; states (..., S) to the change (..., d) in one step as it moves now
+    goal_offset: str | None = None  # module:name; states (..., S) to how far (..., d) the goal lies above
+    first_contact: str | None = None  # module:name; states (T + 1, S) to the step at which the outcome is seen
+    hidden_goal: dict[str, Any] = field(default_factory=dict)  # arguments with which nobody can see the goal
+    scene_path: str | None = None  # module:name; states (..., S) to points (..., 2) of a drawing, y up
+    scene_size: list[float] = field(default_factory=lambda: [1.0, 1.0])  # width and height of the drawing
+    background: str | None = None  # module:name; the environment to the list of ibe_rl.task.Shape that stand still
+    figure: str | None = None  # module:name; the environment to those that move
+
+
+CODE_SETTINGS = (
+    *("rule", "success", "context", "motion", "goal_offset", "first_contact"),
+    *("scene_path", "background", "figure"),
+)
+"""The settings that name code."""
 
 
 @dataclass
@@ -38,11 +82,13 @@ class CollectConfig:
 
     engine: str = setting("processes", choices=("processes", "ray"))  # ray: on this machine or on a cluster
     address: str | None = None  # of the Ray cluster, as host:port; None: Ray on this machine, for this run
-    processes: int = setting(2, low=1, high=64)  # 1 collects in the training process itself, but over Ray
-    envs_per_process: int = setting(64, low=1, high=1024)
-    steps_per_batch: int = setting(64, low=1, high=100_000)  # of each environment
-    overlap: bool = False  # collect a batch, in processes of its own, while learning from the one before
-    ahead_batches: int = setting(1, low=1, high=16)  # with overlap: so many may be under way
+    processes: int = setting(2, low=1, high=64, kept=True)  # 1 collects in the training process itself, but over Ray
+    envs_per_process: int = setting(64, low=1, high=1024, kept=True)
+    steps_per_batch: int = setting(64, low=1, high=100_000, kept=True)  # of each environment
+    overlap: bool = setting(
+        False, kept=True
+    )  # collect a batch, in processes of its own, while learning from the one before
+    ahead_batches: int = setting(1, low=1, high=16, kept=True)  # with overlap: so many may be under way
     timeout_s: float | None = setting(300.0, low=1.0)  # a worker without a batch for so long hangs: the run ends
 
 
@@ -57,9 +103,9 @@ class LogConfig:
 class AgentConfig:
     """What all agents share."""
 
-    kind: str = MISSING
-    hidden: list[int] = field(default_factory=lambda: [64, 64])
-    ignores: list[str] = field(default_factory=list)  # names of state dimensions that it does not see
+    kind: str = field(default=MISSING, metadata=KEPT)
+    hidden: list[int] = field(default_factory=lambda: [64, 64], metadata=KEPT)
+    ignores: list[str] = field(default_factory=list, metadata=KEPT)  # names of state dimensions that it does not see
     gamma: float = setting(0.995, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
     success_bonus: float = setting(100.0, low=0.0)  # added where the environment says success, for the learner only
@@ -68,89 +114,10 @@ class AgentConfig:
 
 
 @dataclass
-class PPOConfig(AgentConfig):
-    """Proximal policy optimisation; learning rate and entropy bonus fall linearly to 0 over the run."""
-
-    kind: str = setting("ppo", choices=("ppo",))
-    gae_lambda: float = setting(0.98, low=0.0, high=1.0)
-    clip: float = setting(0.2, low=1e-6, high=1.0)
-    epochs: int = setting(4, low=1)
-    minibatch_size: int = setting(512, low=2)
-    entropy: float = setting(0.004, low=0.0)
-    first_std: float = setting(0.6, low=TINY, high=10.0)  # of continuous actions at the start, in half ranges
-    value_weight: float = setting(0.5, low=0.0)
-    max_grad_norm: float = setting(0.5, low=TINY)
-
-
-@dataclass
-class DQNConfig(AgentConfig):
-    """Deep Q-learning with a slowly following target network, the paper's kind of agent.
-
-    The learning rate falls linearly to 0 over the run; epsilon from 1 to ``epsilon_early`` and on to ``epsilon_end``.
-    """
-
-    kind: str = setting("dqn", choices=("dqn",))
-    n_steps: int = setting(5, low=1, high=1_000)  # of real rewards before the target network is asked
-    buffer_frames: int = setting(400_000, low=1_000)
-    minibatch_size: int = setting(256, low=1)
-    frames_per_update: int = setting(10, low=1)
-    learn_after_frames: int = setting(5_000, low=0)
-    epsilon_early: float = setting(0.1, low=0.0, high=1.0)
-    epsilon_end: float = setting(0.0, low=0.0, high=1.0)
-    epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
-    target_rate: float = setting(1.0, low=TINY, high=1.0)  # share of the way to the network, a batch; 1: all of it
-
-
-@dataclass
-class GuestConfig(AgentConfig):
-    """An agent that was trained elsewhere; a run folder says what it was, and never where to load it from."""
-
-    kind: str = setting("guest", choices=("guest",))
-    sees_instruction: bool | None = None  # None: it says so itself
-    made_from: str = "an object in Python"  # for messages
-
-
-@dataclass
 class InstructorConfig:
-    """Who instructs: ``oracle`` follows the environment's rule at every step, ``silent`` never says anything."""
+    """What all instructors share."""
 
-    kind: str = setting("oracle", choices=("oracle", "silent"))
-
-
-@dataclass
-class FlawedConfig(InstructorConfig):
-    """The oracle with the flaws of a person; whether it is wrong or away is drawn anew for each spell of time."""
-
-    kind: str = setting("flawed", choices=("flawed",))
-    wrong: float = setting(0.0, low=0.0, high=1.0)  # share of the time in which it says another value
-    late_steps: int = setting(0, low=0, high=1_000)  # it says what was right so many steps ago; until then nothing
-    present: float = setting(1.0, low=0.0, high=1.0)  # share of the time in which it says anything
-    spell_steps: int = setting(25, low=1)  # 1: drawn at every step
-
-
-@dataclass
-class RecordedConfig(InstructorConfig):
-    """A person's session once more, in the first environment; see ``HumanConfig``."""
-
-    kind: str = setting("recorded", choices=("recorded",))
-    recording: str = MISSING  # the folder of the run in which the person taught
-    others: str = setting("oracle", choices=OTHERS)  # who instructs the other environments
-
-
-@dataclass
-class HumanConfig(InstructorConfig):
-    """A person, in a browser, instructs the first environment; all of them step at the pace of its clock."""
-
-    kind: str = setting("human", choices=("human",))
-    others: str = setting("oracle", choices=OTHERS)  # who instructs the other environments
-    hold_steps: int | None = setting(0, low=0)  # what was said last holds on for so long; None: until the episode ends
-    speed: float | None = setting(1.0, low=0.05, high=1_000.0)  # at the start, in times of real time; None: unthrottled
-    host: str = "127.0.0.1"  # that the page is served on; whoever can reach it can instruct
-    port: int | None = setting(None, low=1, high=65535)  # None: 8765, or a free one
-
-
-INSTRUCTORS = {"flawed": FlawedConfig, "recorded": RecordedConfig, "human": HumanConfig}
-"""The kinds of instructor with settings of their own."""
+    kind: str = "oracle"
 
 
 @dataclass
@@ -193,6 +160,23 @@ class MappingConfig:
 
 
 @dataclass
+class PredictorConfig:
+    """What all predictors share; as it stands the simulator, the environment's own engine from a snapshot."""
+
+    kind: str = setting("simulator", kept=True)
+    future_instruction: str = setting("hold", choices=("hold", "rule"), learnt=False)
+    processes: int | None = setting(
+        None, low=1, high=64, learnt=False
+    )  # that share the moments; None: 1, to judge a run 2
+    futures: int = setting(
+        3, low=1, high=100, learnt=False
+    )  # sampled from each moment; what most of them are called is said
+    moments_at_once: int = setting(
+        32, low=1, learnt=False
+    )  # copies of the environment; more of them crowd the processor's cache
+
+
+@dataclass
 class ViewerConfig:
     """``live`` records and serves the recording, ``file`` records only, ``off`` does neither."""
 
@@ -200,6 +184,20 @@ class ViewerConfig:
     grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
     web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
     max_recording_mb: int = setting(50, low=1)  # of 10^6 bytes; a long training is recorded more and more sparsely
+
+
+@dataclass
+class ListenerConfig:
+    """What all listeners share."""
+
+    kind: str = MISSING  # module:Class
+
+
+@dataclass
+class MetricConfig:
+    """What all metrics share."""
+
+    kind: str = MISSING  # module:Class
 
 
 @dataclass
@@ -211,10 +209,10 @@ class TrainConfig:
     standing one if it puts the newest episodes into words better by more than this (``motion_auc``).
     """
 
-    seed: int = setting(0, low=0, high=MAX_SEED)
+    seed: int = setting(0, low=0, high=MAX_SEED, kept=True)
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
     stop_after_frames: int | None = setting(None, low=1)  # end in order there, in the middle of all schedules
-    run_dir: str = MISSING
+    run_dir: str = field(default=MISSING, metadata=KEPT)
     runs_at_once: int | None = setting(None, low=1, high=1024)  # of a sweep (-m); None: a core for each process
     runs_on: str | None = None  # of a sweep: HOST:PORT of a Ray cluster that this machine is part of; None: here
     resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
@@ -228,15 +226,17 @@ class TrainConfig:
     eval_episodes: int = setting(100, low=1, high=10_000)
     keep_policy_every_frames: int | None = setting(10_000, low=1)  # for agents of any skill, rarer later; None: never
     report: bool = False  # in the end do the paper's experiments with it, as explain.py task=figures
-    env: EnvConfig = MISSING
+    env: EnvConfig = field(default=MISSING, metadata=KEPT)
     collect: CollectConfig = field(default_factory=CollectConfig)
-    log: LogConfig = field(default_factory=LogConfig)
+    log: LogConfig = field(default_factory=LogConfig, metadata=KEPT)
     agent: AgentConfig = MISSING
-    instructor: InstructorConfig = MISSING
+    instructor: InstructorConfig = field(default=MISSING, metadata=KEPT)
     obedience: ObedienceConfig = field(default_factory=ObedienceConfig)
-    mapping: MappingConfig = MISSING
+    mapping: MappingConfig = field(default=MISSING, metadata=KEPT)
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
+    listeners: dict[str, ListenerConfig] = field(default_factory=dict)  # by name; chosen as listener=[NAME,...]
+    metrics: dict[str, MetricConfig] = field(default_factory=dict)  # by name; chosen as metric=[NAME,...]
 
 
 @dataclass

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ibe_rl.config.task import FUNCTIONS, PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import CODE_SETTINGS, PhrasesConfig, TaskConfig
 from ibe_rl.runtime.import_string import import_named, raised
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array, ConfigError
@@ -98,7 +98,9 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
         ConfigError: naming the setting that cannot be, its value and what is allowed.
     """
     made: dict[str, Callable[..., Any]] = {
-        name: load_function(f"env.task.{name}", getattr(config, name)) for name in FUNCTIONS if getattr(config, name)
+        name: load_function(f"env.task.{name}", getattr(config, name))
+        for name in CODE_SETTINGS
+        if getattr(config, name)
     }
     task = _task(env, config, made)
     _try(env, task, config)

@@ -13,8 +13,7 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.config.settings import EnvConfig
-from ibe_rl.config.task import TaskConfig
+from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import Declared, declare
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.storage.partial_episode import UnderWay

@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
-from ibe_rl.metrics.quality import happened
+from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Episode, Explanation, Mapping, Moment, Policy, Predictor
 
@@ -137,10 +137,10 @@ def majority_phrases(
 
 
 def phrase_hits_in(mapping: Mapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]) -> Array:
-    """As ``metrics.phrases_true``, ``(T,)``, but of the phrases of another vocabulary for the same futures."""
+    """As ``metrics.phrase_hits``, ``(T,)``, but of the phrases of another vocabulary for the same futures."""
     futures = np.stack([one.futures for one in said])
     phrases, which, _ = majority_phrases(futures, mapping, words)
-    same = np.array(phrases) == np.array(happened(episode, said[0].horizon_steps, mapping, words))
+    same = np.array(phrases) == np.array(realised_phrases(episode, said[0].horizon_steps, mapping, words))
     return np.where(mapping.knows(futures[np.arange(len(futures)), which]), same, np.nan)
 
 

@@ -1,18 +1,13 @@
-"""Kinds of instructor over any environment's rule."""
+"""Who tells the agents what to do, over any environment's rule."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
-from ibe_rl.config.settings import CollectConfig, FlawedConfig, HumanConfig, InstructorConfig, RecordedConfig
-from ibe_rl.instructors.cloned import Habits
-from ibe_rl.instructors.flawed import Flawed, corrupted
-from ibe_rl.instructors.mixed import Beside
-from ibe_rl.instructors.recorded import LessonWriter, Recorded, RecordedEpisode, read_lesson
-from ibe_rl.instructors.rule import Oracle, Silent
-from ibe_rl.storage.run_folder import LESSON, REPLACED
+from ibe_rl.config.kinds import implementation, made
+from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.task import Task
-from ibe_rl.types import ConfigError, Instructor
+from ibe_rl.types import Instructor
 
 
 def make_instructor(
@@ -20,47 +15,22 @@ def make_instructor(
 ) -> Instructor:
     """Make the instructor that ``config`` asks for.
 
+    A kind of instructor is a class as ``ibe_rl.types.Instructor``. It is called (or its ``make``, if it has
+    one) with its settings, the task and the seed of its draws. Class attributes: ``settings``, a dataclass derived from
+    ``InstructorConfig``, and if need be ``check(settings, collect, task)``, which raises ``ConfigError``.
+
     Args:
         config: one of the kinds.
         task: of the environment.
         seed: of the draws of those that draw.
-        person: who instructs the first environment, for the kind "human".
+        person: who instructs the first environment, for a kind that is live.
 
     Raises:
         ConfigError: for an unknown kind, or a recording that cannot be read.
     """
-    if isinstance(config, FlawedConfig):
-        return Flawed(Oracle(task.rule), task.instruction_values, config, seed)
-    if isinstance(config, RecordedConfig):
-        return Beside(Recorded(_lesson(config, task), task.instruction_size), _others(config.others, task))
-    if isinstance(config, HumanConfig) and person is not None:
-        return Beside(person, _others(config.others, task))
-    return _others(config.kind, task)
-
-
-def _others(kind: str, task: Task) -> Instructor:
-    if kind == "oracle":
-        return Oracle(task.rule)
-    if kind == "silent":
-        return Silent(task.instruction_size)
-    if kind == "habits":
-        return Habits(task.instruction_size)
-    raise ConfigError(f"instructor.kind={kind}: allowed is one of oracle, silent, flawed, recorded, human")
-
-
-def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
-    path = Path(config.recording) / LESSON
-    if not path.is_file():
-        raise ConfigError(
-            f"instructor.recording={config.recording}: allowed is the folder of a run in which a person taught "
-            f"(it has no {LESSON})"
-        )
-    if any(path.parent.glob(f"{REPLACED}/*/{LESSON}")):
-        raise ConfigError(
-            f"instructor.recording={config.recording}: it was resumed, so its episodes are not those of one session; "
-            f"allowed is a run that was taught in one sitting"
-        )
-    return read_lesson(path, task.instruction_size)
+    live = {"person": person} if is_live(config) else {}
+    instructor: Instructor = made("instructor", config, task, seed, **live)
+    return instructor
 
 
 def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Task) -> None:
@@ -69,41 +39,33 @@ def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Tas
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if not isinstance(config, HumanConfig | RecordedConfig):
-        return
-    if collect.processes != 1:
-        raise ConfigError(
-            f"collect.processes={collect.processes} with instructor={config.kind}: allowed is 1, one game is watched"
-        )
-    if collect.engine == "ray":
-        raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")
-    if task.instruction_size != 1:
-        raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
-    if config.others == "habits" and collect.envs_per_process == 1:
-        raise ConfigError("instructor.others=habits with collect.envs_per_process=1: allowed is more than 1")
-    if isinstance(config, RecordedConfig):
-        _lesson(config, task)
+    checks = _declared(config, "check", None)
+    if checks:
+        checks(config, collect, task)
 
 
 def stand_in(config: InstructorConfig) -> InstructorConfig:
     """Who instructs where no person can be: in evaluations, and in whatever is flown after the training."""
-    if isinstance(config, HumanConfig | RecordedConfig):
-        return InstructorConfig("silent" if config.others == "silent" else "oracle")
-    return config
+    other = _declared(config, "stand_in", None)
+    stands_in: InstructorConfig = other(config) if other else config
+    return stands_in
 
 
-__all__ = [
-    "Beside",
-    "Flawed",
-    "Habits",
-    "LessonWriter",
-    "Oracle",
-    "Recorded",
-    "RecordedEpisode",
-    "Silent",
-    "check_instructor",
-    "corrupted",
-    "make_instructor",
-    "read_lesson",
-    "stand_in",
-]
+def is_live(config: InstructorConfig) -> bool:
+    """Whether a person instructs."""
+    return bool(_declared(config, "live", False))
+
+
+def is_resumable(config: InstructorConfig) -> bool:
+    """Whether a run can go on with it in the middle."""
+    return bool(_declared(config, "resumable", True))
+
+
+def speaks(config: InstructorConfig) -> bool:
+    """Whether it ever says anything."""
+    return bool(_declared(config, "speaks", True))
+
+
+def _declared(config: InstructorConfig, name: str, default: Any) -> Any:
+    """An attribute of the kind's class."""
+    return getattr(implementation("instructor", config.kind), name, default)

@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
-from ibe_rl.config.settings import FlawedConfig
+from ibe_rl.config.limits import setting
+from ibe_rl.config.settings import InstructorConfig
+from ibe_rl.instructors.oracle import Oracle
+from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode, Instructor
+
+
+@dataclass
+class FlawedConfig(InstructorConfig):
+    """The oracle with the flaws of a person; whether it is wrong or away is drawn anew for each spell of time."""
+
+    kind: str = "flawed"
+    wrong: float = setting(0.0, low=0.0, high=1.0)  # share of the time in which it says another value
+    late_steps: int = setting(0, low=0, high=1_000)  # it says what was right so many steps ago; until then nothing
+    present: float = setting(1.0, low=0.0, high=1.0)  # share of the time in which it says anything
+    spell_steps: int = setting(25, low=1)  # 1: drawn at every step
 
 
 class Flawed:
@@ -25,11 +40,18 @@ class Flawed:
         seed: of all draws.
     """
 
+    kind, settings = "flawed", FlawedConfig
+
     def __init__(self, inner: Instructor, values: Sequence[float], config: FlawedConfig, seed: int):
         self._inner, self._values, self._config = inner, np.array(values, np.float32), config
         self._random = np.random.default_rng([seed, 0xF1A])
         self._age = np.zeros(0, np.int64)  # steps that each agent was instructed at in its episode
         self._lines: Array | None = None  # (N, late + 1, d + 1): what was right at its newest steps, in a ring
+
+    @classmethod
+    def make(cls, config: FlawedConfig, task: Task, seed: int) -> Self:
+        """See ``ibe_rl.instructors``."""
+        return cls(Oracle(task.rule), task.instruction_values, config, seed)
 
     def reset(self, rows: Array) -> None:
         """Forget what was right in these rows, and begin a spell."""

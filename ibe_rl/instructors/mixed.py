@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from ibe_rl.config.limits import setting
+from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.instructors.cloned import Habits
-from ibe_rl.types import Array, Instructor
+from ibe_rl.instructors.oracle import Oracle
+from ibe_rl.instructors.silent import Silent
+from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError, Instructor
+
+
+@dataclass
+class MixedConfig(InstructorConfig):
+    """Somebody instructs the first environment; ``habits`` does as they would, going by what they said so far."""
+
+    others: str = setting("oracle", choices=("oracle", "silent", "habits"))  # who instructs the other environments
 
 
 class Beside:
@@ -42,3 +56,33 @@ class Beside:
         if isinstance(self._others, Habits) and self._episode:
             self._others.learn(*(np.concatenate(column) for column in zip(*self._episode, strict=True)))
         self._episode = []
+
+
+def beside_others(first: Instructor, config: MixedConfig, task: Task) -> Beside:
+    """The first row's instructor, and those that the settings name for the others."""
+    if config.others == "habits":
+        return Beside(first, Habits(task.instruction_size))
+    return Beside(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
+
+
+def others_stand_in(config: MixedConfig) -> InstructorConfig:
+    """Who instructs where the first one's instructor cannot be."""
+    return InstructorConfig("silent" if config.others == "silent" else "oracle")
+
+
+def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None:
+    """Refuse settings with which one environment cannot be watched.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    if collect.processes != 1:
+        raise ConfigError(
+            f"collect.processes={collect.processes} with instructor={config.kind}: allowed is 1, one game is watched"
+        )
+    if collect.engine == "ray":
+        raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")
+    if task.instruction_size != 1:
+        raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
+    if config.others == "habits" and collect.envs_per_process == 1:
+        raise ConfigError("instructor.others=habits with collect.envs_per_process=1: allowed is more than 1")

@@ -9,7 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from omegaconf import MISSING
 
+from ibe_rl.config.settings import CollectConfig
+from ibe_rl.instructors.mixed import Beside, MixedConfig, beside_others, check_mixed, others_stand_in
+from ibe_rl.storage.run_folder import LESSON, REPLACED
+from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
 SPEAKERS = ("person", "held", "oracle", "nobody")
@@ -101,6 +106,14 @@ def _in_range(value: Any) -> bool:
     return type(value) in (int, float) and -1 <= value <= 1
 
 
+@dataclass
+class RecordedConfig(MixedConfig):
+    """A person's session once more, in the first environment; see ``ibe_rl.instructors.human``."""
+
+    kind: str = "recorded"
+    recording: str = MISSING  # the folder of the run in which the person taught
+
+
 class Recorded:
     """Instructs one agent as it was done in a session: the same at the same step of the same episode.
 
@@ -111,9 +124,23 @@ class Recorded:
         instruction_size: d.
     """
 
+    kind, settings, resumable = "recorded", RecordedConfig, False
+    stand_in = staticmethod(others_stand_in)
+
     def __init__(self, episodes: Sequence[RecordedEpisode], instruction_size: int):
         self._said = [_table(one, instruction_size) for one in episodes]
         self._episode, self._step, self._silence = -1, 0, np.zeros((1, instruction_size + 1), np.float32)
+
+    @classmethod
+    def make(cls, config: RecordedConfig, task: Task, seed: int) -> Beside:  # noqa: ARG003 - it draws nothing
+        """See ``ibe_rl.instructors``."""
+        return beside_others(cls(_lesson(config, task), task.instruction_size), config, task)
+
+    @staticmethod
+    def check(config: RecordedConfig, collect: CollectConfig, task: Task) -> None:
+        """See ``check_mixed``; the recording is read too."""
+        check_mixed(config, collect, task)
+        _lesson(config, task)
 
     def reset(self, rows: Array) -> None:
         """Go on to the next episode."""
@@ -133,3 +160,18 @@ class Recorded:
 def _table(episode: RecordedEpisode, size: int) -> Array:
     instructions = np.array(episode.instructions, np.float32).reshape(-1, size)
     return np.column_stack([instructions, np.array(episode.given, np.float32)]).astype(np.float32)
+
+
+def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
+    path = Path(config.recording) / LESSON
+    if not path.is_file():
+        raise ConfigError(
+            f"instructor.recording={config.recording}: allowed is the folder of a run in which a person taught "
+            f"(it has no {LESSON})"
+        )
+    if any(path.parent.glob(f"{REPLACED}/*/{LESSON}")):
+        raise ConfigError(
+            f"instructor.recording={config.recording}: it was resumed, so its episodes are not those of one session; "
+            f"allowed is a run that was taught in one sitting"
+        )
+    return read_lesson(path, task.instruction_size)

@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from ibe_rl.config.settings import EnsembleConfig, HumanConfig, InstructorConfig, PredictorConfig, RegressionConfig
-from ibe_rl.predict.ensemble import Ensemble
-from ibe_rl.predict.experience import ActionColumns
-from ibe_rl.predict.regression import Regression
-from ibe_rl.predict.simulator import Simulator, make_simulator
+from ibe_rl.config.kinds import implementation, made
+from ibe_rl.config.settings import InstructorConfig, PredictorConfig
+from ibe_rl.instructors import is_live
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError, Moment, Policy, Prediction
 
 
 class KeptPredictor(Protocol):
-    """A predictor that a run keeps: it may learn, and has a state to go on from."""
+    """A predictor that a run keeps: it may learn, and has a state to go on from.
+
+    A kind of predictor is such a class. It is called (or its ``make``, if it has one) with its settings and the keyword
+    arguments of ``make_predictor``. Class attributes: ``settings``, a dataclass derived from ``PredictorConfig``;
+    ``learns``, True if ``learn`` does anything, else it is asked to work in a copy of the environment;
+    ``asks_policy``, False if what it predicts does not depend on the policy; and if need be
+    ``check(settings, env)``, which raises ``ConfigError``.
+    """
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.types.Predictor``."""
@@ -38,7 +43,12 @@ class KeptPredictor(Protocol):
 
 def is_learnt(config: PredictorConfig) -> bool:
     """Whether it learns from the log instead of asking a copy of the environment."""
-    return isinstance(config, EnsembleConfig | RegressionConfig)
+    return bool(getattr(implementation("predictor", config.kind), "learns", False))
+
+
+def asks_policy(config: PredictorConfig) -> bool:
+    """Whether what it predicts depends on the policy."""
+    return bool(getattr(implementation("predictor", config.kind), "asks_policy", True))
 
 
 def check_predictor(config: PredictorConfig, instructor: InstructorConfig, env: Any) -> None:
@@ -47,16 +57,11 @@ def check_predictor(config: PredictorConfig, instructor: InstructorConfig, env: 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if not is_learnt(config):
-        return
-    if isinstance(instructor, HumanConfig):  # it would have to be sent to the process of the lesson
-        raise ConfigError(f"predictor={config.kind} with instructor=human: allowed is predictor=simulator")
-    if isinstance(config, EnsembleConfig):
-        ActionColumns.of(env.action_space)
-        if not config.hidden or min(config.hidden) < 1:
-            raise ConfigError(f"predictor.hidden={list(config.hidden)}: allowed are one or more widths of at least 1")
-    if isinstance(config, RegressionConfig) and min([1, *config.spans_steps]) < 1:
-        raise ConfigError(f"predictor.spans_steps={list(config.spans_steps)}: allowed is at least 1 for each")
+    if is_learnt(config) and is_live(instructor):  # it would have to be sent to the process of the lesson
+        raise ConfigError(f"predictor={config.kind} with instructor={instructor.kind}: allowed is predictor=simulator")
+    checks = getattr(implementation("predictor", config.kind), "check", None)
+    if checks:
+        checks(config, env)
 
 
 def make_predictor(
@@ -80,21 +85,9 @@ def make_predictor(
     Raises:
         ConfigError: if it cannot learn such actions.
     """
-    if isinstance(config, EnsembleConfig):
-        actions, size = ActionColumns.of(env.action_space), int(env.observation_space.shape[0])
-        return Ensemble(config, actions, size, rule, seed)
-    if isinstance(config, RegressionConfig):
-        return Regression(config, seed, lambda: config.spans_steps or [*horizons_steps(), 2 * max(horizons_steps())])
-    return make_simulator(config, make_copy, rule, seed)
+    given = {"make_copy": make_copy, "rule": rule, "seed": seed, "env": env, "horizons_steps": horizons_steps}
+    predictor: KeptPredictor = made("predictor", config, **given)
+    return predictor
 
 
-__all__ = [
-    "Ensemble",
-    "KeptPredictor",
-    "Regression",
-    "Simulator",
-    "check_predictor",
-    "is_learnt",
-    "make_predictor",
-    "make_simulator",
-]
+__all__ = ["KeptPredictor", "asks_policy", "check_predictor", "is_learnt", "make_predictor"]

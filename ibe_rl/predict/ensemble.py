@@ -3,22 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.config.settings import EnsembleConfig
+from ibe_rl.config.limits import KEPT, TINY, setting
+from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
 from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
 from ibe_rl.predict.trust import Trust, measure
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
+from ibe_rl.types import Array, ConfigError, Moment, Policy, Prediction, columns_of, observe
 
 Rule = Callable[[Array], Array]
 FROM_NOTHING = 3
 """The first time it learns takes so many times the updates."""
+
+
+@dataclass
+class EnsembleConfig(PredictorConfig):
+    """Small networks learn from the log what a step does; needs no snapshot of the environment, and one process.
+
+    It learns at each refresh, going on from what it has learnt before; the first time takes three times the updates.
+    """
+
+    kind: str = setting("ensemble", kept=True)
+    moments_at_once: int = setting(2_560, low=1, learnt=False)  # futures that stay in the processor's cache
+    members: int = setting(5, low=2, high=100, kept=True)
+    hidden: list[int] = field(default_factory=lambda: [32, 32], metadata=KEPT)
+    updates: int = setting(400, low=1)  # of all members, at each refresh
+    minibatch_size: int = setting(1_024, low=1)
+    learning_rate: float = setting(5e-3, low=TINY, high=1.0)  # falls to 0 at each refresh
+    newest_frames: int = setting(400_000, low=1)  # about so many frames of the log are learnt from
+    max_uncertainty: float = setting(
+        1.0, low=0.0, learnt=False
+    )  # expected error over how much changes vary: not trusted beyond
 
 
 class Ensemble:
@@ -35,6 +57,8 @@ class Ensemble:
         seed: of the weights and of all draws; the same log teaches the same.
     """
 
+    kind, settings, learns = "ensemble", EnsembleConfig, True
+
     def __init__(self, config: EnsembleConfig, actions: ActionColumns, state_size: int, rule: Rule, seed: int):
         self._config, self._actions, self._rule, self._seed = config, actions, rule, seed
         self._sizes = (state_size + actions.size, *config.hidden, state_size + 1)
@@ -42,6 +66,22 @@ class Ensemble:
         self._layers: Layers = make_layers(config.members, self._sizes, seed)
         self._scale: Scale | None = None
         self._trust: Trust | None = None
+
+    @classmethod
+    def make(cls, config: EnsembleConfig, *, rule: Rule, seed: int, env: Any, **_: Any) -> Self:
+        """See ``ibe_rl.predict.KeptPredictor``."""
+        return cls(config, ActionColumns.of(env.action_space), int(env.observation_space.shape[0]), rule, seed)
+
+    @staticmethod
+    def check(config: EnsembleConfig, env: Any) -> None:
+        """Refuse widths of no layer, and actions that cannot be learnt.
+
+        Raises:
+            ConfigError: naming the key, the value and what is allowed.
+        """
+        ActionColumns.of(env.action_space)
+        if not config.hidden or min(config.hidden) < 1:
+            raise ConfigError(f"predictor.hidden={list(config.hidden)}: allowed are one or more widths of at least 1")
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
         """Go on learning from the newest episodes of the log, a bounded amount of work.

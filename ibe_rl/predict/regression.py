@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from ibe_rl.config.settings import RegressionConfig
+from ibe_rl.config.limits import KEPT, setting
+from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.predict.experience import held_out, newest_episodes
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Episode, Moment, Policy, Prediction, columns_of, observe
+from ibe_rl.types import Array, ConfigError, Episode, Moment, Policy, Prediction, columns_of, observe
 
 MAX_WINDOWS = 40_000
+
+
+@dataclass
+class RegressionConfig(PredictorConfig):
+    """A regression from the state to its change, without asking the policy, in one process: the least it can be."""
+
+    kind: str = setting("regression", kept=True)
+    future_instruction: str = setting("hold", choices=("hold",), learnt=False)  # it takes no steps
+    futures: int = setting(1, low=1, high=100, learnt=False)  # all are the same
+    spans_steps: list[int] = field(
+        default_factory=list, metadata=KEPT
+    )  # learnt; empty: the horizons explained, twice the longest
+    degree: int = setting(2, low=1, high=3, kept=True)  # of the polynomial in the state
+    newest_frames: int = setting(400_000, low=1)  # about so many frames of the log are learnt from
 
 
 class Regression:
@@ -30,12 +46,31 @@ class Regression:
         spans_steps: that it learns; asked when it does.
     """
 
+    kind, settings, learns, asks_policy = "regression", RegressionConfig, True, False
+
     def __init__(self, config: RegressionConfig, seed: int, spans_steps: Callable[[], Sequence[int]]):
         self._config, self._seed, self._spans_steps = config, seed, spans_steps
         self._spans = np.zeros(0, int)
         self._features = PolynomialFeatures(config.degree, include_bias=False)
         self._weights: Array | None = None
         self._bias = self._error = np.zeros(0)
+
+    @classmethod
+    def make(
+        cls, config: RegressionConfig, *, seed: int, horizons_steps: Callable[[], Sequence[int]], **_: Any
+    ) -> Self:
+        """See ``ibe_rl.predict.KeptPredictor``."""
+        return cls(config, seed, lambda: config.spans_steps or [*horizons_steps(), 2 * max(horizons_steps())])
+
+    @staticmethod
+    def check(config: RegressionConfig, env: Any) -> None:  # noqa: ARG004 - as of the other kinds
+        """Refuse spans of no step.
+
+        Raises:
+            ConfigError: naming the key, the value and what is allowed.
+        """
+        if min([1, *config.spans_steps]) < 1:
+            raise ConfigError(f"predictor.spans_steps={list(config.spans_steps)}: allowed is at least 1 for each")
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
         """Learn anew from the newest episodes of the log; see ``Ensemble.learn``.

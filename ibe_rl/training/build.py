@@ -14,6 +14,7 @@ from torchrl import timeit
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
 from ibe_rl.config.command_line import output_folder, run_name, save_config
+from ibe_rl.config.kinds import make_listeners
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.envs.snapshots import make_copy
@@ -109,7 +110,8 @@ def _begin(
         optional = [one for one in (run.recorder, progress, classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
-        run.tell = Listeners([Table(table), *optional, LiveView(live), checkpoints], progress.say)
+        asked = make_listeners(cfg)
+        run.tell = Listeners([Table(table), *optional, LiveView(live), *asked, checkpoints], progress.say)
         _collect(run, owned, classroom)
         run.tell.begin(run)
         if state:

@@ -16,6 +16,7 @@ from tensordict import TensorDictBase
 
 from ibe_rl.config.settings import ObedienceConfig, TrainConfig
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.instructors import speaks
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
@@ -158,7 +159,7 @@ def check_obedience(cfg: TrainConfig) -> None:
     asked = f"obedience.judge={cfg.obedience.judge}"
     if cfg.obedience.judge == "none":
         return
-    if cfg.instructor.kind == "silent":
+    if not speaks(cfg.instructor):
         raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
     if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:
         raise ConfigError(f"{asked} with refresh_every_frames=null: allowed is none or oracle, without a vocabulary")

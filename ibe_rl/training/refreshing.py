@@ -11,8 +11,9 @@ from torchrl import timeit
 from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import Reactions, TooLittleDataError
-from ibe_rl.metrics import outcomes
-from ibe_rl.predict import is_learnt
+from ibe_rl.instructors import speaks
+from ibe_rl.metrics.quality import outcomes
+from ibe_rl.predict import asks_policy, is_learnt
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
 from ibe_rl.task import Watched
@@ -62,7 +63,7 @@ def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
 
     Moments are of episodes that are never trained on, each from another one.
     """
-    if run.cfg.predictor.kind == "regression" or not len(run.log.index):  # the former does not ask the policy
+    if not asks_policy(run.cfg.predictor) or not len(run.log.index):
         return None
     first = ASKING_SEED + ASKED_AT * (run.counts.tried + run.counts.skipped)
     typical_steps, seeds = int(np.median(run.log.index["steps"][-200:])), range(first, first + ASKED_AT)
@@ -78,7 +79,7 @@ def skip(run: Run, error: Exception) -> dict[str, float]:
         write_atomically(path, lambda stream: stream.write("".join(format_exception(error)).encode()))
         reason = f"it failed ({type(error).__name__}: {' '.join(reason.split())[:200]}), the details are in {path}"
     run.counts.skipped += 1
-    if run.vocabulary.mapping is None and run.cfg.instructor.kind != "silent":
+    if run.vocabulary.mapping is None and speaks(run.cfg.instructor):
         reason += lead_on(run.cfg.mapping, run.counts.skipped)
     run.tell.skipped(frames, reason)
     return {"ibe/skipped": run.counts.skipped}

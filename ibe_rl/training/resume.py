@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import changed, load_config
-from ibe_rl.config.limits import check
-from ibe_rl.config.settings import HumanConfig, RecordedConfig, TrainConfig
+from ibe_rl.config.limits import check, kept_settings
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.instructors import is_live, is_resumable
 from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, link, load, policies
 from ibe_rl.storage.run_folder import (
     CHECKPOINTS,
@@ -32,13 +33,6 @@ from ibe_rl.storage.run_folder import (
 from ibe_rl.types import ConfigError
 
 State = dict[str, Any]
-FIXED = (
-    *("seed", "run_dir", "env", "log", "instructor", "mapping", "experiment"),
-    *(f"collect.{name}" for name in ("processes", "envs_per_process", "steps_per_batch", "overlap", "ahead_batches")),
-    *(f"predictor.{name}" for name in ("kind", "members", "hidden", "spans_steps", "degree")),
-    *("agent.kind", "agent.hidden", "agent.ignores", "agent.n_steps", "agent.buffer_frames"),
-)
-"""What a run keeps: its state would not fit otherwise, or it would be another experiment."""
 DOES_NOT_FIT = (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, ArithmeticError)
 PARTS = ("agent", "log", "development", "obedience", "predictor", "recorder", "random")
 """What a checkpoint holds the state of."""
@@ -58,17 +52,19 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
         raise ConfigError(f"resume={folder}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
     refuse_special_files(folder)
     saved = load_config(folder / CONFIG, TrainConfig)
-    if isinstance(saved.instructor, RecordedConfig):
-        raise ConfigError(f"resume={folder}: instructor=recorded repeats a session from its beginning; train it anew")
+    if not is_resumable(saved.instructor):
+        raise ConfigError(
+            f"resume={folder}: instructor={saved.instructor.kind} repeats a session from its beginning; train it anew"
+        )
     going_on = replace(saved, stop_after_frames=None)  # it has stopped there
-    config = replace(changed(going_on, FIXED), run_dir=str(folder), resume=None)
+    config = replace(changed(going_on, [*kept_settings(going_on), "experiment"]), run_dir=str(folder), resume=None)
     check(config)
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:
         raise ConfigError(
             f"resume={folder}: it has had its {config.total_frames:,} frames; allowed with it is a larger total_frames"
         )
-    return config, without_episodes(state) if isinstance(config.instructor, HumanConfig) else state
+    return config, without_episodes(state) if is_live(config.instructor) else state
 
 
 def read_state(folder: Path, name: str) -> State:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from types import SimpleNamespace
+from inspect import signature
+from typing import Any
 
+from ibe_rl.config.kinds import implementation
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import (
     ClusterMapping,
@@ -65,7 +67,10 @@ def fit_windows(
     states, told = said_in(heard, seed)
     with warnings.catch_warnings():  # the mapping has it, and whoever speaks with it says it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
-        return estimator.fit(windows.delta, windows.instruction, states, told, interpretation).mapping_
+        mapping = estimator.fit(windows.delta, windows.instruction, states, told, interpretation).mapping_
+    if not isinstance(mapping, ClusterMapping):
+        raise TypeError(f"mapping={config.kind}: its mapping_ is a {type(mapping).__name__}, not a ClusterMapping")
+    return mapping
 
 
 def interpret_lessons(
@@ -98,15 +103,22 @@ def interpret_lessons(
     )
 
 
-def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> IBEMapping:
-    settings = {name: getattr(config, name) for name in PASSED_ON} | {"n_clusters": clusters_of(config, task)}
-    return IBEMapping(
-        **settings,
-        dimensions=_dimensions(config, task),
-        last=None if config.memory is None else last,
-        memory=config.memory or 0.0,
-        random_state=seed,
-    )
+def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> Any:
+    """The estimator of the mapping's kind: what its constructor takes by name is the setting of that name.
+
+    A kind of mapping is a class with ``fit`` as ``IBEMapping.fit``, after which ``mapping_`` is a ``ClusterMapping``.
+    Its class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions`` (the
+    indices, None for all), ``last``, ``memory`` and ``random_state`` mean what they mean there.
+    """
+    estimator = implementation("mapping", config.kind)
+    given = vars(config) | {
+        "n_clusters": clusters_of(config, task),
+        "dimensions": _dimensions(config, task),
+        "last": None if config.memory is None else last,
+        "memory": config.memory or 0.0,
+        "random_state": seed,
+    }
+    return estimator(**{name: given[name] for name in signature(estimator).parameters if name in given})
 
 
 def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
@@ -116,13 +128,6 @@ def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
 def clusters_of(config: MappingConfig, task: Task) -> int:
     """How many clusters a vocabulary has: ``n_clusters`` for each number of an instruction."""
     return config.n_clusters * task.instruction_size
-
-
-PASSED_ON = (
-    *("n_clusters", "space", "split", "power", "symmetric", "normalisation", "membership", "weigh_followed"),
-    *("hidden", "n_init", "max_fit_windows"),
-)
-"""Settings that the estimator has under the same name."""
 
 
 def check_mapping(config: MappingConfig, task: Task) -> None:
@@ -139,12 +144,15 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     refreshed = config.memory is not None  # then each refresh starts from the one before
     if config.failed_ends == "drop" and not task.judges_success:
         raise ConfigError("mapping.failed_ends=drop: allowed is keep where nobody says whether an episode ended well")
-    settings = {name: getattr(config, name) for name in PASSED_ON}
     try:
-        check_settings(SimpleNamespace(**settings, memory=0.0, last=refreshed or None))
+        estimator = _estimator(config, task, 0, None)
+        if isinstance(estimator, IBEMapping):
+            check_settings(estimator.set_params(memory=0.0, last=refreshed or None))
     except ValueError as error:
         reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
         raise ConfigError(f"mapping.{reason}") from None
+    except TypeError as error:
+        raise ConfigError(f"mapping.kind={config.kind}: it cannot be made of its settings ({error})") from None
 
 
 def _check_steps(config: MappingConfig, longest: int) -> None:

@@ -14,7 +14,9 @@ import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping, ClusterTransition, Interpretation, Reactions, TooLittleDataError, Windows, phrase
-from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import VocabularyDrift
+from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task

@@ -13,7 +13,8 @@ from torch import nn
 
 from ibe_rl.agents import Agent, make_agent
 from ibe_rl.agents.actions import DRAWN, Choice, Normal, Spread, make_actions
-from ibe_rl.config.settings import DQNConfig, PPOConfig
+from ibe_rl.agents.dqn import DQNConfig
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.types import ConfigError
 
 BOX = Box(np.array([-1, 0], np.float32), np.array([1, 10], np.float32))

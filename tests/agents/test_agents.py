@@ -12,9 +12,11 @@ from tensordict import TensorDict
 from torch import nn
 
 from ibe_rl.agents import Agent, GreedyPolicy, make_agent
+from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.networks import check_finite, linear, make_network
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.agents.reward import learning_reward
-from ibe_rl.config.settings import AgentConfig, DQNConfig, PPOConfig
+from ibe_rl.config.settings import AgentConfig
 from ibe_rl.types import ConfigError
 
 TOTAL = 8_000

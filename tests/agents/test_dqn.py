@@ -9,8 +9,7 @@ from torch import nn
 from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss
 
-from ibe_rl.agents.dqn import DQN, several_steps
-from ibe_rl.config.settings import DQNConfig
+from ibe_rl.agents.dqn import DQN, DQNConfig, several_steps
 
 
 def steps_of(rewards: list[float], done: str, terminated: str) -> TensorDict:

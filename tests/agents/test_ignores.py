@@ -10,8 +10,10 @@ from gymnasium.spaces import Discrete
 from tensordict import TensorDict
 
 from ibe_rl.agents import Agent, check_agent, make_agent
+from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.networks import Blind
-from ibe_rl.config.settings import AgentConfig, DQNConfig, PPOConfig
+from ibe_rl.agents.ppo import PPOConfig
+from ibe_rl.config.settings import AgentConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.storage.checkpoint import load, save_policy
 from ibe_rl.types import Array, ConfigError

@@ -3,7 +3,9 @@
 import ast
 import math
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -15,22 +17,22 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
+from ibe_rl.agents.dqn import DQNConfig
+from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config import settings as schemas
+from ibe_rl.config.kinds import register
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
+    CODE_SETTINGS,
     CollectConfig,
-    DQNConfig,
     ExplainConfig,
     InstructorConfig,
     LogConfig,
     MappingConfig,
-    PPOConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
-from ibe_rl.config.store import register
-from ibe_rl.config.task import FUNCTIONS
 from ibe_rl.envs.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.types import ConfigError
@@ -50,6 +52,11 @@ SCHEMAS = sorted(
 
 
 def composed(root: str, *overrides: str) -> Any:
+    return deepcopy(_composed(root, *overrides))
+
+
+@cache
+def _composed(root: str, *overrides: str) -> Any:
     register()
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         values = OmegaConf.to_object(compose(root, list(overrides)))
@@ -237,11 +244,12 @@ def test_a_setting_that_is_none_is_refused():
         composed("train", "+mapping.colour=red")
 
 
+@cache
 def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]
     owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
-    found = {*PASSED_ON, *FUNCTIONS, "explained_range"}  # these by their name
+    found = {*PASSED_ON, *CODE_SETTINGS, "explained_range"}  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":
             continue

@@ -12,8 +12,8 @@ from by_hand import TASK
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from ibe_rl.config.kinds import register
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.config.store import register
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.types import Array, Episode, Mapping
 from ibe_rl.vocabulary.fitting import fit_mapping

@@ -18,7 +18,7 @@ from ibe_rl.explain.explainer import (
     put_in_words,
 )
 from ibe_rl.ibe.space import along
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import DOES_NOT_KNOW, Array, Moment, Policy, Prediction
 

@@ -13,17 +13,15 @@ from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.evaluation import load_run
-from ibe_rl.evaluation.refit import open_log
-from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
+from ibe_rl.evaluation.trained_run import open_log
 from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.training.build import make_parts
 from ibe_rl.training.resume import must_fit, read_state
-from ibe_rl.view import set_back
 from ibe_rl.view.overlay import Metrics
-from ibe_rl.view.recording_file import whole_messages
+from ibe_rl.view.recording_file import set_back, whole_messages
 from ibe_rl.view.viewer import Messages, run_names, runs_at
 
 
@@ -37,7 +35,7 @@ def explained(run: Path) -> None:
 
 def log(run: Path) -> None:
     """As explain.py task=compare does."""
-    opened = open_log(load_run(run))
+    opened = open_log(load_run(run).folder)
     opened.read(range(len(opened.index)))
     assert len(opened.context_names) == len(opened.index)
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ibe_rl.instructors import Beside, Habits
+from ibe_rl.instructors.cloned import Habits
+from ibe_rl.instructors.mixed import Beside
 from ibe_rl.types import Array
 
 

@@ -6,8 +6,11 @@ from pathlib import Path
 import pytest
 from by_hand import TASK, WORDS
 
-from ibe_rl.config.settings import OTHERS, CollectConfig, FlawedConfig, HumanConfig, InstructorConfig, RecordedConfig
-from ibe_rl.instructors import LessonWriter, RecordedEpisode, check_instructor, stand_in
+from ibe_rl.config.settings import OTHERS, CollectConfig, InstructorConfig
+from ibe_rl.instructors import check_instructor, stand_in
+from ibe_rl.instructors.flawed import FlawedConfig
+from ibe_rl.instructors.human import HumanConfig
+from ibe_rl.instructors.recorded import LessonWriter, RecordedConfig, RecordedEpisode
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.types import ConfigError
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from ibe_rl.config.settings import FlawedConfig
-from ibe_rl.instructors import Flawed, corrupted
+from ibe_rl.instructors.flawed import Flawed, FlawedConfig, corrupted
 from ibe_rl.types import Array, Episode
 
 VALUES = (-1.0, 0.0, 1.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ibe_rl.instructors import Habits
 from ibe_rl.instructors import cloned as habits
+from ibe_rl.instructors.cloned import Habits
 from ibe_rl.types import Array
 
 

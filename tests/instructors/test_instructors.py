@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ibe_rl.config.settings import OTHERS, FlawedConfig, HumanConfig, InstructorConfig, RecordedConfig
+from ibe_rl.config.settings import OTHERS, InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.lander_task import PAD_X
-from ibe_rl.instructors import LessonWriter, RecordedEpisode, make_instructor
 from ibe_rl.instructors import cloned as habits
+from ibe_rl.instructors import make_instructor
+from ibe_rl.instructors.flawed import FlawedConfig
+from ibe_rl.instructors.human import HumanConfig
+from ibe_rl.instructors.recorded import LessonWriter, RecordedConfig, RecordedEpisode
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.types import Array, ConfigError, Instructor
 

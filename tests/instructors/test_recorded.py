@@ -10,9 +10,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ibe_rl.config.settings import RecordedConfig
 from ibe_rl.envs import LANDER_TASK
-from ibe_rl.instructors import LessonWriter, Recorded, RecordedEpisode, make_instructor, read_lesson
+from ibe_rl.instructors import make_instructor
+from ibe_rl.instructors.recorded import LessonWriter, Recorded, RecordedConfig, RecordedEpisode, read_lesson
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.types import ConfigError
 

@@ -9,8 +9,7 @@ import torch
 from cart import BEYOND, END, GOAL, POSITION, SPEED, after, coast, drive, logged, moment, right
 from gymnasium import spaces
 
-from ibe_rl.config.settings import EnsembleConfig
-from ibe_rl.predict import Ensemble
+from ibe_rl.predict.ensemble import Ensemble, EnsembleConfig
 from ibe_rl.predict.experience import ActionColumns
 from ibe_rl.predict.members import make_layers
 from ibe_rl.storage.log import TrajectoryLog

@@ -11,19 +11,15 @@ import torch
 from gymnasium import spaces
 
 from ibe_rl.collect.rollout import watch
-from ibe_rl.config.settings import (
-    EnsembleConfig,
-    EnvConfig,
-    HumanConfig,
-    InstructorConfig,
-    PredictorConfig,
-    RegressionConfig,
-)
+from ibe_rl.config.settings import EnvConfig, InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_game
 from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.instructors import make_instructor
+from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor, make_simulator
+from ibe_rl.predict.ensemble import EnsembleConfig
+from ibe_rl.predict.regression import RegressionConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, ConfigError, Episode, Moment, Prediction
 

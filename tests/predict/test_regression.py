@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from cart import POSITION, SPEED, coast, logged, moment
 
-from ibe_rl.config.settings import RegressionConfig
-from ibe_rl.predict import Regression
+from ibe_rl.predict.regression import Regression, RegressionConfig
 from ibe_rl.storage.log import TrajectoryLog
 
 

@@ -18,8 +18,11 @@ from ibe_rl.config.settings import InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.instructors import make_instructor
-from ibe_rl.predict import Simulator, make_simulator
+from ibe_rl.predict import make_simulator
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import Array, Moment, Policy, Predictor
+
+pytestmark = pytest.mark.slow
 
 LEGS = slice(6, 8)
 RULE = LANDER_TASK.rule
@@ -82,8 +85,8 @@ def test_several_processes_predict_the_same():
     for _ in range(2):
         with closing(make_simulator(settings, make_one, RULE, seed=3)) as spread:
             found.append([spread.rollout(several, policy, 30).paths for _ in range(2)])
-            assert len(spread._workers) == 2
-        assert not spread._workers
+            assert len(spread._pool._workers) == 2
+        assert spread._pool is None
     np.testing.assert_array_equal(*found)
     alone = make_simulator(PredictorConfig(moments_at_once=4), make_one, RULE, seed=3)
     for paths in found[0]:
@@ -97,17 +100,17 @@ def test_a_process_that_is_killed_is_done_without():
     several, policy = moments[::20], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
     with closing(make_simulator(PredictorConfig(moments_at_once=4, processes=2), make_one, RULE, seed=3)) as spread:
         whole = spread.rollout(several, policy, 30).paths
-        [process] = spread._workers[1]._processes.values()
+        [process] = spread._pool._workers[1]._processes.values()
         process.kill()
         assert spread.rollout(several, policy, 30).paths.shape == whole.shape
-        assert spread._workers == []
+        assert spread._pool is None
 
 
 def test_few_moments_start_no_process():
     _, moments = flown()
     simulator = Simulator(make_one, RULE, processes=2)
     simulator.rollout(moments[:3], pilot, 2)
-    assert simulator._workers == []
+    assert simulator._pool is None
 
 
 def test_nobody_knows_the_noise_of_the_future():

@@ -12,7 +12,7 @@ from ibe_rl.collect.rollout import watch
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs.make import make_gym, task_of
 from ibe_rl.instructors import make_instructor
-from ibe_rl.predict import Simulator
+from ibe_rl.predict.simulator import Simulator
 
 ENV = "ibe_rl/LunarLanderPads-v0"
 

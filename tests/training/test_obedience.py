@@ -12,7 +12,8 @@ from by_hand import TASK, WORDS, config, obey, stay
 from tensordict import TensorDict, TensorDictBase
 
 from ibe_rl.agents import Agent, make_agent
-from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, PPOConfig, TrainConfig
+from ibe_rl.agents.ppo import PPOConfig
+from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import join, make_gym
 from ibe_rl.instructors import make_instructor

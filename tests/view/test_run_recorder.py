@@ -11,8 +11,8 @@ from rerun.chunk import RrdReader
 from view_data import TASK, filmed, refreshed
 
 from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.view import run_recorder, set_back
-from ibe_rl.view.recording_file import earlier
+from ibe_rl.view import run_recorder
+from ibe_rl.view.recording_file import earlier, set_back
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Refreshed
 

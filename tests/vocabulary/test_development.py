@@ -12,7 +12,8 @@ from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterTransition, Meaning, TooLittleDataError
-from ibe_rl.metrics import SCORES, VocabularyDrift
+from ibe_rl.metrics.drift import VocabularyDrift
+from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array
 from ibe_rl.vocabulary import tracker as module

@@ -10,7 +10,8 @@ from by_hand import TASK, WORDS, config, obey, on_a_line, plain, stay
 
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, ClusterTransition, Meaning
-from ibe_rl.metrics import Calibration, VocabularyDrift
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode, Explanation
 from ibe_rl.vocabulary import tracker as module

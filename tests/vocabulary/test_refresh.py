@@ -11,7 +11,8 @@ import pytest
 from by_hand import STEPS, TASK, WORDS, better_half, obey, two_floors
 
 from ibe_rl.ibe import ClusterTransition, Reactions
-from ibe_rl.metrics import Calibration, VocabularyDrift
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary import refresh as module
 from ibe_rl.vocabulary.refresh import Change, Refresh, learn_vocabulary, load_refresh, save_refresh

@@ -1,6 +1,6 @@
-"""Agents that were trained elsewhere.
+"""Policies that were trained elsewhere, explained in an instructor's words.
 
-In: a policy of another library, or a function.
-Out: a run folder with a vocabulary for it, and explanations.
-Imports: any room below.
+In: an agent (a ``.zip`` of stable-baselines3, a TorchRL policy, any function), and ``ExplainConfig``.
+Out: a run folder without the policy (``folder``), opened as a ``TrainedRun`` (``study``).
+Imports: every room of the core; reached by ``explain.py agent=`` and as ``ibe_rl.study``.
 """

@@ -1,6 +1,6 @@
-"""Collecting and sweeping on a Ray cluster.
+"""Ray: workers and whole runs on other machines.
 
-In: the settings ``collect.engine=ray`` and ``runs_on``.
-Out: a collector whose workers are Ray actors, and runs started there.
-Imports: config, runtime, types.
+In: how many workers, what each steps, and the address of a cluster or ``local``.
+Out: batches of transitions as those of local workers (``workers``); the output and exit status of a command (``run``).
+Imports: ``types``, ``runtime``, ``config``. Ray itself is an extra; without it a clear error says how to install it.
 """

@@ -9,13 +9,14 @@ from pathlib import Path
 from rich.console import Console
 
 from ibe_rl.apps.ray.workers import check_address, check_installed
-from ibe_rl.apps.sweep.board import Board, closing_table, failures
+from ibe_rl.apps.sweep.board import Board, failures, outcomes_table, viewer_command
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.apps.sweep.processes import cores, run_all
 from ibe_rl.config.arguments import quoted
 from ibe_rl.config.command_line import installed
-from ibe_rl.config.limits import check
-from ibe_rl.config.settings import HumanConfig, TrainConfig
+from ibe_rl.config.kinds import check_config
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.instructors import is_live
 from ibe_rl.types import ConfigError
 
 VIEWER = ("viewer", "viewer.mode")
@@ -49,13 +50,13 @@ def launch(
     at_once = how_many(settings)
     console.print(f"{len(jobs)} runs, {at_once} at once, each in a folder of its own below {sweep}", markup=False)
     if recorded:
-        console.print(f"  they are recorded, not served; to watch them: {viewer(sweep)}", markup=False)
+        console.print(f"  they are recorded, not served; to watch them: {viewer_command(sweep)}", markup=False)
     front = elsewhere(settings)
     outcomes = run_all(
         jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
     )
-    console.print(closing_table(outcomes))
-    for line in [*failures(outcomes), *how_to_open(sweep)]:
+    console.print(outcomes_table(outcomes))
+    for line in [*failures(outcomes), *sweep_hints(sweep)]:
         console.print(line, markup=False)
     became = {outcome.became for outcome in outcomes}
     if not became <= {DONE, DONE_BEFORE, FAILED}:
@@ -72,20 +73,22 @@ def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
     Raises:
         ConfigError: naming the setting.
     """
-    check(cfg)
+    check_config(cfg)
     if cfg.resume:
         raise ConfigError(
             f"resume={cfg.resume} in a sweep: allowed is the command that made the sweep once more, with run_dir=DIR, "
             f"the folder of the sweep (now {sweep}): it goes on with all its runs"
         )
     if cfg.viewer.mode == "live" and any(key_of(one) in VIEWER for one in overrides):
-        raise ConfigError(f"viewer=live in a sweep: allowed is file or off; `{viewer(sweep)}` shows all of its runs")
+        raise ConfigError(
+            f"viewer=live in a sweep: allowed is file or off; `{viewer_command(sweep)}` shows all of its runs"
+        )
     if cfg.runs_on is not None:
         check_installed(f"runs_on={cfg.runs_on}", "null")
         check_address("runs_on", cfg.runs_on)
         if cfg.runs_at_once is None:
             raise ConfigError(f"runs_on={cfg.runs_on}: allowed only with runs_at_once, as many as the cluster takes")
-    if isinstance(cfg.instructor, HumanConfig):
+    if is_live(cfg.instructor):
         raise ConfigError("instructor=human in a sweep: a person teaches one run; allowed is hydra/launcher=basic")
 
 
@@ -116,15 +119,10 @@ def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str])
     return [sys.executable, sys.argv[0], *flags, *asked, *single]
 
 
-def viewer(sweep: Path) -> str:
-    """The command that shows all runs of a sweep."""
-    return f"{installed('python')} -m ibe_rl.viewer {sweep}"
-
-
-def how_to_open(sweep: Path) -> list[str]:
+def sweep_hints(sweep: Path) -> list[str]:
     """How to look at the runs together."""
     return [
         f"the runs are in {sweep}",
-        f"  look at all of them:   {viewer(sweep)}",
+        f"  look at all of them:   {viewer_command(sweep)}",
         f"  a report of the sweep: {installed('python')} explain.py sweep={sweep}",
     ]

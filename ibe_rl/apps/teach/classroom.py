@@ -19,13 +19,14 @@ from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
 from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Desk
-from ibe_rl.config.settings import HumanConfig, TrainConfig
+from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import task_of
 from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
-from ibe_rl.instructors import LessonWriter
-from ibe_rl.predict import make_simulator
+from ibe_rl.instructors.human import HumanConfig
+from ibe_rl.instructors.recorded import LessonWriter
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, asked_port, free_port
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
@@ -208,7 +209,7 @@ def open_classroom(
         folder / LESSON,
         task,
         partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
-        partial(make_simulator, cfg.predictor, partial(make_copy, cfg.env), task.rule, cfg.seed),
+        partial(Simulator.make, cfg.predictor, make_copy=partial(make_copy, cfg.env), rule=task.rule, seed=cfg.seed),
         about,
     )
 

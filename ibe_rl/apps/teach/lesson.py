@@ -16,7 +16,7 @@ from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import NOBODY, ORACLE, Desk, Said
 from ibe_rl.envs.make import drawn, task_of
 from ibe_rl.envs.snapshots import stoppable
-from ibe_rl.instructors import LessonWriter, RecordedEpisode
+from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
 from ibe_rl.types import Array, Explanation, Moment
 
 FRAME_S = 0.004

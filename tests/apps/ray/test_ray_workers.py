@@ -25,9 +25,10 @@ from view_data import eventually
 from ibe_rl.apps.ray import workers as ray_workers
 from ibe_rl.apps.ray.workers import Actors, RayWorkers
 from ibe_rl.collect.collector import batches, check_collect, make_collector
-from ibe_rl.config.settings import CollectConfig, InstructorConfig, RecordedConfig
+from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.instructors import check_instructor
+from ibe_rl.instructors.recorded import RecordedConfig
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.types import ConfigError

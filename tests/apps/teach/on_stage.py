@@ -12,20 +12,20 @@ import torch
 from by_hand import plain
 
 from ibe_rl.agents import GreedyPolicy, make_agent
+from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.apps.teach.live_explainer import Speaker
 from ibe_rl.apps.teach.messages import Message
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Desk, Said
-from ibe_rl.config.settings import DQNConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_gym
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.instructors import LessonWriter
-from ibe_rl.predict import Simulator
+from ibe_rl.instructors.recorded import LessonWriter
+from ibe_rl.predict.simulator import Simulator
 
 PAGE = 1
 HORIZON_STEPS = 5

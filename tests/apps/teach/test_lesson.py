@@ -21,7 +21,9 @@ from ibe_rl.apps.teach.session import ORACLE, PAST, PERSON
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import join
-from ibe_rl.instructors import Beside, Oracle, read_lesson
+from ibe_rl.instructors.mixed import Beside
+from ibe_rl.instructors.oracle import Oracle
+from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.types import Array
 
 ROW, OTHER = np.array([True]), np.array([False])

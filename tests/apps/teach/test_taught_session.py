@@ -12,7 +12,7 @@ import torch
 from pages import SMALL, browsing, opened, taught
 from processes import call
 
-from ibe_rl.instructors import RecordedEpisode, read_lesson
+from ibe_rl.instructors.recorded import RecordedEpisode, read_lesson
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON, TRAJECTORIES
 

@@ -1,33 +1,27 @@
-"""The instructors that need nothing but the environment's rule."""
+"""The instructor that never says anything."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any, Self
 
 import numpy as np
 
+from ibe_rl.task import Task
 from ibe_rl.types import Array
-
-
-class Oracle:
-    """Follows the environment's rule at every step."""
-
-    def __init__(self, rule: Callable[[Array], Array]):
-        self._rule = rule
-
-    def reset(self, rows: Array) -> None:
-        """Nothing to forget."""
-
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """See ``ibe_rl.types.Instructor``."""
-        return self._rule(states), np.ones((len(rows), 1), np.float32)
 
 
 class Silent:
     """Never says anything: what the agent does without instruction."""
 
+    kind, speaks = "silent", False
+
     def __init__(self, instruction_size: int):
         self._size = instruction_size
+
+    @classmethod
+    def make(cls, _: Any, task: Task, seed: int) -> Self:  # noqa: ARG003 - it draws nothing
+        """See ``ibe_rl.instructors``."""
+        return cls(task.instruction_size)
 
     def reset(self, rows: Array) -> None:
         """Nothing to forget."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rides import TASK, ride
 
-from ibe_rl.apps.paper.moves import Moves, as_json, claim, followed, histogram, holds, moves_of
+from ibe_rl.apps.paper.movements import Movements, claim_effects, effect_json, followed, histogram, holds, movements_of
 from ibe_rl.metrics.bootstrap import Estimate
 from ibe_rl.metrics.effect import Effect
 from ibe_rl.types import Episode
@@ -14,12 +14,12 @@ from ibe_rl.types import Episode
 UP, STILL, DOWN = 1.0, 0.0, -1.0
 
 
-def made(told: float, best: Sequence[float], others: Sequence[float]) -> Moves:
+def made(told: float, best: Sequence[float], others: Sequence[float]) -> Movements:
     """A window of each change; the first episode is the best, all others are of the second one."""
     change = np.array([*best, *others], float)
     number = np.repeat([0, 1], [len(best), len(others)])
     first, context = np.array([True, False]), np.array(["lower", "lower"])
-    return Moves(change, np.full(len(change), told), number, first, first, context)
+    return Movements(change, np.full(len(change), told), number, first, first, context)
 
 
 def rides(*groups: tuple[int, float, float, str], told: float = UP) -> list[Episode]:
@@ -32,13 +32,13 @@ def rides(*groups: tuple[int, float, float, str], told: float = UP) -> list[Epis
 
 
 def claimed(episodes: Sequence[Episode], told: float = UP) -> dict[str, str]:
-    found = claim(moves_of(episodes, TASK, 5, 0.25), told, 300, 0)
+    found = claim_effects(movements_of(episodes, TASK, 5, 0.25), told, 300, 0)
     return {over: holds(one) for over, one in found.items()}
 
 
 def test_changes_go_to_the_end_of_the_episode_and_silence_is_left_out():
     first = ride([0, 1, 3, 6], [UP, DOWN, STILL], reward=1, given=[True, False, True])
-    moves = moves_of([first, ride([5, 5, 4], DOWN)], TASK, 2, 0.5)
+    moves = movements_of([first, ride([5, 5, 4], DOWN)], TASK, 2, 0.5)
     assert moves.change.tolist() == [3, 3, -1, -1]
     assert moves.told.tolist() == [UP, STILL, DOWN, DOWN]
     assert moves.episode.tolist() == [0, 0, 1, 1]
@@ -49,14 +49,14 @@ def test_changes_go_to_the_end_of_the_episode_and_silence_is_left_out():
 
 def test_the_best_are_those_of_all_or_of_each_context():
     of_each = ((10, "upper"), (9, "upper"), (2, "lower"), (3, "lower"))
-    moves = moves_of([ride([0, 1], UP, reward, context) for reward, context in of_each], TASK, 1, 0.5)
+    moves = movements_of([ride([0, 1], UP, reward, context) for reward, context in of_each], TASK, 1, 0.5)
     assert moves.best.tolist() == [True, True, False, False]
     assert moves.best_of_context.tolist() == [True, False, False, True]
     assert moves.context.tolist() == ["upper", "upper", "lower", "lower"]
 
 
 def test_an_episode_in_silence_can_be_the_best_but_has_no_windows():
-    moves = moves_of([ride([0, 9], UP, 5, given=False), ride([0, 1], UP, 1)], TASK, 1, 0.5)
+    moves = movements_of([ride([0, 9], UP, 5, given=False), ride([0, 1], UP, 1)], TASK, 1, 0.5)
     assert (moves.change.tolist(), moves.episode.tolist(), moves.best.tolist()) == ([1], [1], [True, False])
 
 
@@ -89,7 +89,7 @@ def test_where_nobody_was_told_so_the_histogram_is_empty():
 
 
 def test_both_groups_are_shown_over_the_changes_after_all_instructions():
-    moves = moves_of([ride([0, 2], UP), ride([0, -1], DOWN), ride([0, -1], DOWN)], TASK, 1, 0.5)
+    moves = movements_of([ride([0, 2], UP), ride([0, -1], DOWN), ride([0, -1], DOWN)], TASK, 1, 0.5)
     assert histogram(moves, DOWN, 4)["edges"] == histogram(moves, UP, 4)["edges"]
     assert histogram(moves, DOWN, 4)["edges"][-1] == pytest.approx(2, abs=0.02)
 
@@ -102,7 +102,7 @@ def test_how_far_each_episode_went_as_told(told: float, means: list[float]):
     """One went down by 2 and 4 metres, one up by 2 and down by 1; one was told something else."""
     changes, episodes = np.array([-2.0, -4, 2, -1, 7]), np.array([1, 1, 4, 4, 2])
     none = np.zeros(5, bool)
-    moves = Moves(changes, np.array([told] * 4 + [9.0]), episodes, none, none, np.array(["lower"] * 5))
+    moves = Movements(changes, np.array([told] * 4 + [9.0]), episodes, none, none, np.array(["lower"] * 5))
     numbers, values = followed(moves, told)
     assert numbers.tolist() == [1, 4]
     assert values == pytest.approx(means)
@@ -111,7 +111,7 @@ def test_how_far_each_episode_went_as_told(told: float, means: list[float]):
 def test_the_claim_by_hand():
     """Best of each four by reward: 4 m up, the others 1, 2 and 5."""
     episodes = [ride([0, went], UP, reward) for went, reward in ((4, 9), (1, 3), (2, 2), (5, 1))]
-    found = claim(moves_of(episodes, TASK, 1, 0.25), UP, 20, 0)
+    found = claim_effects(movements_of(episodes, TASK, 1, 0.25), UP, 20, 0)
     assert list(found) == ["all", "lower", "within"]
     for one in found.values():
         assert one is not None
@@ -152,11 +152,11 @@ def test_contexts_in_which_the_best_follow_more_make_the_claim_within_but_not_fo
 
 def test_what_was_never_told_to_both_groups_cannot_be_claimed():
     both = rides((4, 1, 9, "lower"), (12, 1, 1, "lower")) + rides((4, 1, 0, "upper"), told=DOWN)
-    moves = moves_of(both, TASK, 5, 0.25)
-    found = claim(moves, UP, 20, 0)
+    moves = movements_of(both, TASK, 5, 0.25)
+    found = claim_effects(moves, UP, 20, 0)
     assert (found["upper"], found["all"] is None, found["within"] is None) == (None, False, False)
-    assert claim(moves, DOWN, 20, 0)["all"] is None  # none of those told so is among the best of all
-    assert claim(moves, STILL, 20, 0) == dict.fromkeys(["all", "lower", "upper", "within"])
+    assert claim_effects(moves, DOWN, 20, 0)["all"] is None  # none of those told so is among the best of all
+    assert claim_effects(moves, STILL, 20, 0) == dict.fromkeys(["all", "lower", "upper", "within"])
 
 
 def effect_of(low: float, high: float) -> Effect:
@@ -176,11 +176,11 @@ def test_a_claim_holds_where_its_interval_is_clear_of_no_difference(low: float, 
 
 def test_without_an_effect_it_is_open():
     assert holds(None) == "open"
-    assert as_json(None) is None
+    assert effect_json(None) is None
 
 
 def test_a_claim_as_json():
-    assert as_json(effect_of(0.5, 1.0)) == {
+    assert effect_json(effect_of(0.5, 1.0)) == {
         "best_episodes": 4,
         "other_episodes": 12,
         "best_mean": 2.0,

@@ -6,37 +6,51 @@ The observers are simulated and fixed beforehand (``ibe_rl.metrics.observer``); 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Dict
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from ibe_rl.apps.paper.words import OURS, PAPER
+from ibe_rl.apps.paper.names import (
+    AT_CONTACT,
+    AT_END,
+    DEFAULT,
+    NO_WORDS,
+    PAPERS,
+    PREDICTED_CHANGE,
+    SHUFFLED,
+    STRAIGHT,
+    SWAPPED,
+    TRUE_END,
+)
 from ibe_rl.collect.rollout import watch
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.explain.explainer import majority_phrases
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.effect import paired_p
 from ibe_rl.metrics.observer import Observer, carries_on, observer_errors
 from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, Instructor, Mapping, Policy, Predictor
 
-END, CONTACT = "end", "contact"
-"""Where the frames are cut off: at the end of the episode, as in the paper, or when it first touches the ground."""
-STAYS, NOTHING, FLIPPED, SHUFFLED = "straight_down", "no_explanation", "flipped", "shuffled"
-PREDICTED, TRUE_FUTURE = "predicted_change", "true_future"
 COMPARED = (
-    *((OURS, NOTHING), (PAPER, NOTHING), (OURS, PAPER), (OURS, STAYS), (OURS, FLIPPED), (OURS, SHUFFLED)),
-    (NOTHING, STAYS),
+    *(
+        (DEFAULT, NO_WORDS),
+        (PAPERS, NO_WORDS),
+        (DEFAULT, PAPERS),
+        (DEFAULT, STRAIGHT),
+        (DEFAULT, SWAPPED),
+        (DEFAULT, SHUFFLED),
+    ),
+    (NO_WORDS, STRAIGHT),
 )
 """Whose errors are tested against whose."""
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownEpisode:
     """An episode of the task.
 
     Attributes:
@@ -50,7 +64,7 @@ class Shown:
     ends: dict[str, int]
 
 
-def pick(
+def pick_episodes(
     env: gymnasium.Env[Any, Any],
     task: Task,
     policy: Policy,
@@ -59,15 +73,15 @@ def pick(
     count: int,
     horizon_steps: int,
     step: Callable[[], None] = lambda: None,
-) -> list[Shown]:
+) -> list[ShownEpisode]:
     """Fly until there are enough episodes: the first ones that come down and are long enough before they touch."""
     assert task.first_contact is not None
-    found: list[Shown] = []
+    found: list[ShownEpisode] = []
     for seed in seeds:
         watched = watch(env, policy, instructor, seed)
         contact = task.first_contact(watched.episode.states)
         if watched.episode.terminated and contact >= SEEN_STEPS + horizon_steps:
-            found.append(Shown(seed, watched, {END: len(watched.episode), CONTACT: contact}))
+            found.append(ShownEpisode(seed, watched, {AT_END: len(watched.episode), AT_CONTACT: contact}))
             step()
         if len(found) == count:
             break
@@ -75,7 +89,7 @@ def pick(
 
 
 @dataclass(frozen=True)
-class Listened:
+class ObserverGuesses:
     """What the observers of ``E`` episodes were told, and where they expect the end.
 
     Attributes:
@@ -98,18 +112,59 @@ class Listened:
         }
 
 
-def listen(
-    shown: Sequence[Shown],
+@dataclass(frozen=True)
+class ObservedEpisodes:
+    """The prediction task with one agent at one cut: its episodes, what was said of them and what was foretold.
+
+    Attributes:
+        shown: ``E`` episodes.
+        cut: where they end.
+        guesses: what was said and foretold.
+        vocabularies: that it was said in.
+        task: with ``scene_path``.
+        horizon_steps: from the last frame that observers see to the end.
+    """
+
+    shown: Sequence[ShownEpisode]
+    cut: str
+    guesses: ObserverGuesses
+    vocabularies: dict[str, ClusterMapping]
+    task: Task
+    horizon_steps: int
+
+    def last_seen(self, row: int) -> int:
+        """The step at which the observers foretell."""
+        return self.shown[row].ends[self.cut] - self.horizon_steps
+
+    def path(self, row: int, first: int, last: int) -> Array:
+        """The way ``(n, 2)`` in scene units from one step to another, both included."""
+        assert self.task.scene_path is not None
+        return self.task.scene_path(self.shown[row].watched.episode.states[first : last + 1])
+
+    def place(self, row: int, expected: float) -> Array:
+        """Where ``(2,)`` in the scene it would be at the end, had the explained dimension this value."""
+        assert self.task.scene_path is not None
+        state = self.shown[row].watched.episode.states[self.shown[row].ends[self.cut]].copy()
+        state[self.task.explained[0]] = expected
+        return self.task.scene_path(state)
+
+    def errors(self, row: int) -> dict[str, float]:
+        """Observer to its error in % of the width."""
+        return {name: float(each[row]) for name, each in self.guesses.errors(self.task.explained_range[0]).items()}
+
+
+def ask_observers(
+    shown: Sequence[ShownEpisode],
     cut: str,
     policy: Policy,
     predictor: Predictor,
-    vocabularies: Dict[str, Mapping],
+    vocabularies: dict[str, ClusterMapping],
     shuffled: Sequence[Mapping],
     observer: Observer,
     task: Task,
     horizon_steps: int,
     futures: int,
-) -> Listened:
+) -> ObserverGuesses:
     """Let the agent say at every frame that is shown what it will do, and the observers foretell at the last one.
 
     Args:
@@ -137,17 +192,17 @@ def listen(
     ends = np.array([one.watched.episode.states[one.ends[cut]] for one in shown])
     position, end = (each[:, task.explained[0]].astype(float) for each in (states, ends))
     said = {name: _say(mapping, deltas, task) for name, mapping in vocabularies.items()}
-    said |= {FLIPPED: _say(Flipped(vocabularies[OURS]), deltas[:, -1:], task)}
+    said |= {SWAPPED: _say(Flipped(vocabularies[DEFAULT]), deltas[:, -1:], task)}
     others = [observer.reads(position, _say(mapping, deltas[:, -1:], task)[:, -1]) for mapping in shuffled]
     expected = {
-        STAYS: position[None],
-        NOTHING: carries_on(position, task.motion(states)[:, 0].astype(float), horizon_steps)[None],
+        STRAIGHT: position[None],
+        NO_WORDS: carries_on(position, task.motion(states)[:, 0].astype(float), horizon_steps)[None],
         **{name: observer.reads(position, words[:, -1])[None] for name, words in said.items()},
         SHUFFLED: np.array(others),
-        PREDICTED: (position + deltas[:, -1, 0, task.explained[0]])[None],
-        TRUE_FUTURE: end[None],
+        PREDICTED_CHANGE: (position + deltas[:, -1, 0, task.explained[0]])[None],
+        TRUE_END: end[None],
     }
-    return Listened({name: said[name] for name in vocabularies}, position, end, expected)
+    return ObserverGuesses({name: said[name] for name in vocabularies}, position, end, expected)
 
 
 def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:
@@ -157,9 +212,11 @@ def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:
     return mapping.express(flat[np.arange(len(flat)), which])[:, 0].reshape(deltas.shape[:2])
 
 
-def judged(errors: dict[str, Array], resamples: int, seed: int) -> tuple[dict[str, Estimate], list[dict[str, Any]]]:
+def error_tests(
+    errors: dict[str, Array], resamples: int, seed: int
+) -> tuple[dict[str, Estimate], list[dict[str, Any]]]:
     """Mean errors with intervals over the episodes, and the tests that are paired by episode; p not yet corrected."""
-    count = len(errors[NOTHING])
+    count = len(errors[NO_WORDS])
     weights = episode_weights(np.arange(count), resamples, seed)
     means = {name: estimate(weighted_mean(each, weights)) for name, each in errors.items()}
     tests = [
@@ -178,5 +235,5 @@ def judged(errors: dict[str, Array], resamples: int, seed: int) -> tuple[dict[st
 
 def most_telling(errors: dict[str, Array], explainer: str) -> tuple[int, int]:
     """The episodes in which an explanation helps most and misleads most, against none."""
-    gain = errors[NOTHING] - errors[explainer]
+    gain = errors[NO_WORDS] - errors[explainer]
     return int(np.argmax(gain)), int(np.argmin(gain))

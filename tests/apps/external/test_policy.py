@@ -15,10 +15,10 @@ import pytest
 import stable_baselines3
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary
 
-from ibe_rl.apps.external.policy import SB3_KINDS, GuestPolicy, Wandering, as_policy, crosses_processes, find_agent
+from ibe_rl.apps.external.policy import SB3_KINDS, EpsilonGreedy, ExternalPolicy, as_policy, find_agent
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_TASK
-from ibe_rl.evaluation.rollouts import processes_for
+from ibe_rl.evaluation.run_predictor import crosses_processes, processes_for
 from ibe_rl.types import ConfigError
 
 FOUR: Any = Discrete(4)
@@ -27,7 +27,7 @@ OBSERVATIONS = np.random.default_rng(0).normal(size=(20, 11)).astype(np.float32)
 OBSERVATIONS[:, 9:] = np.column_stack([np.arange(20) % 3 - 1, np.ones(20)])
 
 
-def policy_of(agent: Any, sees: bool | None = None, actions: Any = FOUR) -> GuestPolicy:
+def policy_of(agent: Any, sees: bool | None = None, actions: Any = FOUR) -> ExternalPolicy:
     return as_policy(agent, LANDER_TASK, actions, sees, OBSERVATIONS[:3])
 
 
@@ -163,8 +163,8 @@ def test_other_processes_are_only_asked_where_they_can_know_the_agent() -> None:
 
 def test_wandering_does_a_share_of_the_actions_at_random_and_the_same_with_the_same_seed() -> None:
     policy, many = policy_of(pilots.sideways, False), np.repeat(OBSERVATIONS, 50, axis=0)
-    wandering = [Wandering(policy, 0.5, FOUR, seed)(many) for seed in (0, 0, 1)]
+    wandering = [EpsilonGreedy(policy, 0.5, FOUR, seed)(many) for seed in (0, 0, 1)]
     np.testing.assert_array_equal(wandering[0], wandering[1])
     assert np.any(wandering[0] != wandering[2])
     assert np.mean(wandering[0] != policy(many)) == pytest.approx(0.5 * 0.75, abs=0.05)
-    np.testing.assert_array_equal(Wandering(policy, 0.0, FOUR, 0)(many), policy(many))
+    np.testing.assert_array_equal(EpsilonGreedy(policy, 0.0, FOUR, 0)(many), policy(many))

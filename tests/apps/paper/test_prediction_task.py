@@ -10,27 +10,31 @@ from by_hand import on_a_line
 from rides import TASK, ride
 
 from ibe_rl.agents import make_agent
-from ibe_rl.apps.paper import foretelling
-from ibe_rl.apps.paper.foretelling import (
-    COMPARED,
-    CONTACT,
-    END,
-    FLIPPED,
-    NOTHING,
-    PREDICTED,
+from ibe_rl.agents.ppo import PPOConfig
+from ibe_rl.apps.paper import prediction_task
+from ibe_rl.apps.paper.names import (
+    AT_CONTACT,
+    AT_END,
+    DEFAULT,
+    NO_WORDS,
+    PAPERS,
+    PREDICTED_CHANGE,
     SHUFFLED,
-    STAYS,
-    TRUE_FUTURE,
-    Listened,
-    Shown,
-    judged,
-    listen,
-    most_telling,
-    pick,
+    STRAIGHT,
+    SWAPPED,
+    TRUE_END,
 )
-from ibe_rl.apps.paper.words import OURS, PAPER
+from ibe_rl.apps.paper.prediction_task import (
+    COMPARED,
+    ObserverGuesses,
+    ShownEpisode,
+    ask_observers,
+    error_tests,
+    most_telling,
+    pick_episodes,
+)
 from ibe_rl.collect.rollout import JUDGING_SEED, watch
-from ibe_rl.config.settings import InstructorConfig, PPOConfig
+from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -44,15 +48,15 @@ from ibe_rl.types import Array, Moment, Prediction
 ROOT = Path(__file__).parents[3]
 HORIZON = 10
 FUTURES = 3
-VOCABULARIES = {PAPER: on_a_line([-2, 0, 2], [-0.8, 0, 0.4]), OURS: on_a_line([-2, 0, 2])}
+VOCABULARIES = {PAPERS: on_a_line([-2, 0, 2], [-0.8, 0, 0.4]), DEFAULT: on_a_line([-2, 0, 2])}
 WRONG = [on_a_line([-2, 0, 2], [0.5, 0.5, 0.5]), on_a_line([-2, 0, 2], [0, 0, -1])]
 OBSERVER = Observer(typical=5.0)
 
 
-def shown(heights: Sequence[float], contact: int) -> Shown:
+def shown(heights: Sequence[float], contact: int) -> ShownEpisode:
     episode = ride(heights)
     moments = [Moment(state, np.zeros(1), True) for state in episode.states[:-1]]
-    return Shown(7, Watched(episode, moments, [], []), {END: len(episode), CONTACT: contact})
+    return ShownEpisode(7, Watched(episode, moments, [], []), {AT_END: len(episode), AT_CONTACT: contact})
 
 
 RISING = shown(np.arange(41), contact=36)
@@ -79,64 +83,64 @@ class Foreseen:
         return Prediction.exact(now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None])
 
 
-def listened(cut: str, predictor: Any = None, episodes: Sequence[Shown] = (RISING, FALLING)) -> Listened:
+def guesses(cut: str, predictor: Any = None, episodes: Sequence[ShownEpisode] = (RISING, FALLING)) -> ObserverGuesses:
     told = (VOCABULARIES, WRONG, OBSERVER, TASK, HORIZON, FUTURES)
-    return listen(episodes, cut, policy, predictor or Foreseen(), *told)
+    return ask_observers(episodes, cut, policy, predictor or Foreseen(), *told)
 
 
 def test_observers_see_so_many_frames_and_foretell_at_the_last():
     predictor = Foreseen()
-    told = listened(CONTACT, predictor)
+    told = guesses(AT_CONTACT, predictor)
     [(heights, asked_policy, horizon)] = predictor.asked
     rising, falling = np.arange(26 - SEEN_STEPS + 1, 27), 100 - 2 * np.arange(30 - SEEN_STEPS + 1, 31)
     assert heights == np.repeat([*rising, *falling], FUTURES).tolist()
     assert (asked_policy, horizon) == (policy, HORIZON)
     assert told.position.tolist() == [26, 40]
     assert told.end.tolist() == [36, 20]
-    assert {name: said.shape for name, said in told.said.items()} == dict.fromkeys((PAPER, OURS), (2, SEEN_STEPS))
-    np.testing.assert_array_equal(told.said[OURS], np.where(np.array([rising, falling]) % 4 == 0, 1, -1))
-    np.testing.assert_array_equal(told.said[PAPER], np.where(np.array([rising, falling]) % 4 == 0, 0.4, -0.8))
+    assert {name: said.shape for name, said in told.said.items()} == dict.fromkeys((PAPERS, DEFAULT), (2, SEEN_STEPS))
+    np.testing.assert_array_equal(told.said[DEFAULT], np.where(np.array([rising, falling]) % 4 == 0, 1, -1))
+    np.testing.assert_array_equal(told.said[PAPERS], np.where(np.array([rising, falling]) % 4 == 0, 0.4, -0.8))
 
 
 def test_what_every_observer_expects_worked_out_by_hand():
     """At the contact: 26 m, 2 m down foreseen; 40 m, 2 m up foreseen; an expression of 1 is read as 5 m."""
-    expected = {name: rows.tolist() for name, rows in listened(CONTACT).expected.items()}
+    expected = {name: rows.tolist() for name, rows in guesses(AT_CONTACT).expected.items()}
     assert expected == {
-        STAYS: [[26, 40]],
-        NOTHING: [[26 + 10 * 2.6, 40 + 10 * 4]],
-        PAPER: [[26 - 4, 40 + 2]],
-        OURS: [[26 - 5, 40 + 5]],
-        FLIPPED: [[26 + 5, 40 - 5]],
+        STRAIGHT: [[26, 40]],
+        NO_WORDS: [[26 + 10 * 2.6, 40 + 10 * 4]],
+        PAPERS: [[26 - 4, 40 + 2]],
+        DEFAULT: [[26 - 5, 40 + 5]],
+        SWAPPED: [[26 + 5, 40 - 5]],
         SHUFFLED: [[26 + 2.5, 40 + 2.5], [26, 40 - 5]],
-        PREDICTED: [[26 - 3, 40 - 3]],  # of one future, the first
-        TRUE_FUTURE: [[36, 20]],
+        PREDICTED_CHANGE: [[26 - 3, 40 - 3]],  # of one future, the first
+        TRUE_END: [[36, 20]],
     }
 
 
 def test_cut_at_the_end_everything_is_foretold_from_there():
-    told = listened(END)
+    told = guesses(AT_END)
     assert (told.position.tolist(), told.end.tolist()) == ([30, 30], [40, 10])
-    assert told.expected[OURS].tolist() == [[25, 25]]
-    assert told.said[OURS][:, -1].tolist() == [-1, -1]
+    assert told.expected[DEFAULT].tolist() == [[25, 25]]
+    assert told.said[DEFAULT][:, -1].tolist() == [-1, -1]
 
 
-@pytest.mark.parametrize("cut", [END, CONTACT])
+@pytest.mark.parametrize("cut", [AT_END, AT_CONTACT])
 def test_the_last_frame_counts_and_flipped_is_its_mirror_image(cut: str):
-    told = listened(cut)
+    told = guesses(cut)
     for name in VOCABULARIES:
         np.testing.assert_allclose(told.expected[name][0], told.position + 5 * told.said[name][:, -1])
-    np.testing.assert_allclose(told.expected[OURS] + told.expected[FLIPPED], 2 * told.position[None])
+    np.testing.assert_allclose(told.expected[DEFAULT] + told.expected[SWAPPED], 2 * told.position[None])
     errors = told.errors(20.0)
-    assert errors[TRUE_FUTURE].tolist() == [0, 0]
-    assert all((errors[name] > 0).any() for name in errors if name != TRUE_FUTURE)
+    assert errors[TRUE_END].tolist() == [0, 0]
+    assert all((errors[name] > 0).any() for name in errors if name != TRUE_END)
 
 
 def test_errors_are_in_percent_of_the_width_and_means_over_vocabularies():
-    errors = listened(CONTACT).errors(20.0)
-    assert errors[OURS] == pytest.approx([15 * 5, 25 * 5])
-    assert errors[STAYS] == pytest.approx([10 * 5, 20 * 5])
+    errors = guesses(AT_CONTACT).errors(20.0)
+    assert errors[DEFAULT] == pytest.approx([15 * 5, 25 * 5])
+    assert errors[STRAIGHT] == pytest.approx([10 * 5, 20 * 5])
     assert errors[SHUFFLED] == pytest.approx([(7.5 + 10) / 2 * 5, (22.5 + 15) / 2 * 5])
-    apart = Listened({}, np.zeros(1), np.zeros(1), {SHUFFLED: np.array([[1.0], [-1.0]])})
+    apart = ObserverGuesses({}, np.zeros(1), np.zeros(1), {SHUFFLED: np.array([[1.0], [-1.0]])})
     assert apart.errors(2.0)[SHUFFLED].tolist() == [50]  # not that of the mean, which is right
 
 
@@ -147,36 +151,39 @@ def errors_of(**given: Sequence[float]) -> dict[str, Array]:
 
 
 def test_errors_are_compared_by_episode():
-    errors = errors_of(**{OURS: [1, 2, 3, 4, 5, 6], NOTHING: [3, 3, 3, 9, 9, 9]})
-    means, tests = judged(errors, 200, 0)
-    assert {name: each.value for name, each in means.items()} == dict.fromkeys(errors, 5) | {OURS: 3.5, NOTHING: 6}
-    assert 1 < means[OURS].low < 3.5 < means[OURS].high < 6
+    errors = errors_of(**{DEFAULT: [1, 2, 3, 4, 5, 6], NO_WORDS: [3, 3, 3, 9, 9, 9]})
+    means, tests = error_tests(errors, 200, 0)
+    assert {name: each.value for name, each in means.items()} == dict.fromkeys(errors, 5) | {
+        DEFAULT: 3.5,
+        NO_WORDS: 6,
+    }
+    assert 1 < means[DEFAULT].low < 3.5 < means[DEFAULT].high < 6
     assert [(test["explainer"], test["minus"]) for test in tests] == [*COMPARED]
     told = tests[0]
-    assert (told["explainer"], told["minus"]) == (OURS, NOTHING)
+    assert (told["explainer"], told["minus"]) == (DEFAULT, NO_WORDS)
     assert told["difference"]["value"] == -2.5
     assert told["difference"]["low"] < -2.5 < told["difference"]["high"] < 0
     assert (told["better_episodes"], told["worse_episodes"]) == (5, 0)
     assert told["p"] == pytest.approx(2 / 2**5)  # as far out as all one way, the one without a difference either way
-    shuffled = tests[COMPARED.index((OURS, SHUFFLED))]
+    shuffled = tests[COMPARED.index((DEFAULT, SHUFFLED))]
     assert (shuffled["better_episodes"], shuffled["worse_episodes"]) == (4, 1)
     assert shuffled["p"] == paired_p(np.array([-4.0, -3, -2, -1, 0, 1]))
 
 
 def test_where_all_are_as_far_off_nothing_is_better():
-    _, tests = judged(errors_of(), 50, 0)
+    _, tests = error_tests(errors_of(), 50, 0)
     for test in tests:
         assert (test["better_episodes"], test["worse_episodes"], test["p"]) == (0, 0, 1)
         assert test["difference"] == {"value": 0, "low": 0, "high": 0}
 
 
 def test_the_episodes_that_an_explanation_helps_and_misleads_most():
-    errors = errors_of(**{NOTHING: [5, 9, 9, 1, 5, 5], PAPER: [4, 8, 1, 2, 9, 5], OURS: [0, 9, 9, 9, 9, 6]})
-    assert most_telling(errors, PAPER) == (2, 4)
-    assert most_telling(errors, OURS) == (0, 3)
+    errors = errors_of(**{NO_WORDS: [5, 9, 9, 1, 5, 5], PAPERS: [4, 8, 1, 2, 9, 5], DEFAULT: [0, 9, 9, 9, 9, 6]})
+    assert most_telling(errors, PAPERS) == (2, 4)
+    assert most_telling(errors, DEFAULT) == (0, 3)
 
 
-def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[Shown], list[int], int]:
+def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[ShownEpisode], list[int], int]:
     """Of rides down, whose lowest place is where they touch the ground."""
     flights = {
         1: ride([*range(30, 0, -1), 2], terminated=True),  # touches at step 29: a frame too early
@@ -191,9 +198,9 @@ def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[Shown], li
         flown.append(given[-1])
         return Watched(flights[given[-1]], [], [], [])
 
-    monkeypatch.setattr(foretelling, "watch", fly)
+    monkeypatch.setattr(prediction_task, "watch", fly)
     nobody: Any = None
-    found = pick(nobody, TASK, policy, nobody, [*flights], count, HORIZON, lambda: steps.append(1))
+    found = pick_episodes(nobody, TASK, policy, nobody, [*flights], count, HORIZON, lambda: steps.append(1))
     return found, flown, len(steps)
 
 
@@ -201,7 +208,11 @@ def test_episodes_that_do_not_come_down_or_touch_too_early_are_left_out(monkeypa
     assert SEEN_STEPS + HORIZON == 30
     found, flown, steps = picked(monkeypatch, 9)
     assert [one.seed for one in found] == [2, 4, 5]
-    assert [one.ends for one in found] == [{END: 31, CONTACT: 30}, {END: 49, CONTACT: 49}, {END: 59, CONTACT: 59}]
+    assert [one.ends for one in found] == [
+        {AT_END: 31, AT_CONTACT: 30},
+        {AT_END: 49, AT_CONTACT: 49},
+        {AT_END: 59, AT_CONTACT: 59},
+    ]
     assert (flown, steps) == ([1, 2, 3, 4, 5], 3)
 
 
@@ -222,7 +233,7 @@ def pilot() -> Any:
 def test_real_episodes_where_the_goal_is_hidden(pilot: Any):
     hidden = make_gym(LANDER_ID, dict(LANDER_TASK.hidden_goal))
     instructor, seeds = make_instructor(InstructorConfig("oracle"), LANDER_TASK), range(JUDGING_SEED, JUDGING_SEED + 9)
-    found = pick(hidden, LANDER_TASK, pilot, instructor, seeds, 2, 60)
+    found = pick_episodes(hidden, LANDER_TASK, pilot, instructor, seeds, 2, 60)
     assert [one.seed for one in found] == [*seeds[:2]]
     for one in found:
         states, (end, contact) = one.watched.episode.states, one.ends.values()
@@ -231,4 +242,4 @@ def test_real_episodes_where_the_goal_is_hidden(pilot: Any):
         assert states[contact, 6:8].any()
         again = watch(hidden, pilot, instructor, one.seed)
         np.testing.assert_array_equal(again.episode.states, states)
-    assert pick(hidden, LANDER_TASK, pilot, instructor, seeds[:2], 2, 900) == []
+    assert pick_episodes(hidden, LANDER_TASK, pilot, instructor, seeds[:2], 2, 900) == []

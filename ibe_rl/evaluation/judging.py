@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ibe_rl.evaluation.baselines import CHEAP, StateRegressor, as_instruction, cheap_baselines, forecasts
+from ibe_rl.evaluation.baselines import CHEAP, Learnt, as_instruction, cheap_baselines, forecasts
 from ibe_rl.evaluation.controls import Flipped, of_another_moment
-from ibe_rl.evaluation.moments import Moments
+from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.evaluation.rows import (
+    Judged,
     Samples,
     Truth,
     add_loss,
-    as_json,
     balance,
     difference,
+    estimate_json,
     fixed,
     laid_out,
     score_confidence,
@@ -25,56 +25,13 @@ from ibe_rl.evaluation.rows import (
     score_words,
     spread_over,
 )
-from ibe_rl.evaluation.verbalise import Spoken, calibrate, speak
-from ibe_rl.metrics.bootstrap import estimate
-from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.evaluation.verbalise import calibrate, speak
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Mapping
+from ibe_rl.types import Array
 
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
 """What is held against the cheap baselines and the paper, moment by moment."""
-PREDICTED, TRUE_FUTURE = "baseline:predicted_change", "baseline:true_future"
-
-
-@dataclass(frozen=True)
-class Learnt:
-    """What was learnt from the log for one horizon.
-
-    Attributes:
-        vocabularies: explainer to its vocabulary.
-        ensembles: explainer to many vocabularies that cannot be right, of which the distribution is reported; without
-            any the other controls are left out too.
-        regressors: what the state alone tells of each number.
-    """
-
-    vocabularies: dict[str, Mapping]
-    ensembles: dict[str, Sequence[Mapping]]
-    regressors: Sequence[StateRegressor]
-
-
-@dataclass
-class Judged:
-    """What came out at one horizon.
-
-    Attributes:
-        truth: what really happened.
-        names: of the numbers of an instruction.
-        samples: explainer to its metrics on every resample.
-        refits: explainer to the metrics of each of its vocabularies, without resamples.
-        spoken: explainer to what its vocabulary said.
-        calibrations: explainer to how its confidence is made.
-        probabilities: explainer to that confidence ``(N,)``.
-        mappings: explainer to its vocabulary.
-    """
-
-    truth: Truth
-    names: Sequence[str]
-    samples: dict[str, Samples] = field(default_factory=dict)
-    refits: dict[str, list[Samples]] = field(default_factory=dict)
-    spoken: dict[str, Spoken] = field(default_factory=dict)
-    calibrations: dict[str, Calibration] = field(default_factory=dict)
-    probabilities: dict[str, Array] = field(default_factory=dict)
-    mappings: dict[str, Mapping] = field(default_factory=dict)
+_PREDICTED, _TRUE_FUTURE = "baseline:predicted_change", "baseline:true_future"
 
 
 def judge(
@@ -111,7 +68,7 @@ def judge(
     refits = [each for several in judged.refits.values() for each in several]
     for samples in (*judged.samples.values(), *refits):
         if "came_true" in samples:
-            add_loss(samples, judged.samples[PREDICTED])
+            add_loss(samples, judged.samples[_PREDICTED])
     return judged
 
 
@@ -120,7 +77,7 @@ def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) ->
     at, explained = moments.at(horizon_steps), task.explained
     return cheap_baselines(moments, horizon_steps, task, learnt.regressors) | {
         "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
-        "true_future": moments.realised[:, at][:, explained].astype(float),
+        "true_future": moments.real_change(horizon_steps, explained).astype(float),
     }
 
 
@@ -177,7 +134,7 @@ def rows_of(judged: Judged) -> list[dict[str, Any]]:
     horizon = judged.truth.horizon_steps
     rows = []
     for name, samples in judged.samples.items():
-        told = {metric: as_json(estimate(values)) for metric, values in samples.items()}
+        told = {metric: estimate_json(values) for metric, values in samples.items()}
         told |= balance(judged.mappings[name]) if name in judged.mappings else {}
         rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names))
     for name, several in judged.refits.items():
@@ -225,7 +182,7 @@ def confidence_of(judged: Judged, ours: str) -> dict[str, Any]:
     return {
         "explainer": ours,
         "horizon_steps": judged.truth.horizon_steps,
-        "risk_at_80_minus_risk_all": as_json(estimate(samples["risk_at_80"] - samples["risk_all"])),
+        "risk_at_80_minus_risk_all": estimate_json(samples["risk_at_80"] - samples["risk_all"]),
         "brier_minus_base_rate": difference(samples, base, "brier"),
         "base_rate": fixed(share),
     }

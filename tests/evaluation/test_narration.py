@@ -13,11 +13,11 @@ from by_hand import TASK, on_a_line, plain
 from rich.console import Console
 
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.evaluation import TrainedRun
-from ibe_rl.evaluation.narration import tell
+from ibe_rl.evaluation.narration import print_narration
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Watched
 from ibe_rl.types import CANNOT_TELL, Episode, Explanation, Moment
 
@@ -56,7 +56,7 @@ def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | Non
 
 def printed(run: TrainedRun, flown: Watched, said: list[Explanation] | None = None) -> list[str]:
     stream = io.StringIO()
-    tell(run, flown, said or said_in(run, flown), Console(file=stream, highlight=False, width=250))
+    print_narration(run, flown, said or said_in(run, flown), Console(file=stream, highlight=False, width=250))
     return stream.getvalue().splitlines()
 
 

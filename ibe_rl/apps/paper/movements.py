@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.ibe import cut_windows, top_episodes
+from ibe_rl.ibe.delta import cut_windows, top_episodes
 from ibe_rl.metrics.effect import Effect, Groups, effect
 from ibe_rl.metrics.histogram import BINS, bin_edges, densities
 from ibe_rl.task import Task
@@ -16,7 +16,7 @@ from ibe_rl.types import Array, Episode
 
 
 @dataclass(frozen=True)
-class Moves:
+class Movements:
     """How the explained dimension changed after each instruction, in ``W`` windows of ``E`` episodes.
 
     Attributes:
@@ -40,13 +40,13 @@ class Moves:
         return self.change[(self.told == told) & (self.best[self.episode] == best)]
 
 
-def moves_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fraction: float) -> Moves:
+def movements_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fraction: float) -> Movements:
     """Cut episodes into windows; only where something was instructed."""
     windows = cut_windows(episodes, horizon_steps, "clamp")
     windows = windows[np.asarray(windows.given)]
     rewards = np.array([episode.total_reward for episode in episodes])
     context = np.array([episode.context for episode in episodes])
-    return Moves(
+    return Movements(
         change=windows.delta[:, task.explained[0]].astype(float),
         told=windows.instruction[:, 0],
         episode=windows.episode,
@@ -56,7 +56,7 @@ def moves_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fr
     )
 
 
-def histogram(moves: Moves, told: float, bins: int = BINS) -> dict[str, Any]:
+def histogram(moves: Movements, told: float, bins: int = BINS) -> dict[str, Any]:
     """The densities of the changes after one instruction, best and other episodes over the same bins, for paper.json.
 
     ``shown_to`` is the third highest density, so that a peak over two bins need not hide the rest.
@@ -71,7 +71,7 @@ def histogram(moves: Moves, told: float, bins: int = BINS) -> dict[str, Any]:
     return found
 
 
-def followed(moves: Moves, told: float) -> tuple[Array, Array]:
+def followed(moves: Movements, told: float) -> tuple[Array, Array]:
     """How far each episode went as it was told.
 
     Returns:
@@ -84,7 +84,7 @@ def followed(moves: Moves, told: float) -> tuple[Array, Array]:
     return episodes, np.bincount(place, way) / np.bincount(place)
 
 
-def claim(moves: Moves, told: float, resamples: int, seed: int) -> dict[str, Effect | None]:
+def claim_effects(moves: Movements, told: float, resamples: int, seed: int) -> dict[str, Effect | None]:
     """Test the paper's claim for one instruction, by episode: over all contexts, and within each of them.
 
     Returns:
@@ -100,7 +100,7 @@ def claim(moves: Moves, told: float, resamples: int, seed: int) -> dict[str, Eff
     return {name: effect(groups, resamples, seed) for name, groups in strata.items()}
 
 
-def _groups(episodes: Array, values: Array, moves: Moves, context: str) -> Groups:
+def _groups(episodes: Array, values: Array, moves: Movements, context: str) -> Groups:
     here, best = moves.context[episodes] == context, moves.best_of_context[episodes]
     return values[here & best], values[here & ~best]
 
@@ -112,7 +112,7 @@ def holds(found: Effect | None) -> str:
     return "yes" if found.superiority.low > 0.5 else "no" if found.superiority.high < 0.5 else "open"
 
 
-def as_json(found: Effect | None) -> dict[str, Any] | None:
+def effect_json(found: Effect | None) -> dict[str, Any] | None:
     """For paper.json."""
     if found is None:
         return None

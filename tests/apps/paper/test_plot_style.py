@@ -9,8 +9,17 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from outcome import UNKNOWN, flights, told
 
-from ibe_rl.apps.paper.plot_style import DARK, LABELS, MARKERS, SHADES, VARIANTS, grid, hexed, interval
-from ibe_rl.apps.paper.words import MINMAX, OURS, PAPER, SIGNS
+from ibe_rl.apps.paper.names import (
+    DEFAULT,
+    OBSERVER_COLOURS,
+    OBSERVER_LABELS,
+    OBSERVER_MARKERS,
+    PAPERS,
+    SIGNS_KEPT,
+    SPLIT_MINMAX,
+    VARIANT_LABELS,
+)
+from ibe_rl.apps.plot_style import DARK, grid, hexed, interval
 from ibe_rl.view import palette as colours
 
 
@@ -20,17 +29,17 @@ def test_colours_are_written_as_matplotlib_takes_them() -> None:
 
 
 def test_every_observer_has_its_words_its_colour_and_its_marker() -> None:
-    observers = flights().listened.expected.keys()
-    assert LABELS.keys() == SHADES.keys() == MARKERS.keys() == observers
-    assert len(set(LABELS.values())) == len(observers)
-    assert VARIANTS.keys() == {PAPER, SIGNS, MINMAX, OURS}
-    looks = {(SHADES[name], MARKERS[name]) for name in observers}
+    observers = flights().guesses.expected.keys()
+    assert OBSERVER_LABELS.keys() == OBSERVER_COLOURS.keys() == OBSERVER_MARKERS.keys() == observers
+    assert len(set(OBSERVER_LABELS.values())) == len(observers)
+    assert VARIANT_LABELS.keys() == {PAPERS, SIGNS_KEPT, SPLIT_MINMAX, DEFAULT}
+    looks = {(OBSERVER_COLOURS[name], OBSERVER_MARKERS[name]) for name in observers}
     assert len(looks) == len(observers)  # those of one colour differ in their marker
 
 
 def test_what_is_in_the_live_view_too_has_its_colours() -> None:
-    assert SHADES[OURS] == hexed(colours.EXPLANATION)
-    assert SHADES["true_future"] == hexed(colours.GREEN)
+    assert OBSERVER_COLOURS[DEFAULT] == hexed(colours.EXPLANATION)
+    assert OBSERVER_COLOURS["true_future"] == hexed(colours.GREEN)
     with rc_context(DARK):
         figure, [[axis]] = grid(1, 1, 4, 3)
     assert figure.get_facecolor()[:3] == pytest.approx(np.array(colours.BACKGROUND) / 255)

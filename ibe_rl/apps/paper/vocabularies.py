@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from ibe_rl.apps.paper.names import DEFAULT, PAPERS, SIGNS_KEPT, SPLIT_MINMAX
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping, cut_windows, top_episodes
+from ibe_rl.ibe.delta import cut_windows, top_episodes
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array, Episode
 from ibe_rl.vocabulary.fitting import fit_mapping
 
-PAPER, SIGNS, MINMAX, OURS = "paper", "paper_signs_kept", "default_split_minmax", "default"
-STRIDE_STEPS = 4
+_STRIDE_STEPS = 4
 EDGES = (1, 2, 3, 4, 5, 6, 8, 10, 12)
 """Of the bins of movements, in bands (``Task.explained_band``); the same to the other side."""
 SMALL = (1, 5)
@@ -27,14 +28,14 @@ SMALL = (1, 5)
 def variants(paper: MappingConfig, ours: MappingConfig) -> dict[str, MappingConfig]:
     """Both vocabularies, and two between them: the paper's split without min-max, and our split with it."""
     return {
-        PAPER: paper,
-        SIGNS: replace(paper, normalisation="sign"),
-        MINMAX: replace(ours, normalisation="minmax", membership="hard"),
-        OURS: ours,
+        PAPERS: paper,
+        SIGNS_KEPT: replace(paper, normalisation="sign"),
+        SPLIT_MINMAX: replace(ours, normalisation="minmax", membership="hard"),
+        DEFAULT: ours,
     }
 
 
-def learn(
+def learn_variants(
     episodes: Sequence[Episode], configs: dict[str, MappingConfig], task: Task, horizon_steps: int, seed: int
 ) -> dict[str, ClusterMapping]:
     """Learn each vocabulary from the same episodes, from nothing.
@@ -69,7 +70,7 @@ def called_zero(mapping: ClusterMapping) -> float | None:
 
 
 @dataclass(frozen=True)
-class Called:
+class LabelShares:
     """What movements were called, in many vocabularies of one kind; the mean over these.
 
     Attributes:
@@ -82,7 +83,7 @@ class Called:
 
 
 @dataclass(frozen=True)
-class Tested:
+class LabelledMovements:
     """Movements of episodes that nothing was learnt from.
 
     Attributes:
@@ -94,7 +95,7 @@ class Tested:
 
     change: Array
     weights: Array
-    called: dict[str, Called]
+    called: dict[str, LabelShares]
     band: float
 
 
@@ -105,10 +106,10 @@ def call(
     horizon_steps: int,
     resamples: int,
     seed: int,
-) -> Tested:
+) -> LabelledMovements:
     """Put what really happened in episodes into the words of many vocabularies of each kind."""
     windows = cut_windows(episodes, horizon_steps, "clamp")
-    windows = windows[windows.step % STRIDE_STEPS == 0]
+    windows = windows[windows.step % _STRIDE_STEPS == 0]
     change = windows.delta[:, task.explained[0]].astype(float)
     limit = straight_below(task.phrases[0])
     called = {}
@@ -116,9 +117,9 @@ def call(
         said = np.array([learnt[name].express(windows.delta)[:, 0] for learnt in vocabularies])
         straight = np.abs(said) < limit
         wrong = ~straight & (np.sign(said) == -np.sign(change))
-        called[name] = Called(straight.mean(axis=0), wrong.mean(axis=0))
+        called[name] = LabelShares(straight.mean(axis=0), wrong.mean(axis=0))
     weights = episode_weights(windows.episode, resamples, seed)
-    return Tested(change, weights, called, task.explained_band[0])
+    return LabelledMovements(change, weights, called, task.explained_band[0])
 
 
 def straight_below(words: Phrases) -> float:
@@ -126,7 +127,7 @@ def straight_below(words: Phrases) -> float:
     return words.degrees[0][0]
 
 
-def small_rates(tested: Tested) -> dict[str, dict[str, Any]]:
+def small_rates(tested: LabelledMovements) -> dict[str, dict[str, Any]]:
     """For each kind of vocabulary: how often small movements to either side are called straight, and the wrong way."""
     low, high = (bands * tested.band for bands in SMALL)
     sides = {"left": _within(tested.change, -high, -low), "right": _within(tested.change, low, high)}
@@ -143,7 +144,7 @@ def small_rates(tested: Tested) -> dict[str, dict[str, Any]]:
     return told
 
 
-def rates_by_movement(tested: Tested, name: str) -> list[dict[str, Any]]:
+def rates_by_movement(tested: LabelledMovements, name: str) -> list[dict[str, Any]]:
     """How often movements of each size are called straight, from far left to far right; empty bins are left out."""
     bands = np.array(EDGES) * tested.band
     edges = np.concatenate([-bands[::-1], bands])

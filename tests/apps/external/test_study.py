@@ -13,14 +13,15 @@ import pytest
 from processes import ROOT, call
 
 import ibe_rl
+from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.apps.external import study as own_agent
 from ibe_rl.apps.external.study import Study, open_study, study
-from ibe_rl.config.settings import EnsembleConfig, GuestConfig, InstructorConfig, ViewerConfig
+from ibe_rl.config.settings import InstructorConfig, ViewerConfig
 from ibe_rl.envs import LANDER_TASK
-from ibe_rl.evaluation import calibrating, load_run
-from ibe_rl.evaluation.calibrating import first_calibration
-from ibe_rl.metrics import phrases_true, share_true
+from ibe_rl.evaluation.runs import load_run
+from ibe_rl.metrics.quality import phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import WORST_FIRST
+from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import read_json
 from ibe_rl.types import ConfigError
@@ -99,12 +100,12 @@ def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(studied: Study, mon
         raise ConfigError("no exact copy")
 
     learnt = replace(studied.config, predictor=EnsembleConfig())
-    assert first_calibration(studied.run, learnt) is None
+    assert own_agent.first_calibration(studied.run, learnt) is None
     silent = replace(studied.run, config=replace(studied.run.config, instructor=InstructorConfig("silent")))
-    monkeypatch.setattr(calibrating, "EPISODES", 2)
-    assert first_calibration(silent, studied.config) is None
-    monkeypatch.setattr(calibrating, "make_copy", refused)
-    assert first_calibration(studied.run, studied.config) is None
+    monkeypatch.setattr(own_agent, "CALIBRATION_EPISODES", 2)
+    assert own_agent.first_calibration(silent, studied.config) is None
+    monkeypatch.setattr(own_agent, "make_copy", refused)
+    assert own_agent.first_calibration(studied.run, studied.config) is None
 
 
 def test_a_horizon_that_nobody_set_is_found_told_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,7 +125,7 @@ def test_it_explains_an_episode(studied: Study) -> None:
     told = studied.explain(seed=3, context="left")
     assert told.watched.episode.context == "left"
     assert len(told.said) == len(told.watched.episode)
-    assert share_true(phrases_true(told.watched.episode, told.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
+    assert phrase_accuracy(phrase_hits(told.watched.episode, told.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
     text = str(told)
     assert text.count("\n") > 5
     assert re.search("^Lunar Lander with pads: left", text, re.MULTILINE)  # a verdict comes first
@@ -159,7 +160,7 @@ def test_a_model_file_is_explained_from_the_command_line(tmp_path: Path, capsys:
     assert "Lunar Lander with pads: left" in capsys.readouterr().out
     config = load_run(tmp_path / "run", lambda _: pilots.sideways).config
     assert config.env.kwargs["pad"] == "left"
-    assert config.agent == GuestConfig(made_from=str(tmp_path / "model.zip"))
+    assert config.agent == ExternalPolicyConfig(made_from=str(tmp_path / "model.zip"))
     assert config.viewer == ViewerConfig(mode="off")
     assert config.mapping.newest_frames is None
 

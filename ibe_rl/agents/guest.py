@@ -1,0 +1,36 @@
+"""The settings of an agent that was trained elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ibe_rl.config.limits import setting
+from ibe_rl.config.settings import AgentConfig
+from ibe_rl.types import ConfigError
+
+
+@dataclass
+class ExternalPolicyConfig(AgentConfig):
+    """An agent that was trained elsewhere; a run folder says what it was, and never where to load it from."""
+
+    kind: str = setting("guest", kept=True)
+    sees_instruction: bool | None = None  # None: it says so itself
+    made_from: str = "an object in Python"  # for messages
+
+
+class ExternalPolicy:
+    """Stands for an agent that no run folder holds."""
+
+    kind, settings = "guest", ExternalPolicyConfig
+
+    @staticmethod
+    def check(config: ExternalPolicyConfig, actions: Any) -> None:  # noqa: ARG004 - as of the other kinds
+        """Refuse to train it.
+
+        Raises:
+            ConfigError: always.
+        """
+        raise ConfigError(
+            f"agent=guest: it was trained elsewhere ({config.made_from}); allowed is an agent that learns"
+        )
