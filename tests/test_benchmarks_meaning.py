@@ -194,7 +194,7 @@ def _moved(one: Situation, word: float, seed: int) -> float:
 
 @pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("name", ALL)
-def test_what_is_flown_fits_together_and_goes_both_ways(name: str) -> None:
+def test_episodes_fit_together_and_goes_both_ways(name: str) -> None:
     one = ALL[name]
     made = one.make(0)
     change = fresh_changes(made) @ one.truth.direction
