@@ -1,9 +1,15 @@
 """Instruction-based Behavior Explanation (IBE) on plain arrays.
 
-Learns which expression of the instructor's scale a change of the state is called by, and infers what the instructions
-mean. Modules: delta (windows of episodes), interpret (axis and sign of the instructions, from evidence and rates),
-estimator (IBEMapping, with space, split and settings), mapping (what it learns), identity (ids over refreshes), horizon
-(how far ahead), vocabulary and meaning_lines (words).
+Learns which expression of the instructor's scale belongs to a change of the state, and infers what the instructions
+mean.
+
+    delta       windows of episodes, logged steps
+    interpret   axis and sign of the instructions, by a vote over evidence (sources) and rates (what they depend on)
+    meaning     the values that come of it: Evidence, Meaning, Interpretation
+    estimator   IBEMapping, with space, split and settings
+    mapping     ClusterMapping, what it learns; identity keeps its cluster ids over refreshes
+    horizon     how many steps ahead to explain
+    vocabulary  expressions to phrases; meaning_lines, meanings to lines
 
 In: episodes, or arrays of changes of the state and instructions.
 Out: a ClusterMapping from changes to expressions, with the Meaning of each number of the instruction.

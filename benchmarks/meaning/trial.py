@@ -1,4 +1,4 @@
-"""What is flown in a situation: the log, fresh episodes, and where they are kept between two runs."""
+"""The episodes of a situation, logged and for testing, and their cache."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode, Policy
 
 AT_ONCE = 16
-LOGGED, FRESH = 120, 30
+LOG_EPISODES, TEST_EPISODES = 120, 30
 """Episodes."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the word +1 means, said by hand.
+    """What the word +1 means, written by hand.
 
     Attributes:
         direction: ``(S,)`` along which +1 asks the state to rise.
         band: change along it over the horizon, beyond which it counts as having moved.
-        tellable: whether a careful reader of the log could know which way +1 means.
+        tellable: whether the log determines the sign of +1.
         reason: in one sentence.
     """
 
@@ -42,21 +42,21 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Flown:
+class Trial:
     """A situation with its episodes.
 
     Attributes:
         name: of the situation.
         seed: of the draws.
-        task: what is declared.
-        make_env: one more game.
-        make_instructor: one more instructor, by the seed of its draws.
-        policy: observations ``(N, S + 2)`` to actions, without chance.
-        acting: the same as it acted for the log, with chance.
+        task: its task.
+        make_env: makes the environment.
+        make_instructor: by the seed of its draws.
+        policy: observations ``(N, S + 2)`` to actions, deterministic.
+        acting: the same with exploration, as in the log.
         log_episodes: what a vocabulary is learnt from.
-        fresh: others, without chance.
-        horizon_steps: how far ahead is looked.
-        told: whether the agent was ever told anything.
+        fresh: test episodes, without exploration.
+        horizon_steps: horizon of the explanations.
+        told: whether the agent was given instructions.
         sees_instruction: whether it reads the instruction.
     """
 
@@ -74,34 +74,36 @@ class Flown:
     sees_instruction: bool
 
 
-def fly_both(
+def play_both(
     make_env: Callable[[], gymnasium.Env[Any, Any]],
     policy: Policy,
     acting: Policy,
     make_instructor: MakeInstructor,
     seed: int,
 ) -> tuple[list[Episode], list[Episode]]:
-    """The log and fresh episodes."""
+    """Episodes for the log, and for testing."""
     envs = [make_env() for _ in range(AT_ONCE)]
-    logged = [episode_seed(seed, number) for number in range(LOGGED)]
-    fresh = [TRAINING_SEEDS + episode_seed(seed, number) for number in range(FRESH)]
+    logged = [episode_seed(seed, number) for number in range(LOG_EPISODES)]
+    fresh = [TRAINING_SEEDS + episode_seed(seed, number) for number in range(TEST_EPISODES)]
     return (
         play(envs, acting, make_instructor(2 * seed), logged),
         play(envs, policy, make_instructor(2 * seed + 1), fresh),
     )
 
 
-def cached(path: Path | None, fly: Callable[[], tuple[list[Episode], list[Episode]]]) -> tuple[list[Episode], ...]:
-    """What was flown before, or is flown and kept now.
+def cached(
+    path: Path | None, play_episodes: Callable[[], tuple[list[Episode], list[Episode]]]
+) -> tuple[list[Episode], ...]:
+    """Episodes from the cache, or played and cached now.
 
     Args:
         path: a ``.npz`` file, None keeps nothing.
-        fly: flies the two lots of episodes.
+        play_episodes: plays both lists.
     """
     if path is None:
-        return fly()
+        return play_episodes()
     if not path.exists():
-        lots = fly()
+        lots = play_episodes()
         path.parent.mkdir(parents=True, exist_ok=True)
         columns = {f"{i}_{name}": column for i, lot in enumerate(lots) for name, column in _columns(lot).items()}
         write_atomically(path, lambda stream: np.savez(stream, **columns))
@@ -135,11 +137,11 @@ def _episodes(columns: dict[str, Array]) -> list[Episode]:
 
 
 AFTERWARDS = ("__init__", "__main__", "judge", "learning", "running", "situations", "table")
-"""Files of this folder that have no say in what is flown."""
+"""Files of this folder that do not influence the episodes."""
 
 
 @cache
 def code_version() -> str:
-    """Changes whenever the code of this folder does that decides what is flown."""
+    """Hash of the code that the episodes depend on."""
     files = sorted(file for file in Path(__file__).parent.glob("*.py") if file.stem not in AFTERWARDS)
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]

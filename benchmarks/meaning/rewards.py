@@ -1,26 +1,26 @@
-"""What is paid."""
+"""Rewards."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.meaning.mass import VX, VY, unmixed
+from benchmarks.meaning.environments import Reward
+from benchmarks.meaning.point_mass import VX, VY, unmixed
 from benchmarks.meaning.rules import Rule
-from benchmarks.meaning.worlds import Pay
 from ibe_rl.types import Array
 
 
-def as_told(rule: Rule, direction: Array, times: float = 1.0) -> Pay:
-    """Movement along the direction ``(S,)`` the way it was told; the opposite with ``times`` below 0."""
+def as_told(rule: Rule, direction: Array, times: float = 1.0) -> Reward:
+    """Movement along the direction ``(S,)`` as instructed; the opposite with ``times`` below 0."""
 
-    def pay(before: Array, action: Array, after: Array, random: np.random.Generator) -> float:  # noqa: ARG001
+    def reward(before: Array, action: Array, after: Array, random: np.random.Generator) -> float:  # noqa: ARG001
         return times * float(rule(before)[0] * ((after - before) @ direction[: len(after)]))
 
-    return pay
+    return reward
 
 
 def a_step(before: Array, action: Array, after: Array, random: np.random.Generator) -> float:  # noqa: ARG001
-    """1 for each step that it lasts."""
+    """1 for each step."""
     return 1.0
 
 

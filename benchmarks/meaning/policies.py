@@ -1,4 +1,4 @@
-"""Who acts: for each world a hand-written controller that goes where it is asked to, and who asks it to."""
+"""Policies: a hand-written controller for each environment, and what decides where it goes."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.meaning.mass import VX, X, unmixed
+from benchmarks.meaning.point_mass import VX, X, unmixed
 from ibe_rl.types import Array, Policy
 
 Control = Callable[[Array, Array], Array]
-"""States ``(N, S)`` and wishes ``(N,)``, +1 up, -1 down, 0 stay, to actions."""
+"""States ``(N, S)`` and targets ``(N,)``, +1 up, -1 down, 0 stay, to actions."""
 Own = Callable[[Array], Array]
-"""States ``(N, S)`` to wishes ``(N,)`` of one's own."""
+"""States ``(N, S)`` to targets ``(N,)``, without an instruction."""
 
 
-# ---- who asks the controller
+# ---- policies
 
 
 def obeys(control: Control) -> Policy:
-    """Does what it is told."""
+    """Follows the instruction."""
     return lambda seen: control(*_split(seen))
 
 
 def does_the_opposite(control: Control) -> Policy:
-    """Does the opposite of what it is told."""
+    """Follows the opposite of the instruction."""
 
     def policy(seen: Array) -> Array:
         states, told = _split(seen)
@@ -34,7 +34,7 @@ def does_the_opposite(control: Control) -> Policy:
 
 
 def on_its_own(control: Control, own: Own) -> Policy:
-    """Was never told, or ignores it: the instruction changes nothing."""
+    """Ignores the instruction."""
 
     def policy(seen: Array) -> Array:
         states, _ = _split(seen)
@@ -44,7 +44,7 @@ def on_its_own(control: Control, own: Own) -> Policy:
 
 
 def begins(control: Control, share: float) -> Policy:
-    """A beginner: obeys in a share of the states, without any pattern, and acts without any plan in the others."""
+    """Follows the instruction in a random share of the states, and has random targets in the others."""
 
     def policy(seen: Array) -> Array:
         states, told = _split(seen)
@@ -54,12 +54,12 @@ def begins(control: Control, share: float) -> Policy:
 
 
 def by_lamp(lit: Policy, dark: Policy) -> Policy:
-    """Is one agent in the episodes in which the lamp, the last number of the state, is on, and another in the rest."""
+    """One policy in the episodes with the lamp (last number of the state) on, another in the rest."""
     return lambda seen: np.where(seen[:, [-3]] > 0, lit(seen), dark(seen))
 
 
 def while_told(told: Policy, in_silence: Policy) -> Policy:
-    """Is one agent while somebody speaks, and another in silence."""
+    """One policy under an instruction, another in silence."""
     return lambda seen: np.where(seen[:, [-1]] > 0, told(seen), in_silence(seen))
 
 
@@ -69,17 +69,17 @@ def _split(seen: Array) -> tuple[Array, Array]:
 
 
 def _lot(states: Array, stream: int) -> Array:
-    """A number in [0, 1) for each state that looks random: a policy may not draw, it has to be a function."""
+    """A pseudo-random number in [0, 1) for each state, since a policy has to be a function."""
     weights = np.sin(np.arange(1, states.shape[1] + 1) * (12.9898 + 7.233 * stream))
     found: Array = np.mod(np.sin(states.astype(float) @ weights * 971.3) * 43758.5453, 1.0)
     return found
 
 
-# ---- what it wishes on its own
+# ---- targets without an instruction
 
 
 def anything(states: Array) -> Array:
-    """Without any plan."""
+    """Random targets."""
     return 2 * _lot(states, 3) - 1
 
 
@@ -103,35 +103,35 @@ def to_and_fro(states: Array) -> Array:
 # ---- controllers
 
 
-def steer_cart(states: Array, wish: Array) -> Array:
-    """CartPole: balance, with a set-point on the side of the wish, within the rails."""
+def steer_cart(states: Array, target: Array) -> Array:
+    """CartPole: balance, with a set-point on the side of the target, within the track."""
     x, vx, angle, turning = states.T
-    pull = np.clip(x + wish, -1.9, 1.9) - x
+    pull = np.clip(x + target, -1.9, 1.9) - x
     return (-0.8 * pull + 1.6 * vx + 18 * angle + 4 * turning > 0).astype(int)
 
 
-def twist(states: Array, wish: Array) -> Array:
+def twist(states: Array, target: Array) -> Array:
     """Pendulum: a small torque."""
     del states
-    return (0.6 * wish)[:, None].astype(np.float32)
+    return (0.6 * target)[:, None].astype(np.float32)
 
 
-def drive(states: Array, wish: Array) -> Array:
+def drive(states: Array, target: Array) -> Array:
     """MountainCar: the motor."""
     del states
-    return np.rint(1 + wish).astype(int)
+    return np.rint(1 + target).astype(int)
 
 
-def go(states: Array, wish: Array) -> Array:
-    """Point mass: along x at the speed of the wish, 0 stands; y as always."""
+def go(states: Array, target: Array) -> Array:
+    """Point mass: the target is the speed along x; y oscillates."""
     _, vx, y, vy = unmixed(states).T
-    return _pushes(2 * (0.8 * wish - vx), y, vy)
+    return _pushes(2 * (0.8 * target - vx), y, vy)
 
 
-def push(states: Array, wish: Array) -> Array:
-    """Point mass: accelerate along x by the wish; y as always."""
+def push(states: Array, target: Array) -> Array:
+    """Point mass: the target is the acceleration along x; y oscillates."""
     _, _, y, vy = unmixed(states).T
-    return _pushes(wish, y, vy)
+    return _pushes(target, y, vy)
 
 
 def _pushes(along_x: Array, y: Array, vy: Array) -> Array:
@@ -139,21 +139,21 @@ def _pushes(along_x: Array, y: Array, vy: Array) -> Array:
     return np.clip(np.stack([along_x, along_y], axis=1), -1, 1).astype(np.float32)
 
 
-def fly(states: Array, wish: Array) -> Array:
-    """Lander: gymnasium's heuristic pilot, with a set-point on the side of the wish."""
-    return _pilot(states, 0.5 * wish)
+def fly(states: Array, target: Array) -> Array:
+    """Lander: gymnasium's heuristic pilot, with a set-point on the side of the target."""
+    return _pilot(states, 0.5 * target)
 
 
-def fly_to_pad(states: Array, wish: Array) -> Array:
-    """Lander: gymnasium's heuristic pilot, to the pad; the wish counts nothing."""
-    del wish
+def fly_to_pad(states: Array, target: Array) -> Array:
+    """Lander: gymnasium's heuristic pilot, to the pad, whatever the target."""
+    del target
     return _pilot(states, states[:, 8] - states[:, 0])
 
 
-def brake(states: Array, wish: Array) -> Array:
+def brake(states: Array, target: Array) -> Array:
     """Lander: more main engine for +1, none for -1, else a steady fall; steers to the pad as always."""
     actions = _pilot(states, states[:, 8] - states[:, 0])
-    burn = (wish > 0) | ((wish == 0) & (states[:, 3] < -0.3))
+    burn = (target > 0) | ((target == 0) & (states[:, 3] < -0.3))
     airborne = states[:, 6:8].sum(axis=1) == 0
     upright = np.abs(states[:, 4]) < 0.25
     steered = np.where(actions == 2, 0, actions)
@@ -161,7 +161,7 @@ def brake(states: Array, wish: Array) -> Array:
 
 
 def _pilot(states: Array, offset: Array) -> Array:
-    """The pilot of gymnasium, with the goal ``offset`` ``(N,)`` to the right."""
+    """Gymnasium's heuristic pilot, with the goal ``offset`` ``(N,)`` to the right."""
     _, y, vx, vy, angle, turning, left, right, _ = states.T
     down = (left + right) > 0
     lean = np.clip(-0.5 * offset + vx, -0.4, 0.4)

@@ -1,4 +1,4 @@
-"""The situations with gymnasium's games and the lander."""
+"""The situations with gymnasium's environments and the lander."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.meaning import pays, pilots, rules
-from benchmarks.meaning.flown import Truth
-from benchmarks.meaning.pilots import anything, drive, steer_cart, twist
+from benchmarks.meaning import policies, rewards, rules
+from benchmarks.meaning.environments import CAR, CART, LANDER, PENDULUM, TUTORIAL_CART
+from benchmarks.meaning.policies import anything, drive, steer_cart, twist
 from benchmarks.meaning.situation import Situation
-from benchmarks.meaning.worlds import CAR, CART, LANDER, PENDULUM, TUTORIAL_CART
+from benchmarks.meaning.trial import Truth
 from ibe_rl.envs.lander_task import instruct as to_the_pad
 from ibe_rl.types import Array
 
@@ -41,8 +41,8 @@ CARTS = [
         name="cart_tutorial_never_told_a_step",
         world=TUTORIAL_CART,
         rule=TO_THE_MIDDLE,
-        policy=pilots.on_its_own(steer_cart, pilots.outwards),
-        pay=None,
+        policy=policies.on_its_own(steer_cart, policies.outwards),
+        reward=None,
         told=False,
         truth=cart_x(
             True,
@@ -53,24 +53,24 @@ CARTS = [
         name="cart_corrective_obeys_paid",
         world=CART,
         rule=TO_THE_MIDDLE,
-        policy=pilots.obeys(steer_cart),
-        pay=pays.as_told(TO_THE_MIDDLE, along(0, 4)),
+        policy=policies.obeys(steer_cart),
+        reward=rewards.as_told(TO_THE_MIDDLE, along(0, 4)),
         truth=cart_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
     ),
     Situation(
         name="cart_corrective_opposite_a_step",
         world=CART,
         rule=TO_THE_MIDDLE,
-        policy=pilots.does_the_opposite(steer_cart),
-        pay=None,
+        policy=policies.does_the_opposite(steer_cart),
+        reward=None,
         truth=cart_x(False, "the log of one who obeys somebody who drives it out of the middle"),
     ),
     Situation(
         name="cart_corrective_never_told_a_step",
         world=CART,
         rule=TO_THE_MIDDLE,
-        policy=pilots.on_its_own(steer_cart, pilots.to_and_fro),
-        pay=None,
+        policy=policies.on_its_own(steer_cart, policies.to_and_fro),
+        reward=None,
         told=False,
         truth=cart_x(True, "the instructor stops asking once x has risen"),
     ),
@@ -78,8 +78,8 @@ CARTS = [
         name="cart_plan_obeys_a_step",
         world=CART,
         rule=rules.always(0),
-        policy=pilots.obeys(steer_cart),
-        pay=None,
+        policy=policies.obeys(steer_cart),
+        reward=None,
         make_instructor=partial(rules.Planned, 25, 50),
         truth=cart_x(True, "it does what it is told"),
     ),
@@ -89,24 +89,24 @@ SWINGS = [
         name="pendulum_swing_obeys_paid",
         world=PENDULUM,
         rule=WITH_THE_SWING,
-        policy=pilots.obeys(twist),
-        pay=pays.energy_of_pendulum,
+        policy=policies.obeys(twist),
+        reward=rewards.energy_of_pendulum,
         truth=swing(True, "it does what it is told and is paid for it"),
     ),
     Situation(
         name="pendulum_swing_ignores_paid",
         world=PENDULUM,
         rule=WITH_THE_SWING,
-        policy=pilots.on_its_own(twist, anything),
-        pay=pays.energy_of_pendulum,
-        truth=swing(False, "only the pay shows it: somebody who asks to brake, and is paid against, leaves this log"),
+        policy=policies.on_its_own(twist, anything),
+        reward=rewards.energy_of_pendulum,
+        truth=swing(False, "only the reward shows it: the log is the same if +1 asks to brake and braking is punished"),
     ),
     Situation(
         name="pendulum_swing_never_told_thrift",
         world=PENDULUM,
         rule=WITH_THE_SWING,
-        policy=pilots.on_its_own(twist, anything),
-        pay=pays.thrift,
+        policy=policies.on_its_own(twist, anything),
+        reward=rewards.thrift,
         told=False,
         truth=swing(False, NOBODY_PUSHES),
     ),
@@ -114,16 +114,16 @@ SWINGS = [
         name="car_swing_obeys_a_step",
         world=CAR,
         rule=WITH_THE_CAR,
-        policy=pilots.obeys(drive),
-        pay=None,
+        policy=policies.obeys(drive),
+        reward=None,
         truth=car_v(True, "it does what it is told, and arrives sooner with it"),
     ),
     Situation(
         name="car_swing_never_told_rest",
         world=CAR,
         rule=WITH_THE_CAR,
-        policy=pilots.on_its_own(drive, anything),
-        pay=pays.rest_of_car,
+        policy=policies.on_its_own(drive, anything),
+        reward=rewards.rest_of_car,
         told=False,
         truth=car_v(False, NOBODY_PUSHES),
     ),
@@ -133,8 +133,8 @@ LANDERS = [
         name="lander_corrective_never_told_lands",
         world=LANDER,
         rule=to_the_pad,
-        policy=pilots.on_its_own(pilots.fly_to_pad, anything),
-        pay=None,
+        policy=policies.on_its_own(policies.fly_to_pad, anything),
+        reward=None,
         told=False,
         truth=lander_x(True, "the best episodes go where they are told, and there the instructor stops asking"),
     ),
@@ -142,16 +142,16 @@ LANDERS = [
         name="lander_corrective_obeys_lands",
         world=LANDER,
         rule=to_the_pad,
-        policy=pilots.obeys(pilots.fly),
-        pay=None,
+        policy=policies.obeys(policies.fly),
+        reward=None,
         truth=lander_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
     ),
     Situation(
         name="lander_speed_obeys_lands",
         world=LANDER,
         rule=STEADY_FALL,
-        policy=pilots.obeys(pilots.brake),
-        pay=None,
+        policy=policies.obeys(policies.brake),
+        reward=None,
         horizon_steps=12,
         truth=lander_vy(True, "it does what it is told and is paid for falling slowly"),
     ),

@@ -1,4 +1,4 @@
-"""The worlds: gymnasium's games, the lander and a point mass, with another pay, another start, a lamp."""
+"""The environments: gymnasium's, the lander and a point mass, with wrappers for reward, start and context."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.wrappers import TimeLimit
 
-from benchmarks.meaning.mass import PointMass
+from benchmarks.meaning.point_mass import PointMass
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.declare import ANY
 from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array
 
-Pay = Callable[[Array, Array, Array, np.random.Generator], float]
+Reward = Callable[[Array, Array, Array, np.random.Generator], float]
 """State before, action, state after and a generator to the reward."""
-PAY_STREAM, LAMP_STREAM, START_STREAM = 0xB1, 0xB2, 0xB3  # keep these draws apart from the game's own of the same seed
+REWARD_STREAM, LAMP_STREAM, START_STREAM = 0xB1, 0xB2, 0xB3  # independent of the environment's own draws
 
 
 @dataclass(frozen=True)
 class World:
-    """A game.
+    """An environment.
 
     Attributes:
-        make: the game without a time limit.
+        make: makes one without a time limit.
         state_names: ``S`` names.
-        steps: after which an episode is cut off.
-        horizon_steps: how far ahead is looked.
-        random_actions: share of them in the log.
+        steps: time limit of an episode.
+        horizon_steps: horizon of the explanations.
+        random_actions: share of random actions in the log.
     """
 
     make: Callable[[], gymnasium.Env[Any, Any]]
@@ -43,29 +43,29 @@ class World:
     random_actions: float = 0.15
 
 
-class Paid(gymnasium.Wrapper[Array, Any, Array, Any]):
-    """A game that pays something else."""
+class OtherReward(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """Replaces the reward."""
 
-    def __init__(self, env: gymnasium.Env[Array, Any], pay: Pay):
+    def __init__(self, env: gymnasium.Env[Array, Any], reward: Reward):
         super().__init__(env)
-        self._pay = pay
+        self._reward = reward
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         state, info = self.env.reset(seed=seed, options=options)
-        self._state, self._random = state, np.random.default_rng([PAY_STREAM, seed or 0])
+        self._state, self._random = state, np.random.default_rng([REWARD_STREAM, seed or 0])
         return state, info
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """As the game's, with its own reward."""
+        """Step, with the other reward."""
         state, _, terminated, truncated, info = self.env.step(action)
-        reward = self._pay(self._state, np.asarray(action), state, self._random)
+        reward = self._reward(self._state, np.asarray(action), state, self._random)
         self._state = state
         return state, float(reward), terminated, truncated, info
 
 
 class Lamp(gymnasium.Wrapper[Array, Any, Array, Any]):
-    """A game with a lamp, the last number of the state: 1 or -1 for a whole episode, drawn at its beginning."""
+    """Appends a lamp to the state: 1 or -1, drawn at the beginning of each episode."""
 
     def __init__(self, env: gymnasium.Env[Array, Any]):
         super().__init__(env)
@@ -73,26 +73,26 @@ class Lamp(gymnasium.Wrapper[Array, Any, Array, Any]):
         self._lamp = np.float32(1)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         state, info = self.env.reset(seed=seed, options=options)
         self._lamp = np.float32(np.random.default_rng([LAMP_STREAM, seed or 0]).choice([-1, 1]))
         return np.append(state, self._lamp), info
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         state, *rest = self.env.step(action)
         return (np.append(state, self._lamp), *rest)
 
 
-class Begun(gymnasium.Wrapper[Array, Any, Array, Any]):
-    """A game of gymnasium's classic control whose first state is drawn within ``reach`` ``(S,)`` of 0."""
+class OtherStart(gymnasium.Wrapper[Array, Any, Array, Any]):
+    """Draws the initial state of a classic control environment uniformly within ``reach`` ``(S,)`` of 0."""
 
     def __init__(self, env: gymnasium.Env[Array, Any], reach: Array):
         super().__init__(env)
         self._reach = reach
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """As the game's, but elsewhere."""
+        """Reset to the drawn state."""
         _, info = self.env.reset(seed=seed, options=options)
         state = np.random.default_rng([START_STREAM, seed or 0]).uniform(-self._reach, self._reach)
         self.unwrapped.state = state  # type: ignore[attr-defined]
@@ -100,11 +100,11 @@ class Begun(gymnasium.Wrapper[Array, Any, Array, Any]):
 
 
 class Copyable(gymnasium.Wrapper[Array, Any, Array, Any]):
-    """A game that is all Python, with all that is around it, stopped and taken up again by a deep copy."""
+    """Takes snapshots of an environment in pure Python, wrappers included, by a deep copy."""
 
     @property
     def unwrapped(self) -> Copyable:  # type: ignore[override]
-        """Itself: what is around the game is part of it."""
+        """Itself, so that snapshots include the wrappers inside."""
         return self
 
     @property
@@ -124,16 +124,16 @@ class Copyable(gymnasium.Wrapper[Array, Any, Array, Any]):
             self.env.unwrapped.np_random = noise
 
 
-def make_game(world: World, task: Task, pay: Pay | None, lamp: bool) -> gymnasium.Env[Any, Any]:
-    """The game of a situation; without ``pay`` it pays what it always pays."""
+def make_game(world: World, task: Task, reward: Reward | None, lamp: bool) -> gymnasium.Env[Any, Any]:
+    """The environment of a situation; without ``reward`` it keeps its own."""
     game = TimeLimit(world.make(), world.steps)
-    game = game if pay is None else Paid(game, pay)
+    game = game if reward is None else OtherReward(game, reward)
     declared = Declared(Lamp(game) if lamp else game, task)
     return declared if world is LANDER else Copyable(declared)
 
 
 def make_task(world: World, name: str, rule: Callable[[Array], Array], direction: Array, band: float) -> Task:
-    """What is declared; ``explained`` is the state dimension that is most like the direction."""
+    """The task; ``explained`` is the state dimension with the largest share of the direction."""
     names = world.state_names + ("lamp",) * (len(direction) - len(world.state_names))
     return Task(
         name=name,
@@ -164,7 +164,7 @@ def _lander() -> gymnasium.Env[Any, Any]:
 CART_NAMES = ("x", "vx", "angle", "angular_velocity")
 LANDER_NAMES = ("x", "y", "vx", "vy", "angle", "angular_velocity", "left_leg", "right_leg", "goal_x")
 TUTORIAL_CART = World(_classic("CartPole-v1"), CART_NAMES, 200, 40)
-CART = World(lambda: Begun(_classic("CartPole-v1")(), np.array([1.6, 0.3, 0.03, 0.05])), CART_NAMES, 160, 40, 0.1)
+CART = World(lambda: OtherStart(_classic("CartPole-v1")(), np.array([1.6, 0.3, 0.03, 0.05])), CART_NAMES, 160, 40, 0.1)
 PENDULUM = World(_classic("Pendulum-v1"), ("cos", "sin", "angular_velocity"), 120, 8)
 CAR = World(_classic("MountainCar-v0"), ("position", "velocity"), 200, 8)
 MASS = World(PointMass, ("a", "b", "c", "d"), 100, 20)
