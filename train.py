@@ -37,8 +37,9 @@ from ibe_rl.collect.collector import steps_of
 from ibe_rl.collect.rollout import EVALUATION_SEED, play, watch
 from ibe_rl.config.command_line import is_sweep, run_script
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
+from ibe_rl.evaluation.runs import open_run
 from ibe_rl.explain.explainer import explain, hold
-from ibe_rl.runtime.import_string import import_app
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.build import build
 from ibe_rl.training.progress import closing_table, how_to_open
 from ibe_rl.training.refreshing import learn, skip, told
@@ -104,8 +105,8 @@ def main(cfg: TrainConfig) -> None:
     closing_table(summary)
     print(*how_to_open(run.folder, is_sweep()), sep="\n")
     if cfg.report and not run.stop:
-        reproduce = import_app("report=true", "paper.experiments:reproduce")
-        reproduce(ExplainConfig(run=str(run.folder), task="figures", predictor=run.cfg.predictor, viewer=cfg.viewer))
+        settings = ExplainConfig(run=str(run.folder), task="figures", predictor=run.cfg.predictor, viewer=cfg.viewer)
+        load_app("task=figures")(open_run(settings.run), settings)
     if run.stop and is_sweep():
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from processes import ROOT, SMALL, call
+from processes import ROOT, SMALL
 
 PARTS = ("ibe_rl", "configs", "hydra_plugins", "demo", "explain.py", "train.py")
 FEW = ["evaluate.episodes=3", "evaluate.calibration_episodes=2", "evaluate.changing_episodes=0", "evaluate.shuffles=1"]
@@ -29,9 +29,12 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(core: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that the core has trained, recording included."""
     folder = tmp_path_factory.mktemp("trained") / "run"
-    call("train", *SMALL, "total_frames=4000", "eval_every_frames=2000", "viewer=off", f"run_dir={folder}")
+    few = ["total_frames=4000", "eval_every_frames=2000", "viewer=file"]
+    ended = script(core, "train.py", *SMALL, *few, f"run_dir={folder}")
+    assert ended.returncode == 0, ended.stdout + ended.stderr
     return folder
 
 
@@ -49,7 +52,7 @@ def script(core: Path, *command: str) -> subprocess.CompletedProcess[str]:
         ("explain.py", "run={run}", "task=evaluate", *FEW),
         ("explain.py", "run={run}", "task=compare", "compare.mappings=[paper]", *FEW),
     ],
-    ids=["episode", "evaluate", "compare"],  # training belongs here too
+    ids=["episode", "evaluate", "compare"],
 )
 def test_the_core_does_without(command: tuple[str, ...], core: Path, run: Path, tmp_path: Path) -> None:
     ended = script(core, *(part.format(run=run, out=tmp_path) for part in command))

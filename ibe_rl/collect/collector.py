@@ -21,7 +21,7 @@ from ibe_rl.agents import Agent
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.envs.make import join, make_game
 from ibe_rl.instructors import make_instructor
-from ibe_rl.runtime.import_string import import_app
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.runtime.workers import Processes, Workers, end_with_parent, next_of, starting
 from ibe_rl.storage.partial_episode import UnderWay
@@ -101,8 +101,8 @@ def make_collector(
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     if collect.engine == "ray":
         with interrupts_stay_here():
-            make_workers = import_app("collect.engine=ray", "ray.workers:RayWorkers")
-            return make_workers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
+            ray = load_app("collect.engine=ray")
+            return ray.RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
     with interrupts_stay_here(), script_stays_here(), starting(collect.timeout_s if apart(collect) else None):
         return Collector(
             factories if apart(collect) else factories[0],
@@ -121,7 +121,7 @@ def check_collect(config: CollectConfig) -> None:
         ConfigError: naming the key, the value and what is allowed.
     """
     if config.engine == "ray":
-        import_app("collect.engine=ray", "ray.workers:check_ray")(config)
+        load_app("collect.engine=ray").check_ray(config)
     elif config.address is not None:
         raise ConfigError(
             f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "

@@ -1,8 +1,7 @@
-"""Applications that the scripts offer and that the core never imports: found by name when they are asked for."""
+"""Applications that settings ask for and that the core never imports: found by name when they are asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -10,21 +9,24 @@ from ibe_rl.types import ConfigError
 
 APPS = {
     "agent=": "ibe_rl.apps.external.study:open_external",
+    "collect.engine=ray": "ibe_rl.apps.ray.workers",
+    "instructor=human": "ibe_rl.apps.teach.classroom",
+    "report=true": "ibe_rl.apps.paper.report_context",
     "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
     "task=figures": "ibe_rl.apps.paper.experiments:reproduce",
 }
-"""Setting to the function, as ``module:name``, that does what it asks for."""
+"""Setting to the module, or the function in it, that does what it asks for."""
 
 
-def load_app(setting: str) -> Callable[..., Any]:
-    """The function behind a setting.
+def load_app(setting: str) -> Any:
+    """The module or the function behind a setting.
 
     Raises:
         ConfigError: if the application, or something that it needs, is not installed.
     """
     module, _, name = APPS[setting].partition(":")
     try:
-        found: Callable[..., Any] = getattr(import_module(module), name)
+        found = import_module(module)
     except ImportError as error:
         raise ConfigError(f"{setting}: needs {module}, which cannot be imported ({error})") from None
-    return found
+    return getattr(found, name) if name else found

@@ -32,25 +32,6 @@ def import_named(key: str, name: str, allowed: str, made: bool = False) -> Any:
         raise ConfigError(f"{key}={name}: allowed is {allowed} ({raised(error)})") from None
 
 
-def import_app(setting: str, name: str) -> Any:
-    """Import a part of an application, which the core does without.
-
-    Args:
-        setting: that asks for it, as on the command line.
-        name: ``module:name`` below ``ibe_rl.apps``.
-
-    Raises:
-        ConfigError: if the application is not installed.
-    """
-    module, _, attribute = name.partition(":")
-    try:
-        return getattr(importlib.import_module(f"ibe_rl.apps.{module}"), attribute)
-    except ModuleNotFoundError as error:
-        if not str(error.name).startswith("ibe_rl.apps"):
-            raise
-        raise ConfigError(f"{setting}: it needs ibe_rl.apps.{module}, which is not installed here") from None
-
-
 def import_from_here(module: str) -> ModuleType:
     """Import a module that may lie where the program was started."""
     here = str(Path.cwd())

@@ -19,7 +19,7 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_copy, make_game, task_of
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_predictor
-from ibe_rl.runtime.import_string import import_app
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import (
@@ -43,8 +43,6 @@ from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener
 from ibe_rl.vocabulary.tracker import Development
 
-LESSON = "instructor=human"
-
 
 @contextmanager
 def build(cfg: TrainConfig) -> Iterator[Run]:
@@ -61,7 +59,8 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
     for note in check_run(cfg, env):
         print(note)  # noqa: T201 - talks to a person
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
-    page_port = _teaching("choose_port")(cfg.instructor) if cfg.instructor.kind == "human" else None
+    teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
+    page_port = teach.choose_port(cfg.instructor) if teach else None
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
     with StopRequest() as stop, hold_folder(folder):
         if state:
@@ -70,15 +69,10 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
         with ExitStack() as owned:
             live = serve_live(folder / RECORDING, ports, owned, print) if ports else list
             classroom = None
-            if page_port is not None:
-                live_page = page(ports) if ports else None
-                classroom = _teaching("open_classroom")(cfg, env, page_port, folder, live_page)
+            if teach:
+                classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
             yield _begin(cfg, folder, stop, owned, live, classroom, state)
-
-
-def _teaching(name: str) -> Any:
-    return import_app(LESSON, f"teach.classroom:{name}")
 
 
 def _go_back(cfg: TrainConfig, folder: Path, state: State) -> None:

@@ -13,7 +13,7 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_copy, task_of
 from ibe_rl.instructors import check_instructor
 from ibe_rl.predict import check_predictor, is_learnt
-from ibe_rl.runtime.import_string import import_app
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.instruction_reward import check_obedience
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.rule_reads import check_dimensions
@@ -43,7 +43,7 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     check_development(cfg, task)
     check_obedience(cfg)
     if cfg.report:
-        import_app("report=true", "paper.report_context:check_report")(cfg, task)
+        load_app("report=true").check_report(cfg, task)
     check_predictor(cfg.predictor, cfg.instructor, env)
     if not is_learnt(cfg.predictor):
         make_copy(cfg.env)  # to predict in

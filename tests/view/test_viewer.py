@@ -25,7 +25,7 @@ from viewers import BROWSER_FLAGS, FILLED, new_share, opened, panels
 from viewers import viewer as viewer  # a fixture
 
 from ibe_rl.runtime.ports import is_free
-from ibe_rl.storage.run_folder import MetricsTable
+from ibe_rl.storage.run_folder import METRICS, MetricsTable, read_json, read_rows
 from ibe_rl.types import ConfigError
 from ibe_rl.view import relay as relay_module
 from ibe_rl.view.overlay import OVERLAY_APPLICATION, PLOT_COLUMNS, PLOTS, Overlay, curves_blueprint
