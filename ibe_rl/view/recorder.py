@@ -25,7 +25,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
-from ibe_rl.task import Task, Watched
+from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Explanation
 from ibe_rl.view import blueprint as view
 from ibe_rl.view import chart, sentences
@@ -174,7 +174,7 @@ class Recorder:
         self._at(frames).set(self._recording)
         self._log_line(line, colours.PINK)
 
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
+    def watched(self, frames: int, watched: RecordedRollout, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.
 
         Args:

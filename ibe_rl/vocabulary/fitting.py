@@ -23,7 +23,14 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 from ibe_rl.vocabulary.refresh import Refresh, Spans
-from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons, said_in, steps_of, told_windows
+from ibe_rl.vocabulary.training_episodes import (
+    TrainingEpisodes,
+    best_windows,
+    read_training_episodes,
+    said_in,
+    steps_of,
+    told_windows,
+)
 
 
 def fit_mapping(
@@ -192,7 +199,7 @@ def learn_vocabulary(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
+    lessons, last, steps = read_training_episodes(log, config, seed), last or {}, steps_of(config)
     top = best_windows(lessons.best, config, steps)
     meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
     mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
@@ -215,7 +222,7 @@ def learn_vocabulary(
 
 
 def _learn_spans(
-    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
+    lessons: TrainingEpisodes, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
 ) -> dict[int, ClusterMapping]:
     """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
     found = {}

@@ -41,10 +41,10 @@ FIGURES = (
     *(f"ibe/{name}" for name in SCORES),
     *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
 )
-"""What ``figures`` and ``Development.judge`` can tell of a refresh; columns of metrics.csv."""
+"""What ``figures`` and ``VocabularyTracker.judge`` can tell of a refresh; columns of metrics.csv."""
 
 
-class Development:
+class VocabularyTracker:
     """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
 
     Args:
@@ -256,7 +256,7 @@ class Development:
         return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
 
 
-def check_development(config: TrainConfig, task: Task) -> None:
+def check_refreshing(config: TrainConfig, task: Task) -> None:
     """Refuse settings of the refreshes that cannot work, or that nothing would read.
 
     Raises:

@@ -12,7 +12,7 @@ from unittest.mock import patch
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
 from ibe_rl.evaluation.trained_run import open_log
 from ibe_rl.instructors.recorded import read_lesson
@@ -73,7 +73,7 @@ def viewed(run: Path) -> None:
 def lesson(run: Path) -> None:
     """As instructor=recorded does."""
     config: Any = load_config(run / CONFIG, TrainConfig)
-    read_lesson(run / "lesson.jsonl", task_of(make_game(config.env)).instruction_size)
+    read_lesson(run / "lesson.jsonl", task_of(make_env(config.env)).instruction_size)
 
 
 WAYS: dict[str, Callable[[Path], None]] = {

@@ -13,7 +13,7 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 from torch import nn
 
 from ibe_rl.agents.networks import GreedyPolicy, make_network
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -45,7 +45,7 @@ def fall(observations: Array) -> Array:
 
 
 def flown(policy: Policy = pilot, seed: int = 0, kind: str = "oracle") -> tuple[Array, list[Moment]]:
-    watched = watch(make_one(), policy, make_instructor(InstructorConfig(kind), LANDER_TASK), seed, "left")
+    watched = record_rollout(make_one(), policy, make_instructor(InstructorConfig(kind), LANDER_TASK), seed, "left")
     return watched.episode.states, list(watched.moments)
 
 

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.config.command_line import composed, write_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
@@ -34,7 +34,7 @@ def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainC
         ConfigError: if the vocabulary cannot be learnt like this in this environment.
     """
     config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
-    env = make_game(config.env)
+    env = make_env(config.env)
     check_mapping(config.mapping, task_of(env))
     _say(*check_dimensions(config.mapping, task_of(env), env))
     return replace(
@@ -69,7 +69,7 @@ def keep_run(
     Raises:
         ConfigError: if they teach none; the episodes are kept all the same.
     """
-    task = task_of(make_game(config.env))
+    task = task_of(make_env(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
     for episode in episodes:
         log.add(episode.as_steps(), task.context)

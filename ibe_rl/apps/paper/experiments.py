@@ -26,7 +26,7 @@ from ibe_rl.apps.paper.prediction_task import (
 )
 from ibe_rl.apps.paper.report_context import ReportContext, find_agents, report_protocol
 from ibe_rl.config.settings import ExplainConfig, FiguresConfig
-from ibe_rl.envs.make import make_game
+from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
@@ -41,7 +41,7 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.effect import corrected
 from ibe_rl.metrics.observer import Observer, calibrate_observer
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
-from ibe_rl.types import Array, ConfigError, Episode, Mapping
+from ibe_rl.types import Array, ConfigError, Episode, ExpressionMapping
 
 ByAgentAndCut = dict[str, dict[str, ObservedEpisodes]]
 TRIES_EACH = 10
@@ -183,7 +183,7 @@ def foretell(
     hidden = replace(env, kwargs={**env.kwargs, **context.task.hidden_goal})
     known = {name: taught[name] for name in (PAPERS, DEFAULT)}
     shuffled, observer = learn_shuffled(context, agent), typical(context, agent, checked)
-    shown = hidden_episodes(context, agent, make_game(hidden))
+    shown = hidden_episodes(context, agent, make_env(hidden))
     futures, found = predictor_config.futures, {}
     with predictor_of(
         context.run, with_processes(predictor_config, PROCESSES), context.config.seed, hidden
@@ -205,7 +205,7 @@ def foretell(
     return found
 
 
-def learn_shuffled(context: ReportContext, agent: PaperAgent) -> list[Mapping]:
+def learn_shuffled(context: ReportContext, agent: PaperAgent) -> list[ExpressionMapping]:
     """Vocabularies that cannot be right.
 
     Raises:

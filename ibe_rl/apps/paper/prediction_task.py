@@ -24,7 +24,7 @@ from ibe_rl.apps.paper.names import (
     SWAPPED,
     TRUE_END,
 )
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.explain.explainer import majority_phrases
@@ -32,8 +32,8 @@ from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.effect import paired_p
 from ibe_rl.metrics.observer import Observer, carries_on, observer_errors
-from ibe_rl.task import Task, Watched
-from ibe_rl.types import Array, Instructor, Mapping, Policy, Predictor
+from ibe_rl.task import RecordedRollout, Task
+from ibe_rl.types import Array, ExpressionMapping, Instructor, Policy, Predictor
 
 COMPARED = (
     *(
@@ -60,7 +60,7 @@ class ShownEpisode:
     """
 
     seed: int
-    watched: Watched
+    watched: RecordedRollout
     ends: dict[str, int]
 
 
@@ -78,7 +78,7 @@ def pick_episodes(
     assert task.first_contact is not None
     found: list[ShownEpisode] = []
     for seed in seeds:
-        watched = watch(env, policy, instructor, seed)
+        watched = record_rollout(env, policy, instructor, seed)
         contact = task.first_contact(watched.episode.states)
         if watched.episode.terminated and contact >= SEEN_STEPS + horizon_steps:
             found.append(ShownEpisode(seed, watched, {AT_END: len(watched.episode), AT_CONTACT: contact}))
@@ -159,7 +159,7 @@ def ask_observers(
     policy: Policy,
     predictor: Predictor,
     vocabularies: dict[str, ClusterMapping],
-    shuffled: Sequence[Mapping],
+    shuffled: Sequence[ExpressionMapping],
     observer: Observer,
     task: Task,
     horizon_steps: int,
@@ -205,7 +205,7 @@ def ask_observers(
     return ObserverGuesses({name: said[name] for name in vocabularies}, position, end, expected)
 
 
-def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:
+def _say(mapping: ExpressionMapping, deltas: Array, task: Task) -> Array:
     """The expressions ``(E, T)`` of what most futures ``(E, T, F, S)`` are called."""
     flat = deltas.reshape(-1, *deltas.shape[2:])
     _, which, _ = majority_phrases(flat, mapping, task.phrases)

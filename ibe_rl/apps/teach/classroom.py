@@ -20,7 +20,7 @@ from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Desk
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_copy, task_of
+from ibe_rl.envs.make import make_snapshot_env, task_of
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable
@@ -211,7 +211,13 @@ def open_classroom(
         folder / LESSON,
         task,
         partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
-        partial(Simulator.make, cfg.predictor, make_copy=partial(make_copy, cfg.env), rule=task.rule, seed=cfg.seed),
+        partial(
+            Simulator.make,
+            cfg.predictor,
+            make_snapshot_env=partial(make_snapshot_env, cfg.env),
+            rule=task.rule,
+            seed=cfg.seed,
+        ),
         about,
     )
 

@@ -25,7 +25,7 @@ from ibe_rl.apps.paper.names import (
 from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ObserverGuesses, ShownEpisode
 from ibe_rl.config.settings import FiguresConfig
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.task import Shape, Task, Watched
+from ibe_rl.task import RecordedRollout, Shape, Task
 from ibe_rl.types import Array, Episode
 
 TASK: Task = replace(
@@ -217,7 +217,7 @@ def flights(cut: str = AT_END, episodes: int = 20) -> ObservedEpisodes:
     return ObservedEpisodes(shown, cut, ObserverGuesses(said, position, landing, expected), words, TASK, HORIZON_STEPS)
 
 
-def sledge(row: int) -> Watched:
+def sledge(row: int) -> RecordedRollout:
     """One way down, from (2 + row / 4, 9) to 8 further right and 5 further down."""
     way = np.linspace((2 + row / 4, 9, 0), (10 + row / 4, 4, 0), STEPS + 1).astype(np.float32)
     episode = Episode(
@@ -231,7 +231,7 @@ def sledge(row: int) -> Watched:
         context="lower",
     )
     ground = Shape(np.array([(0.0, 4.0), (20.0, 4.0)]), (190, 190, 200))
-    return Watched(episode, [], [ground], [[outline(state[:2])] for state in way])
+    return RecordedRollout(episode, [], [ground], [[outline(state[:2])] for state in way])
 
 
 def outline(at: Array) -> Shape:

@@ -33,7 +33,7 @@ from ibe_rl.apps.paper.prediction_task import (
     most_telling,
     pick_episodes,
 )
-from ibe_rl.collect.rollout import JUDGING_SEED, watch
+from ibe_rl.collect.rollout import JUDGING_SEED, record_rollout
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -42,7 +42,7 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.effect import paired_p
 from ibe_rl.metrics.observer import Observer
 from ibe_rl.storage.checkpoint import load, policies
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Array, Moment, Prediction
 
 ROOT = Path(__file__).parents[3]
@@ -56,7 +56,7 @@ OBSERVER = Observer(typical=5.0)
 def shown(heights: Sequence[float], contact: int) -> ShownEpisode:
     episode = ride(heights)
     moments = [Moment(state, np.zeros(1), True) for state in episode.states[:-1]]
-    return ShownEpisode(7, Watched(episode, moments, [], []), {AT_END: len(episode), AT_CONTACT: contact})
+    return ShownEpisode(7, RecordedRollout(episode, moments, [], []), {AT_END: len(episode), AT_CONTACT: contact})
 
 
 RISING = shown(np.arange(41), contact=36)
@@ -194,9 +194,9 @@ def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[ShownEpiso
     }
     flown, steps = [], []
 
-    def fly(*given: Any) -> Watched:
+    def fly(*given: Any) -> RecordedRollout:
         flown.append(given[-1])
-        return Watched(flights[given[-1]], [], [], [])
+        return RecordedRollout(flights[given[-1]], [], [], [])
 
     monkeypatch.setattr(prediction_task, "watch", fly)
     nobody: Any = None
@@ -240,6 +240,6 @@ def test_real_episodes_where_the_goal_is_hidden(pilot: Any):
         assert SEEN_STEPS + 60 <= contact <= end == len(states) - 1 == len(one.watched.moments)
         assert not states[:contact, 6:8].any()
         assert states[contact, 6:8].any()
-        again = watch(hidden, pilot, instructor, one.seed)
+        again = record_rollout(hidden, pilot, instructor, one.seed)
         np.testing.assert_array_equal(again.episode.states, states)
     assert pick_episodes(hidden, LANDER_TASK, pilot, instructor, seeds[:2], 2, 900) == []

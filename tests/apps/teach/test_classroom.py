@@ -26,7 +26,7 @@ from ibe_rl.apps.teach.classroom import PORT, Classroom, LessonPlan, choose_port
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import join
+from ibe_rl.envs.make import make_vector_env
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
 from ibe_rl.instructors.human import HumanConfig
@@ -186,7 +186,7 @@ class Game:
         assert isinstance(games[0], Stage)
         assert not isinstance(games[1], Stage)
         self.port, self.steps, self._over = plan.port, 0, threading.Event()
-        self._env = join(games[:1], self.lesson, seed=3)
+        self._env = make_vector_env(games[:1], self.lesson, seed=3)
         self._thread = threading.Thread(target=self._play)
         self._thread.start()
         self.playing.append(self)
