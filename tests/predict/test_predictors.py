@@ -17,9 +17,10 @@ from ibe_rl.envs.make import make_game
 from ibe_rl.envs.snapshots import make_copy
 from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.human import HumanConfig
-from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor, make_simulator
+from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
 from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.predict.regression import RegressionConfig
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, ConfigError, Episode, Moment, Prediction
 
@@ -100,7 +101,7 @@ def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen
 
 
 def test_the_exact_one_stands_by_all_that_it_says(fallen: Any):
-    made = make_simulator(PredictorConfig(), partial(make_copy, LANDER), LANDER_TASK.rule, 0)
+    made = Simulator.make(PredictorConfig(), make_copy=partial(make_copy, LANDER), rule=LANDER_TASK.rule, seed=0)
     made.learn(fallen[0])
     predicted = made.rollout(fallen[1][:3], fall, 7)
     assert predicted.trusted_steps.tolist() == [7] * 3
