@@ -8,7 +8,7 @@ SOAK := $(VENV)/installed-soak
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help train test soak demo bench clean
+.PHONY: help train lint check test soak demo bench clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
@@ -25,11 +25,16 @@ train: $(INSTALLED) ## install, then train with the defaults and watch it live
 demo: $(INSTALLED) ## a small trained agent explains an episode, in under a minute
 	$(BIN)/python explain.py run=demo seed=1 context=right viewer=live output=runs/demo.rrd
 
-test: $(INSTALLED) ## every check: format, lint, types, tests
+lint: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+check: lint ## for every edit: format, lint, types and the fast tests, in 90 seconds
+	$(BIN)/pytest --numprocesses auto --dist loadfile -m 'not slow and not soak'
+
+test: lint ## everything: format, lint, types, all tests, in ten minutes
+	$(BIN)/pytest --numprocesses auto --dist loadfile --durations 20
 
 $(SOAK): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ray]'

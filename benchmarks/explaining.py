@@ -15,7 +15,9 @@ from gymnasium.envs.box2d import lunar_lander as game
 
 from benchmarks.plan import ROOT
 from ibe_rl.collect.rollout import watch
-from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.evaluation.narration import explainer_state
+from ibe_rl.evaluation.runs import load_run
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instructors import make_instructor, stand_in
@@ -60,7 +62,7 @@ def explain_all(run: TrainedRun, warm: Sequence[Moment]) -> Any:
     """``explain`` with everything but the moments filled in; its games are made already."""
     simulator = Simulator.make(run.config.predictor, make_copy=run.make_env, rule=run.task.rule, seed=0)
     simulator.rollout(warm, run.policy, 1)
-    rest = (run.policy, simulator, replace(run.voice, futures=1))
+    rest = (run.policy, simulator, replace(explainer_state(run), futures=1))
     return lambda moments: explain(moments, *rest)
 
 

@@ -25,16 +25,16 @@ from ibe_rl.view.relay import choose_ports
 SCRIPT = """
 from pathlib import Path
 import train
-from ibe_rl.stream import film
-from ibe_rl.serve import relay
-from ibe_rl.command_line import run_script
+from ibe_rl.training import build
+from ibe_rl.view import film, relay
+from ibe_rl.config.command_line import run_script
 {patch}
 if __name__ == "__main__":
     run_script(train.main, Path(train.__file__).parent / "configs", "train")
 """
 """train.py with something broken in it beforehand."""
 NOT_INSTALLED = "relay.find_spec = lambda _: None"
-PORTS = "train.choose_ports = lambda *_: relay.Ports({grpc}, {web})"
+PORTS = "build.choose_ports = lambda *_: relay.Ports({grpc}, {web})"
 WARNING = {
     "killed": "the live view has ended: the viewer's server has ended",
     "stopped": "the viewer's server hangs",

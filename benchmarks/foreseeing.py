@@ -20,12 +20,13 @@ import torch
 
 from benchmarks.explaining import watched_moments
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy
 from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.predictors import Age, judge_age
-from ibe_rl.evaluation.refit import Refits, open_log
-from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
+from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
 from ibe_rl.evaluation.tables import console, predictors_table
+from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe import phrases_of
 from ibe_rl.predict import KeptPredictor, make_predictor
 from ibe_rl.predict.ensemble import EnsembleConfig
@@ -68,7 +69,7 @@ def _made(run: TrainedRun, config: PredictorConfig) -> tuple[KeptPredictor, floa
     copy = partial(make_copy, run.config.env)
     predictor = make_predictor(config, copy, run.task.rule, 0, run.make_env(), lambda: [run.horizon_steps])
     start = time.process_time()
-    predictor.learn(open_log(run))
+    predictor.learn(open_log(run.folder))
     return predictor, time.process_time() - start
 
 

@@ -15,11 +15,11 @@ from ibe_rl.collect.rollout import play
 from ibe_rl.config.settings import InstructorConfig, MappingConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode, Policy
-from ibe_rl.vocabulary.refresh import learn_vocabulary
+from ibe_rl.vocabulary.fitting import learn_vocabulary
 
 NOISE = 1e-3
 """Standard deviation in the states, so that no two windows are the same."""

@@ -24,10 +24,11 @@ from benchmarks.robustness_report import write_report
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, MappingConfig, PredictorConfig, ViewerConfig
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.refit import Refits
-from ibe_rl.evaluation.rollouts import flying
+from ibe_rl.evaluation.rollouts import Rollouts
+from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
-from ibe_rl.metrics import motion_auc
+from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.run_folder import write_json
 from ibe_rl.types import ConfigError, Mapping
 
@@ -123,9 +124,9 @@ def fly(run: TrainedRun, episodes: int) -> Moments:
     """Unseen greedy episodes of a run, with one future each; those with an instruction and those without."""
     config = EvaluateConfig(episodes=episodes)
     cfg = ExplainConfig(predictor=PredictorConfig(), viewer=ViewerConfig(), evaluate=config)
-    with flying(run, cfg) as flight:
-        plan = Plan(config.stride_steps, 1, (run.horizon_steps,))
-        moments = flight.gather("judged", episodes, plan, "futures")
+    plan = Plan(config.stride_steps, 1, (run.horizon_steps,))
+    with shared_predictor(run, cfg) as predictor:
+        moments = Rollouts(run, cfg, predictor).gather("judged", episodes, plan, "futures")
     return moments[moments.regular]
 
 

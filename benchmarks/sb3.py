@@ -23,8 +23,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from benchmarks.levels import Point, reached
-from ibe_rl.collect.collector import EVALUATION_SEED, Every
-from ibe_rl.collect.rollout import play
+from ibe_rl.collect.rollout import EVALUATION_SEED, play
+from ibe_rl.collect.schedule import Every
 from ibe_rl.config.settings import AgentConfig, InstructorConfig
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.make import make_gym, task_of

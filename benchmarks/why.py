@@ -32,7 +32,8 @@ from ibe_rl.config.settings import MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
 from ibe_rl.instructors import make_instructor, stand_in
-from ibe_rl.metrics import episode_weights, motion_scores
+from ibe_rl.metrics.bootstrap import episode_weights
+from ibe_rl.metrics.quality import motion_scores
 from ibe_rl.storage.checkpoint import load, policies
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, TRAJECTORIES, write_json

@@ -9,7 +9,7 @@ from sklearn.linear_model import LinearRegression
 
 from benchmarks.why_variants import AXIS, OURS, PAPER, School, Variant
 from ibe_rl.ibe import ClusterMapping, Windows
-from ibe_rl.metrics import went
+from ibe_rl.metrics.quality import direction
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 
@@ -42,7 +42,7 @@ def _mean(each: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _of_mapping(mapping: ClusterMapping, flown: Flown, learnt: Windows) -> dict[str, Any]:
     said, told = mapping.express(flown.windows.delta)[:, 0], np.sign(flown.windows.instruction[:, 0])
-    way = went(flown.windows.delta[:, flown.task.explained[0]], flown.task.explained_band[0])
+    way = direction(flown.windows.delta[:, flown.task.explained[0]], flown.task.explained_band[0])
     lost, ties = losses(said, way)
     kinds = {"told 0, moved": (told == 0) & (way != 0), "told 0, stayed": (told == 0) & (way == 0)}
     kinds |= {"told to move, did": (told != 0) & (way == told), "told to move, stayed": (told != 0) & (way == 0)}
@@ -115,7 +115,7 @@ def clusters(mapping: ClusterMapping, windows: Windows, task: Task) -> list[dict
         about |= {"expression": round(float(mapping.expressions[i, 0]), 4)}
         about |= {"mean_instruction": round(float(mapping.mean_instructions[i, 0]), 4)}
         if inside.any():
-            way, means = went(change[inside], task.explained_band[0]), standard[inside].mean(axis=0)
+            way, means = direction(change[inside], task.explained_band[0]), standard[inside].mean(axis=0)
             far = int(np.abs(means).argmax())
             about |= {"quantiles": _rounded(np.quantile(change[inside], QUANTILES))}
             about |= {name: round(float(np.mean(way == side)), 4) for name, side in WAYS.items()}
@@ -127,7 +127,7 @@ def clusters(mapping: ClusterMapping, windows: Windows, task: Task) -> list[dict
 def _learnt_from(school: School, learnt: Windows, task: Task) -> dict[str, Any]:
     """The windows of the best episodes: what was said where, and what came of it, in shares of all."""
     names = np.array([episode.context for episode in school.lessons(school.base).best])[learnt.episode]
-    told, way = learnt.instruction[:, 0], went(learnt.delta[:, task.explained[0]], task.explained_band[0])
+    told, way = learnt.instruction[:, 0], direction(learnt.delta[:, task.explained[0]], task.explained_band[0])
     values = task.instruction_values
     best = school.lessons(school.base).best
     steps = np.array([len(episode) for episode in best])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.metrics import estimate
+from ibe_rl.metrics.bootstrap import estimate
 from ibe_rl.types import Array
 
 FLIES = 0.5

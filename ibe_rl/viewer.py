@@ -3,9 +3,9 @@
 import signal
 import sys
 
-from ibe_rl.view.viewer import main
+from ibe_rl.view.viewer import open_recordings
 
 if __name__ == "__main__":
     if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # the terminal is closed, and it is not under nohup
         signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
-    sys.exit(main())
+    sys.exit(open_recordings())

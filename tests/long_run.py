@@ -21,6 +21,7 @@ from ibe_rl.agents.ppo import PPO
 from ibe_rl.collect.collector import batches
 from ibe_rl.config.command_line import run_script
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.training import build
 
 ROOT = Path(__file__).parent.parent
 
@@ -66,6 +67,6 @@ def report_every(frames: int) -> None:
 
 if __name__ == "__main__":
     report_every(int(sys.argv.pop(1)))
-    train.batches = one_batch_again_and_again
+    build.batches = one_batch_again_and_again
     PPO.update = lambda *_: {"policy_loss": 0.0, "value_loss": 0.0, "entropy": 0.0}
     run_script(train.main, ROOT / "configs", "train")

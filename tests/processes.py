@@ -81,7 +81,7 @@ def rows_in(folder: Path) -> int:
 
 @contextmanager
 def under_way(
-    folder: Path, *settings: str, within_s: float = 60.0, **variables: str
+    folder: Path, *settings: str, within_s: float = 120.0, **variables: str
 ) -> Iterator[subprocess.Popen[str]]:
     """A training that has its first rows, and is killed at the end if it still trains."""
     process = start("train.py", *settings, f"run_dir={folder}", **variables)

@@ -28,10 +28,12 @@ from benchmarks.why_variants import renamed
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
-from ibe_rl.metrics import motion_auc
+from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
 from tests.by_hand import TASK, column, defy, obey
+
+pytestmark = pytest.mark.slow
 
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
 PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults", "sweep")
@@ -195,21 +197,21 @@ def test_faults_from_the_start_are_held_against_an_undisturbed_run():
     assert ratios["faults_port_taken"] == pytest.approx(200 / 180)
 
 
-def small_plan(folder: Path) -> Plan:
+def small_plan(folder: Path, fault_frames: int) -> Plan:
     plan = make_plan((0,), 1, 10.0, quick=True, output=folder)
-    sizes = replace(plan.sizes, overrides=(*plan.sizes.overrides, "collect.processes=1"), fault_frames=8000)
+    sizes = replace(plan.sizes, overrides=(*plan.sizes.overrides, "collect.processes=1"), fault_frames=fault_frames)
     return replace(plan, sizes=sizes)
 
 
 def test_a_fault_is_really_brought_about(tmp_path: Path):
-    plan = small_plan(tmp_path)
+    plan = small_plan(tmp_path, 8000)
     assert all(rate > 0 for rate in faults.rate(plan, 0, "killed"))
 
 
 def test_a_fault_without_its_warning_is_no_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(faults.WARNING, "none", "never said")
     with pytest.raises(RuntimeError, match=r"(?s)train\.py with none ended with 0.*the run is in"):
-        faults.rate(small_plan(tmp_path), 0, "none")
+        faults.rate(small_plan(tmp_path, 2000), 0, "none")
 
 
 def test_output_folder_takes_everything(tmp_path: Path):

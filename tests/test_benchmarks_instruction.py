@@ -32,12 +32,12 @@ ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name
 
 
 def mean_and_reach(values: Array) -> list[dict[str, float]]:
-    """In the place of rliable's bootstrap, which takes minutes and is not there in every test."""
+    """In the place of the bootstrap, with ends that can be told by hand."""
     return [{"value": float(one.mean()), "low": float(one.min()), "high": float(one.max())} for one in values.T]
 
 
 @pytest.fixture(autouse=True)
-def without_rliable(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (instruction_report, robustness_report):
         monkeypatch.setattr(module, "interquartile", mean_and_reach)
 

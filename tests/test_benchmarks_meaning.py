@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from by_hand import TASK, on_a_line
 
-from benchmarks.meaning import Flown, Situation, Truth, Verdict, flown, judge, situations
+from benchmarks.meaning import Situation, Trial, Truth, Verdict, judge, situations, trial
 from benchmarks.meaning.__main__ import main
 from benchmarks.meaning.judge import fresh_changes
-from benchmarks.meaning.mass import MIXTURE, UNMIXED, PointMass, unmixed
+from benchmarks.meaning.point_mass import MIXTURE, UNMIXED, PointMass, unmixed
 from benchmarks.meaning.rules import Planned, Rarely, always, only_below, the_sign_of, towards
 from benchmarks.meaning.table import as_markdown
 from ibe_rl.envs.make import task_of
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.types import Array, Episode, observe
+
+pytestmark = pytest.mark.slow
 
 ALL = situations()
 UP = Truth(np.array([1.0]), 0.5, True, "by hand")
@@ -28,11 +30,11 @@ BOTH_WAYS = [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]]
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flown, "LOGGED", 3)
-    monkeypatch.setattr(flown, "FRESH", 8)
+    monkeypatch.setattr(trial, "LOG_EPISODES", 3)
+    monkeypatch.setattr(trial, "TEST_EPISODES", 8)
 
 
-def by_hand(paths: Sequence[Sequence[float]], horizon_steps: int = 1) -> Flown:
+def by_hand(paths: Sequence[Sequence[float]], horizon_steps: int = 1) -> Trial:
     """Fresh episodes of one number; nothing else of it is read."""
     fresh = [
         Episode(
@@ -48,7 +50,7 @@ def by_hand(paths: Sequence[Sequence[float]], horizon_steps: int = 1) -> Flown:
         for path in paths
     ]
     nothing: Any = None
-    return Flown("hand", 0, TASK, *([nothing] * 4), [], fresh, horizon_steps, True, True)
+    return Trial("hand", 0, TASK, *([nothing] * 4), [], fresh, horizon_steps, True, True)
 
 
 # ---- the judge
@@ -192,7 +194,7 @@ def _moved(one: Situation, word: float, seed: int) -> float:
 
 @pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("name", ALL)
-def test_what_is_flown_fits_together_and_goes_both_ways(name: str) -> None:
+def test_episodes_fit_together_and_goes_both_ways(name: str) -> None:
     one = ALL[name]
     made = one.make(0)
     change = fresh_changes(made) @ one.truth.direction
@@ -214,7 +216,7 @@ def test_a_seed_gives_the_same_log_also_from_the_cache(name: str, tmp_path: Path
     for other in flights[1:]:
         for lot in ("log_episodes", "fresh"):
             for a, b in zip(getattr(flights[0], lot), getattr(other, lot), strict=True):
-                for column in (*flown.PER_STEP, *flown.PER_EPISODE):
+                for column in (*trial.PER_STEP, *trial.PER_EPISODE):
                     np.testing.assert_array_equal(getattr(a, column), getattr(b, column))
     assert not np.array_equal(flights[0].log_episodes[0].states, ALL[name].make(2).log_episodes[0].states)
 

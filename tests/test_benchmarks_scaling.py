@@ -11,6 +11,8 @@ from benchmarks import scaling, scaling_report
 from benchmarks.child import measure
 from benchmarks.scaling_report import collection, limits, training, write_report
 
+pytestmark = pytest.mark.slow
+
 ALONE = scaling.ALONE
 ABOUT = {
     "date": "2026-01-02 03:04 UTC",

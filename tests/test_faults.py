@@ -48,7 +48,7 @@ class Training:
 
     def ended(self, group: list[int], frames: int = FRAMES) -> str:
         """Wait for the end of a run that must end well and leave nothing running; what it printed."""
-        output, _ = self.process.communicate(timeout=120)
+        output, _ = self.process.communicate(timeout=240)
         assert self.process.returncode == 0, output
         assert "Traceback" not in output, output
         assert json.loads((self.folder / "summary.json").read_text())["frames"] >= frames
@@ -87,6 +87,8 @@ def training(tmp_path: Path) -> Iterator[Callable[..., Training]]:
 
 
 START = Callable[..., Training]
+SHORT = "total_frames=4000"
+"""Enough where the fault is there from the start."""
 
 
 def test_a_viewer_that_is_killed(training: START) -> None:
@@ -113,8 +115,8 @@ def test_a_viewer_that_is_stopped(training: START) -> None:
 
 
 def test_a_viewer_that_is_not_installed(training: START) -> None:
-    run = training(NOT_INSTALLED)
-    warning = the_warning(run.ended([]))
+    run = training(NOT_INSTALLED, SHORT)
+    warning = the_warning(run.ended([], frames=4000))
     assert "no live view, the recording is written all the same: the rerun viewer is not installed" in warning
     assert_whole(run.recording())
 
@@ -124,8 +126,8 @@ def test_a_port_that_somebody_else_takes_first(training: START) -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        run = training(PORTS.format(grpc=port, web=free_ports().web))
-        assert f"port {port} was free, but is taken now" in the_warning(run.ended([]))
+        run = training(PORTS.format(grpc=port, web=free_ports().web), SHORT)
+        assert f"port {port} was free, but is taken now" in the_warning(run.ended([], frames=4000))
     assert_whole(run.recording())
 
 
@@ -145,7 +147,7 @@ def test_a_disk_that_is_full(training: START) -> None:
 
 
 def test_an_error_on_the_way_to_the_recording(training: START) -> None:
-    run = training("film.Film.send = lambda *_: 1 / 0")
-    warning = the_warning(run.ended([]))
+    run = training("film.Film.send = lambda *_: 1 / 0", SHORT)
+    warning = the_warning(run.ended([], frames=4000))
     assert "something could not be recorded (ZeroDivisionError: division by zero)" in warning
     assert_whole(run.recording())

@@ -11,12 +11,15 @@ from benchmarks.refilling import steps_of_episode
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.kinds import register
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.evaluation import TrainedRun, load_run
+from ibe_rl.evaluation.runs import load_run
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.tracker import Development
+
+pytestmark = pytest.mark.slow
 
 DEMO = Path(__file__).parent.parent / "demo"
 REFRESHES, EPISODES = 10, 320

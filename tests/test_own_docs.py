@@ -42,7 +42,7 @@ def quickly(code: str) -> str:
 
 def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     judged: list[Study] = []
-    monkeypatch.setattr(Study, "evaluate", lambda self: judged.append(self))  # tests/test_own_agent.py has it judged
+    monkeypatch.setattr(Study, "evaluate", lambda self: judged.append(self))  # test_study.py has it judged
     three, function, told = blocks(AGENT)
     names: dict[str, Any] = {}
     exec(quickly(three), names)  # noqa: S102 - our own page

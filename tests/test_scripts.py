@@ -11,7 +11,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,20 +19,21 @@ import numpy as np
 import pytest
 from processes import SMALL, assert_whole, call, start
 from rerun.chunk import RrdReader
-from view_data import column, frames, read
+from view_data import column, eventually, frames, read
 
 import explain
 from benchmarks import foreseeing
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.settings import EvaluateConfig, MappingConfig, TrainConfig
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe import ClusterMapping, normalise
-from ibe_rl.metrics import OF_THE_MOMENTS, SCORES, Calibration
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG
-from ibe_rl.training.parts import TIMES
+from ibe_rl.training.run import TIMES
 from ibe_rl.types import DOES_NOT_KNOW
 from ibe_rl.vocabulary.probe import PROBE_WINDOWS
 from ibe_rl.vocabulary.tracker import FIGURES
@@ -316,13 +316,6 @@ def test_explain_takes_the_newest_run(
     assert "Policy of frame 6,144" in capsys.readouterr().out.replace("\n", " ")
 
 
-def test_dqn_trains_too(tmp_path: Path) -> None:
-    call("train", *SMALL, "agent=dqn", "agent.learn_after_frames=1000", f"run_dir={tmp_path / 'dqn'}", "viewer=off")
-    table = rows(tmp_path / "dqn")
-    assert float(table[-1]["train/q_loss"]) > 0
-    assert json.loads((tmp_path / "dqn" / "summary.json").read_text())["agent"] == "dqn"
-
-
 def test_a_refresh_that_cannot_be_made_is_skipped_counted_and_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -595,13 +588,10 @@ def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
     folder = tmp_path / "stopped"
     many = ["collect.processes=2", "total_frames=100000000"]
     script = start("train.py", *SMALL, *many, f"run_dir={folder}", "viewer=live")
-    until = time.monotonic() + 120
-    while not list((folder / "refreshes").glob("*.json")):
-        assert script.poll() is None, script.stdout.read() if script.stdout else ""
-        assert time.monotonic() < until
-        time.sleep(0.2)
+    assert eventually(lambda: list((folder / "refreshes").glob("*.json")) or script.poll() is not None)
+    assert script.poll() is None, script.stdout.read() if script.stdout else ""
     os.killpg(script.pid, signal.SIGINT)  # to the whole group, as a terminal does
-    output, _ = script.communicate(timeout=60)
+    output, _ = script.communicate(timeout=120)
     assert script.returncode == 0, output
     assert "live view: http://127.0.0.1" in output
     assert "ssh -L" in output
@@ -612,26 +602,6 @@ def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
     assert summary["frames"] == int(rows(folder)[-1]["frames"])
     assert (folder / "checkpoints" / f"policy_{summary['frames']:012d}.pt").is_file()
     assert_whole(folder / "recording.rrd")
-
-
-def test_a_sweep_makes_a_folder_a_run(tmp_path: Path) -> None:
-    script = start("train.py", "-m", "seed=0,1,2", *SMALL, f"run_dir={tmp_path / 'sweep'}", "viewer=file")
-    output, _ = script.communicate(timeout=200)
-    assert script.returncode == 0, output
-    found = sorted((tmp_path / "sweep").glob("*/summary.json"))
-    assert [json.loads(path.read_text())["seed"] for path in found] == [0, 1, 2]
-    assert len({rows(path.parent)[-1]["train/return_mean"] for path in found}) == 3
-    recordings = sorted((tmp_path / "sweep").glob("*/recording.rrd"))
-    assert [name_of(recording) for recording in recordings] == ["seed=0", "seed=1", "seed=2"]
-    assert f"-m ibe_rl.viewer {tmp_path / 'sweep'}\n" in output
-
-
-def name_of(recording: Path) -> str:
-    chunks = [chunk.to_record_batch() for chunk in RrdReader(str(recording)).stream()]
-    [name] = [
-        chunk["RecordingInfo:name"][0].as_py()[0] for chunk in chunks if "RecordingInfo:name" in chunk.schema.names
-    ]
-    return str(name)
 
 
 def test_importing_ibe_brings_no_torch() -> None:
@@ -678,7 +648,7 @@ def test_a_run_is_explained_with_the_predictor_that_it_learnt(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, asked = Path(shutil.copytree(run, tmp_path / "run")), list[str]()
-    monkeypatch.setattr(explain, "explain_episode", lambda cfg: asked.append(cfg.predictor.kind))
+    monkeypatch.setattr(explain, "explain_episode", lambda _, cfg: asked.append(cfg.predictor.kind))
     call("explain", f"run={folder}")
     settings = folder / ".hydra" / "config.yaml"
     settings.write_text(settings.read_text().replace("kind: simulator", "kind: ensemble"))

@@ -22,10 +22,11 @@ import ibe_rl  # noqa: F401 - registers the environment
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.lander_task import LANDER_TASK, X
 from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episodes
-from ibe_rl.metrics import happened, vocabulary_drift, vocabulary_scores
+from ibe_rl.metrics.drift import vocabulary_drift
+from ibe_rl.metrics.quality import realised_phrases, vocabulary_scores
 from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, Episode, Explanation, Moment
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports
 from ibe_rl.vocabulary.refresh import Change, Refresh
 from ibe_rl.vocabulary.tracker import figures
@@ -158,7 +159,7 @@ def held_against(before: Refresh, after: Refresh) -> Refresh:
 
 def real(watched: Watched, refresh: Refresh) -> list[str]:
     """What the vocabulary calls what happened."""
-    return happened(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
+    return realised_phrases(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
 
 
 def filmed(number: int = 1, refresh: Refresh | None = None) -> tuple[Watched, list[Explanation], list[str]]:
@@ -225,7 +226,7 @@ def free_ports() -> Ports:
         return Ports(one.getsockname()[1], other.getsockname()[1])
 
 
-def eventually(condition: Callable[[], object], within_s: float = 60.0) -> bool:
+def eventually(condition: Callable[[], object], within_s: float = 120.0) -> bool:
     """Wait until ``condition`` holds; False if it does not, however busy the machine may be."""
     end = time.monotonic() + within_s
     while not condition():

@@ -1,8 +1,8 @@
 """A test-bed with known truth for the meaning of an instructor's words: ``python -m benchmarks.meaning``."""
 
-from benchmarks.meaning.flown import Flown, Truth
 from benchmarks.meaning.judge import Verdict, judge
 from benchmarks.meaning.situation import Situation
 from benchmarks.meaning.situations import situations
+from benchmarks.meaning.trial import Trial, Truth
 
-__all__ = ["Flown", "Situation", "Truth", "Verdict", "judge", "situations"]
+__all__ = ["Situation", "Trial", "Truth", "Verdict", "judge", "situations"]

@@ -1,4 +1,4 @@
-"""Is a vocabulary ever silently reversed? Situations of which the truth is known by hand, several seeds each.
+"""Is a vocabulary ever reversed without a warning? Situations with a truth known by hand, several seeds each.
 
 python -m benchmarks.meaning [--seeds 5] [--only NAME...] [--cache DIR]
 

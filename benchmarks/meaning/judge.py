@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.meaning.flown import Flown, Truth
+from benchmarks.meaning.trial import Trial, Truth
 from ibe_rl.ibe import delta_states
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.types import Array, Mapping
 
 STRIDE_STEPS = 4
 SPOKEN = 0.2
-"""Share of the windows: where one of two words is known the agent speaks now and then."""
+"""Share of windows with a known word, below which the agent counts as silent."""
 TRUE, REVERSED = 0.9, 0.4
-"""Motion AUC from which on it is true, below which it is reversed."""
+"""Motion AUC: at least the first is true, below the second is reversed."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of a vocabulary.
+    """How true a vocabulary is.
 
     Attributes:
         outcome: "true", "weak", "reversed", or "silent" if the words are known in less than ``SPOKEN`` of the windows.
@@ -35,24 +35,24 @@ class Verdict:
     reason: str = ""
 
 
-def fresh_changes(flown: Flown) -> Array:
+def fresh_changes(trial: Trial) -> Array:
     """Changes ``(W, S)`` of the state over the horizon, from every fourth step of the fresh episodes."""
     return np.concatenate(
-        [delta_states(episode.states, flown.horizon_steps, "clamp")[::STRIDE_STEPS] for episode in flown.fresh]
+        [delta_states(episode.states, trial.horizon_steps, "clamp")[::STRIDE_STEPS] for episode in trial.fresh]
     )
 
 
-def judge(mapping: Mapping, flown: Flown, truth: Truth) -> Verdict:
-    """Hold a vocabulary against the truth.
+def judge(mapping: Mapping, trial: Trial, truth: Truth) -> Verdict:
+    """Compare a vocabulary with the truth.
 
     Raises:
-        ValueError: if the fresh episodes never, or always, went one of the two ways: then nobody can judge.
+        ValueError: if the test episodes do not move both ways, which makes the AUC undefined.
     """
-    delta = fresh_changes(flown)
+    delta = fresh_changes(trial)
     said, known = mapping.express(delta)[:, 0], float(np.mean(mapping.knows(delta)))
     auc = motion_auc(said, delta @ truth.direction, truth.band)
     if np.isnan(auc):
-        raise ValueError(f"{flown.name}: its fresh episodes do not go both ways by {truth.band}")
+        raise ValueError(f"{trial.name}: its fresh episodes do not go both ways by {truth.band}")
     reason = "; ".join(one.reason for one in getattr(mapping, "meanings", ()) if one.reason)
     return Verdict(_outcome(auc, known), auc, known, reason)
 

@@ -1,4 +1,4 @@
-"""What instructors say: pure functions of the state, and instructors that go by the clock."""
+"""Instructors: pure functions of the state, rare instructions, and plans in time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def towards(measure: Measure, goal: float, dead_band: float) -> Rule:
 
 
 def the_sign_of(measure: Measure) -> Rule:
-    """Reinforcing, if of a velocity; about an action, if of a controller."""
+    """+1 where the measure is positive, -1 where it is negative."""
     return lambda states: _said(np.sign(measure(states)))
 
 
@@ -35,7 +35,7 @@ def only_below(measure: Measure, goal: float) -> Rule:
 
 
 def always(word: float) -> Rule:
-    """The same for ever."""
+    """The same at every step."""
     return lambda states: _said(np.full(states.shape[:-1], word))
 
 
@@ -44,7 +44,7 @@ def _said(words: Array) -> Array:
 
 
 class Rarely:
-    """Says what the rule says, but only in short spells.
+    """Follows the rule, but only speaks in short spells.
 
     Args:
         rule: of the state.
@@ -55,7 +55,7 @@ class Rarely:
 
     def __init__(self, rule: Rule, share: float, spell_steps: int, seed: int):
         self._rule, self._spell_steps = rule, spell_steps
-        self._begins = share / (spell_steps * (1 - share) + share)  # a spell each so many silent steps
+        self._begins = share / (spell_steps * (1 - share) + share)  # probability in each silent step
         self._random = np.random.default_rng([seed, 0xA1])
         self._left = np.zeros(0, np.int64)
 
@@ -75,7 +75,7 @@ class Rarely:
 
 
 class Planned:
-    """+1, 0 and -1 in spells that have nothing to do with the state.
+    """+1, 0 and -1 in spells that do not depend on the state.
 
     Args:
         shortest: of the spells, in steps.

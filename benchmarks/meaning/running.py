@@ -1,4 +1,4 @@
-"""One case of the test-bed, as a process of its own runs it."""
+"""Runs the cases, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -28,18 +28,13 @@ def run_all(cases: Sequence[Case], cache: Path | None) -> list[Verdict]:
 
 
 def judged(case: Case, cache: Path | None = None) -> Verdict:
-    """Fly a situation, learn the vocabulary, judge it.
-
-    Args:
-        case: which.
-        cache: see ``Situation.make``.
-    """
+    """Play the episodes of a situation, learn the vocabulary, judge it; ``cache`` as in ``Situation.make``."""
     name, seed = case
     torch.set_num_threads(1)
     with threadpool_limits(1):
         situation = situations()[name]
-        flown = situation.make(seed, cache)
+        trial = situation.make(seed, cache)
         try:
-            return judge(learn(flown, seed), flown, situation.truth)
+            return judge(learn(trial, seed), trial, situation.truth)
         except TooLittleDataError as error:
             return Verdict("silent", float("nan"), 0.0, str(error))

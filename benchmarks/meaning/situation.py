@@ -1,4 +1,4 @@
-"""A situation: who acts, what is paid, what kind of rule speaks, and in which world."""
+"""A situation: environment, reward, policy and instructor."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 import gymnasium
 
-from benchmarks.meaning.flown import Flown, Truth, cached, code_version, fly_both
+from benchmarks.meaning.environments import Reward, World, make_game, make_task
 from benchmarks.meaning.rules import MakeInstructor, Rule
-from benchmarks.meaning.worlds import Pay, World, make_game, make_task
-from ibe_rl.apps.external.policy import Wandering
+from benchmarks.meaning.trial import Trial, Truth, cached, code_version, play_both
+from ibe_rl.apps.external.policy import EpsilonGreedy
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.task import Task
 from ibe_rl.types import Policy
@@ -19,18 +19,18 @@ from ibe_rl.types import Policy
 
 @dataclass(frozen=True)
 class Situation:
-    """One case of which the truth is known.
+    """One case with a known truth.
 
     Attributes:
-        name: of the world, the rule, who acts, what is paid.
-        world: the game.
-        rule: of the state; where the instructor goes by the clock, only what is declared.
-        policy: who acts, without chance.
-        pay: what is paid, None: what the game always pays.
+        name: of the environment, the rule, the policy and the reward.
+        world: the environment.
+        rule: of the state; where the instructor follows a plan, only declared.
+        policy: the deterministic one.
+        reward: None: the environment's own.
         truth: what the word +1 means.
-        told: whether the agent was ever told anything, and so reads it.
-        make_instructor: who speaks; None: the rule at every step.
-        lamp: whether the state has one more number, drawn for each episode.
+        told: whether the agent reads the instruction.
+        make_instructor: None: the rule at every step.
+        lamp: whether the state has a lamp, see ``Lamp``.
         horizon_steps: None takes that of the world.
     """
 
@@ -38,7 +38,7 @@ class Situation:
     world: World
     rule: Rule
     policy: Policy
-    pay: Pay | None
+    reward: Reward | None
     truth: Truth
     told: bool = True
     make_instructor: MakeInstructor | None = None
@@ -52,25 +52,25 @@ class Situation:
 
     @property
     def task(self) -> Task:
-        """What is declared."""
+        """The task of the environment."""
         return make_task(self.world, self.name, self.rule, self.truth.direction, self.truth.band)
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
-        """One more game."""
-        return make_game(self.world, self.task, self.pay, self.lamp)
+        """Make the environment."""
+        return make_game(self.world, self.task, self.reward, self.lamp)
 
-    def make(self, seed: int, cache: Path | None = None) -> Flown:
-        """Fly it.
+    def make(self, seed: int, cache: Path | None = None) -> Trial:
+        """Play its episodes.
 
         Args:
             seed: of all draws.
-            cache: folder in which the episodes are kept, and found the next time.
+            cache: folder that keeps the episodes for the next time.
         """
         instructor = self.make_instructor or (lambda _: Oracle(self.rule))
-        acting = Wandering(self.policy, self.world.random_actions, self.make_env().action_space, seed)
+        acting = EpsilonGreedy(self.policy, self.world.random_actions, self.make_env().action_space, seed)
         path = None if cache is None else cache / f"{self.name}_{seed}_{code_version()}.npz"
-        logged, fresh = cached(path, lambda: fly_both(self.make_env, self.policy, acting, instructor, seed))
-        return Flown(
+        logged, fresh = cached(path, lambda: play_both(self.make_env, self.policy, acting, instructor, seed))
+        return Trial(
             name=self.name,
             seed=seed,
             task=self.task,

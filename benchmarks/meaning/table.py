@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from benchmarks.meaning.flown import Truth
 from benchmarks.meaning.judge import Verdict
+from benchmarks.meaning.trial import Truth
 
 
 def as_markdown(truths: Mapping[str, Truth], verdicts: Mapping[str, Sequence[Verdict]]) -> str:
@@ -30,7 +30,7 @@ def _cell(verdict: Verdict) -> str:
 
 
 def _reasons(verdicts: Sequence[Verdict]) -> str:
-    """What the first silent, or else the first, seed stands on."""
+    """The reason of the first silent seed, or else of the first."""
     silent = [one.reason for one in verdicts if one.outcome == "silent"]
     return (silent or [verdicts[0].reason])[0].replace("|", "/")
 

@@ -11,7 +11,7 @@ from ibe_rl.types import ConfigError
 
 
 @dataclass
-class GuestConfig(AgentConfig):
+class ExternalPolicyConfig(AgentConfig):
     """An agent that was trained elsewhere; a run folder says what it was, and never where to load it from."""
 
     kind: str = setting("guest", kept=True)
@@ -19,13 +19,13 @@ class GuestConfig(AgentConfig):
     made_from: str = "an object in Python"  # for messages
 
 
-class Guest:
+class ExternalPolicy:
     """Stands for an agent that no run folder holds."""
 
-    kind, settings = "guest", GuestConfig
+    kind, settings = "guest", ExternalPolicyConfig
 
     @staticmethod
-    def check(config: GuestConfig, actions: Any) -> None:  # noqa: ARG004 - as of the other kinds
+    def check(config: ExternalPolicyConfig, actions: Any) -> None:  # noqa: ARG004 - as of the other kinds
         """Refuse to train it.
 
         Raises:

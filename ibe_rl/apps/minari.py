@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.external.folder import guest_run_config, keep_run
-from ibe_rl.apps.external.policy import check_actions
+from ibe_rl.apps.external.folder import external_run_config, keep_run
+from ibe_rl.apps.external.policy import check_same_actions
 from ibe_rl.config.command_line import composed, load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
@@ -26,7 +26,7 @@ from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, create_run_folder, f
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
-INSTRUCTION, GIVEN, SUCCESS, CONTEXT = "instruction", "instruction_given", "success", "context"
+_INSTRUCTION, _GIVEN, _SUCCESS, _CONTEXT = "instruction", "instruction_given", "success", "context"
 """Keys of the infos, all of ``T + 1`` rows as Minari has it, the instruction of the last state not given."""
 RULE = "rule"
 
@@ -75,8 +75,8 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
 
 def _description(task: Task) -> str:
     return (
-        f"{task.name}, told in which way to go: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether "
-        f"there was one, infos[{SUCCESS!r}] whether the episode ended well, infos[{CONTEXT!r}] what it was about."
+        f"{task.name}, told in which way to go: infos[{_INSTRUCTION!r}] is the instruction, infos[{_GIVEN!r}] whether "
+        f"there was one, infos[{_SUCCESS!r}] whether the episode ended well, infos[{_CONTEXT!r}] what it was about."
     )
 
 
@@ -85,10 +85,10 @@ def _buffer(minari: Any, episode: Episode) -> Any:
     last = np.arange(steps) == steps - 1
     silence = np.zeros_like(episode.instructions[:1])
     infos = {
-        INSTRUCTION: np.concatenate([episode.instructions, silence]),
-        GIVEN: np.append(np.asarray(episode.given, bool), False),
-        SUCCESS: np.append(False, last & episode.success),
-        CONTEXT: np.full(steps + 1, episode.context.encode()),
+        _INSTRUCTION: np.concatenate([episode.instructions, silence]),
+        _GIVEN: np.append(np.asarray(episode.given, bool), False),
+        _SUCCESS: np.append(False, last & episode.success),
+        _CONTEXT: np.full(steps + 1, episode.context.encode()),
     }
     return minari.data_collector.EpisodeBuffer(
         observations=episode.states,
@@ -121,10 +121,10 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
         dataset = minari.load_dataset(dataset_id)
     except (OSError, ValueError, ImportError) as error:
         raise ConfigError(f"dataset={dataset_id}: {' '.join(str(error).split())[:200]}") from None
-    config = guest_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
+    config = external_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
     env = make_game(config.env)
     task = task_of(env)
-    check_actions(f"dataset={dataset_id}", dataset, env.action_space)
+    check_same_actions(f"dataset={dataset_id}", dataset, env.action_space)
     _check_observations(dataset_id, dataset.observation_space, task)
     first = next(iter(dataset), None)
     if first is None:
@@ -169,8 +169,8 @@ def _said(
     observations: Array, states: Array, infos: dict[str, Any], task: Task, key: str | None
 ) -> tuple[Array, Array]:
     """Instructions ``(T or more, d)`` and whether they were given."""
-    if key != RULE and (key or INSTRUCTION) in infos:
-        return _heard(np.asarray(infos[key or INSTRUCTION], np.float32), infos, task, key or INSTRUCTION, len(states))
+    if key != RULE and (key or _INSTRUCTION) in infos:
+        return _heard(np.asarray(infos[key or _INSTRUCTION], np.float32), infos, task, key or _INSTRUCTION, len(states))
     if key not in (None, RULE):
         raise ConfigError(f"instruction={key}: allowed are {', '.join(infos)} of its infos, or {RULE}")
     if key is None and observations.shape[1] == task.observation_size:
@@ -188,12 +188,12 @@ def _heard(told: Array, infos: dict[str, Any], task: Task, key: str, states: int
         )
     if not np.all(np.abs(told) <= 1):
         raise ConfigError(f"instruction={key}: it reaches from {told.min():g} to {told.max():g}; allowed is -1 to 1")
-    return told, np.asarray(infos.get(GIVEN, np.ones(len(told))), bool).reshape(-1)
+    return told, np.asarray(infos.get(_GIVEN, np.ones(len(told))), bool).reshape(-1)
 
 
 def _succeeded(infos: dict[str, Any], task: Task) -> bool:
     """What the infos say at the end; False if they say nothing."""
-    found = next((infos[name] for name in (SUCCESS, task.success_key) if name in infos), [False])
+    found = next((infos[name] for name in (_SUCCESS, task.success_key) if name in infos), [False])
     return bool(np.asarray(found).reshape(-1)[-1])
 
 
@@ -205,7 +205,7 @@ def _minari() -> Any:
         raise ConfigError(f"needs minari ({error}); install the extra ibe_rl[minari]") from None
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def minari_command(arguments: Sequence[str] | None = None) -> int:
     """Export or import from the command line."""
     parser = argparse.ArgumentParser(prog="python -m ibe_rl.apps.minari", description="Logs for and from Minari.")
     commands = parser.add_subparsers(dest="command", required=True)
@@ -232,4 +232,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(minari_command())

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Generator, MutableSequence, Sequence
+from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
 from copy import deepcopy
 from functools import partial
 from queue import SimpleQueue
@@ -14,14 +13,15 @@ import gymnasium
 import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
+from torchrl import timeit
 from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agents import Agent
-from ibe_rl.apps.ray.workers import RayWorkers, check_ray
-from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig, TrainConfig
-from ibe_rl.envs.make import TRAINING_SEEDS, join, make_game
+from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
+from ibe_rl.envs.make import join, make_game
 from ibe_rl.instructors import make_instructor
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.runtime.workers import Processes, Workers, end_with_parent, next_of, starting
 from ibe_rl.storage.partial_episode import UnderWay
@@ -30,12 +30,6 @@ from ibe_rl.types import Array, ConfigError, Instructor
 
 SEEDS_PER_RUN = 100_000
 """Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""
-EVALUATION_SEED = TRAINING_SEEDS
-"""Seeds that no training uses, for the evaluations of ``train.py``."""
-JUDGING_SEED = 2_050_000_000
-"""Seeds that neither uses, for ``explain.py`` to judge explanations on."""
-
-
 OUTLIVES_TRAINER_S = 5.0
 """So long a lesson goes on whose trainer is gone, to say so."""
 OpenLesson = Callable[[MutableSequence[gymnasium.Env[Any, Any]]], Instructor]
@@ -107,7 +101,8 @@ def make_collector(
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     if collect.engine == "ray":
         with interrupts_stay_here():
-            return RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
+            ray = load_app("collect.engine=ray")
+            return ray.RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
     with interrupts_stay_here(), script_stays_here(), starting(collect.timeout_s if apart(collect) else None):
         return Collector(
             factories if apart(collect) else factories[0],
@@ -125,7 +120,13 @@ def check_collect(config: CollectConfig) -> None:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    check_ray(config)
+    if config.engine == "ray":
+        load_app("collect.engine=ray").check_ray(config)
+    elif config.address is not None:
+        raise ConfigError(
+            f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
+            "or collect.engine=ray, without which nobody connects to it"
+        )
     if config.ahead_batches > 1 and not config.overlap:
         raise ConfigError(
             f"collect.ahead_batches={config.ahead_batches} with collect.overlap=false: allowed is 1, "
@@ -135,8 +136,9 @@ def check_collect(config: CollectConfig) -> None:
 
 def workers_of(collector: BaseCollector) -> Workers:
     """Those who collect for it."""
-    if isinstance(collector, RayWorkers):
-        return collector.workers
+    if hasattr(collector, "workers"):
+        workers: Workers = collector.workers
+        return workers
     return Processes(getattr(collector, "procs", ()), getattr(collector, "pipes", ()))
 
 
@@ -215,54 +217,9 @@ def steps_of(batch: TensorDictBase) -> dict[str, Array]:
     return {name: column.numpy() for name, column in columns.items()}
 
 
-class Every:
-    """A clock: true once in every ``frames`` frames, at the first batch that reaches them, and at the end.
-
-    Args:
-        frames: between two times; None stands for never, not even at the end.
-        now: what it starts at.
-    """
-
-    def __init__(self, frames: int | None, now: int = 0):
-        self._frames, self._passed = frames, now // (frames or 1)
-
-    def __call__(self, frames: int, last: bool = False) -> bool:
-        """Whether a multiple has been reached since the last call, or this is the ``last`` one."""
-        if self._frames is None:
-            return False
-        before, self._passed = self._passed, frames // self._frames
-        return last or self._passed > before
-
-
-REFRESHES_OF_A_RUN, REFRESH_AT_MOST_EVERY = 8, 250_000
-
-
-def refresh_interval(config: TrainConfig) -> int | None:
-    """Frames from one refresh to the next; None if there is none."""
-    if config.refresh_every_frames != 0:
-        return config.refresh_every_frames
-    return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
-
-
-DENSE = 200
-"""So many times a ``Rarer`` clock is as fast as it began, twice; then it is half as fast as often again, and so on."""
-
-
-class Rarer:
-    """A clock for what stays for ever: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
-
-    Args:
-        frames: between two times, at the beginning; None stands for never.
-        now: what it starts at.
-    """
-
-    def __init__(self, frames: int | None, now: int = 0):
-        self._frames, self._last = frames, now
-
-    def __call__(self, frames: int) -> bool:
-        """Whether a multiple has been reached since the last call."""
-        if self._frames is None:
-            return False
-        every = self._frames * 2 ** max(0, int(math.log2(frames / (DENSE * self._frames))))
-        before, self._last = self._last, frames
-        return frames // every > before // every
+def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
+    """Count the time spent waiting for each batch under ``name``."""
+    while True:
+        with timeit(name):
+            batch = next(endless)
+        yield batch

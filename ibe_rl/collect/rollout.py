@@ -8,10 +8,15 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.envs.make import drawn, task_of
+from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.task import Watched
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
+
+EVALUATION_SEED = TRAINING_SEEDS
+"""Seeds that no training uses, for the evaluations of ``train.py``."""
+JUDGING_SEED = 2_050_000_000
+"""Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
 class _Flight:
@@ -35,18 +40,19 @@ class _Flight:
     def keep_moments(self) -> None:
         self.keep, self._game = True, stoppable(self.env)
 
-    def step(self, action: Any, instruction: Array, given: bool) -> None:
+    def hear(self, instruction: Array, given: bool) -> None:
         if self.keep:
             snapshot = self._game.snapshot() if self._game else None
             self.moments.append(Moment(self.states[-1], instruction, given, snapshot))
-        state, reward, self.terminated, truncated, info = self.env.step(action)
-        self.done = self.terminated or truncated
+        self.instructions.append(instruction)
+        self.given.append(given)
+
+    def add(self, action: Any, state: Array, reward: float, terminated: bool, truncated: bool, info: Any) -> None:
+        self.terminated, self.done = terminated, terminated or truncated
         self.success = bool(info[self.task.success_key])
         self.states.append(state)
         self.actions.append(action)
         self.rewards.append(float(reward))
-        self.instructions.append(instruction)
-        self.given.append(given)
 
     def episode(self) -> Episode:
         return Episode(
@@ -141,8 +147,11 @@ def _step_all(flights: Sequence[_Flight], policy: Policy, instructor: Instructor
     instruction, given = instructor.instruct(states, flying)
     rows = np.flatnonzero(flying).tolist()
     actions = policy(observe(states[rows], instruction[rows], given[rows]))
-    for row, action in zip(rows, actions, strict=True):
-        flights[row].step(action, instruction[row], bool(given[row, 0]))
+    for row in rows:
+        flights[row].hear(instruction[row], bool(given[row, 0]))
+    steps = step_together([flights[row].env for row in rows], actions)
+    for row, *step in zip(rows, actions, *steps, strict=True):
+        flights[row].add(*step)
 
 
 def watch(

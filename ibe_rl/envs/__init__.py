@@ -3,8 +3,8 @@
 import gymnasium
 
 from ibe_rl.envs.cart_pole_task import CART_POLE_TASK
-from ibe_rl.envs.instructed import Instructed
 from ibe_rl.envs.lander_task import LANDER_TASK
+from ibe_rl.envs.wrappers import Instructed
 
 LANDER_ID, CART_POLE_ID = "ibe_rl/LunarLanderPads-v0", "ibe_rl/CartPoleTarget-v0"
 

@@ -10,12 +10,11 @@ import numpy as np
 from gymnasium import spaces
 
 from ibe_rl.config.settings import CODE_SETTINGS, PhrasesConfig, TaskConfig
+from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.runtime.import_string import import_named, raised
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array, ConfigError
 
-SUCCESS = "success"
-"""The key in ``info`` of what a declared rule says."""
 ANY = "any"
 """The context where none is declared."""
 
@@ -33,58 +32,6 @@ def load_function(key: str, name: str) -> Callable[..., Any]:
         raise ConfigError(f"{key}={name}: allowed is what can be called, this is {type(found).__name__}")
     called: Callable[..., Any] = found
     return called
-
-
-class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
-    """An environment of which a config declares a task.
-
-    States come as float32, and ``info["success"]`` says at each step whether the episode has ended well.
-
-    Args:
-        env: with its time limit.
-        task: what was declared.
-        success: last state ``(S,)``, terminated, truncated to bool; None: ``info`` says it under the task's key, or
-            nobody does.
-        draw: functions of the environment to shapes, under "background" and "figure".
-    """
-
-    def __init__(
-        self,
-        env: gymnasium.Env[Any, Any],
-        task: Task,
-        success: Callable[[Array, bool, bool], bool] | None = None,
-        draw: dict[str, Callable[[Any], Any]] | None = None,
-    ):
-        super().__init__(env)
-        self.task, self._success, self._draw = task, success, draw or {}
-        shape = env.observation_space.shape
-        self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """As the environment's."""
-        state, info = self.env.reset(seed=seed, options=options)
-        return np.asarray(state, np.float32), {**info, self.task.success_key: False}
-
-    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """As the environment's."""
-        raw, reward, terminated, truncated, info = self.env.step(action)
-        state = np.asarray(raw, np.float32)
-        if self._success is not None:
-            info = {**info, SUCCESS: bool(self._success(state, bool(terminated), bool(truncated)))}
-        elif self.task.success_key not in info:
-            info = {**info, self.task.success_key: False}
-        return state, float(reward), bool(terminated), bool(truncated), info
-
-    def background(self) -> list[Any]:
-        """What stands still in the drawing."""
-        return self._shapes("background")
-
-    def figure(self) -> list[Any]:
-        """What moves in the drawing."""
-        return self._shapes("figure")
-
-    def _shapes(self, part: str) -> list[Any]:
-        return list(self._draw[part](self.unwrapped)) if part in self._draw else []
 
 
 def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:

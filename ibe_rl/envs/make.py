@@ -14,7 +14,9 @@ from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
 from ibe_rl.config.settings import EnvConfig, TaskConfig
-from ibe_rl.envs.declare import Declared, declare
+from ibe_rl.envs.declare import declare
+from ibe_rl.envs.snapshots import Stoppable, stoppable
+from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.storage.partial_episode import UnderWay
 from ibe_rl.task import Shape, Task
@@ -70,6 +72,22 @@ def _check_registered(env_id: str) -> None:
 def make_game(env: EnvConfig) -> gymnasium.Env[Any, Any]:
     """As ``make_gym``, from the settings of an environment."""
     return make_gym(env.id, env.kwargs, env.task)
+
+
+def make_copy(env: EnvConfig) -> Stoppable:
+    """One more game to predict in.
+
+    Raises:
+        ConfigError: if such games cannot be taken up exactly.
+    """
+    made = stoppable(make_game(env))
+    if made is None:
+        raise ConfigError(
+            f"predictor=simulator with env.id={env.id}: this environment cannot be stopped and taken up again exactly "
+            "(it has no snapshot() and restore(), and a deep copy of it goes on otherwise); allowed is "
+            "predictor=ensemble or predictor=regression, which learn from the log"
+        )
+    return made
 
 
 def task_of(env: gymnasium.Env[Any, Any]) -> Task:
@@ -178,8 +196,7 @@ class InstructedEnvs(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
-        steps = [game.step(action) for game, action in zip(self._games, plain(actions.numpy()), strict=True)]
-        states, rewards, terminated, truncated, infos = zip(*steps, strict=True)
+        states, rewards, terminated, truncated, infos = step_together(self._games, actions.numpy())
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
         success = [info[self._task.success_key] for info in infos]
@@ -210,14 +227,15 @@ class InstructedEnvs(EnvBase):
         }
 
 
+def step_together(games: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:
+    """Step each environment once: states, rewards, terminated, truncated, infos of ``N`` environments."""
+    steps = [game.step(action) for game, action in zip(games, plain(actions), strict=True)]
+    return list(zip(*steps, strict=True))
+
+
 def plain(actions: Array) -> Any:
     """Actions ``()`` or ``(N,)`` as plain ints, which games read faster; rows of numbers as they are."""
     return actions.tolist() if actions.dtype.kind in "iu" else actions
-
-
-def make_env(env_id: str, kwargs: Mapping[str, Any], count: int, instructor: Instructor, seed: int) -> EnvBase:
-    """Make ``count`` copies of an environment that step together, seeded ``seed`` to ``seed + count - 1``."""
-    return join([make_gym(env_id, kwargs) for _ in range(count)], instructor, seed)
 
 
 def join(

@@ -10,10 +10,8 @@ import numpy as np
 from gymnasium import wrappers
 from gymnasium.envs.registration import EnvSpec
 
-from ibe_rl.config.settings import EnvConfig
-from ibe_rl.envs.declare import Declared
-from ibe_rl.envs.make import make_game
-from ibe_rl.types import Array, ConfigError
+from ibe_rl.envs.wrappers import Declared
+from ibe_rl.types import Array
 
 AROUND = (wrappers.TimeLimit, wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, Declared)
 """What is around a game without being part of it."""
@@ -118,22 +116,6 @@ def stoppable(env: gymnasium.Env[Any, Any]) -> Stoppable | None:
         return own
     way = _way(env)
     return None if way is None else way(_inside(env))
-
-
-def make_copy(env: EnvConfig) -> Stoppable:
-    """One more game to predict in.
-
-    Raises:
-        ConfigError: if such games cannot be taken up exactly.
-    """
-    made = stoppable(make_game(env))
-    if made is None:
-        raise ConfigError(
-            f"predictor=simulator with env.id={env.id}: this environment cannot be stopped and taken up again exactly "
-            "(it has no snapshot() and restore(), and a deep copy of it goes on otherwise); allowed is "
-            "predictor=ensemble or predictor=regression, which learn from the log"
-        )
-    return made
 
 
 def _inside(env: gymnasium.Env[Any, Any]) -> Any:

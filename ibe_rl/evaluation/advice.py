@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.ibe import meaning_lines, positive_phrase
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.ibe.meaning_lines import meaning_lines, positive_phrase
 from ibe_rl.metrics.verdict import (
     CHANCE,
     GOOD,
@@ -26,7 +26,7 @@ from ibe_rl.metrics.verdict import (
 from ibe_rl.storage.run_folder import EVALUATION, read_json
 
 ECHO = "baseline:last_instruction"
-AS_REFRESHED = "as_refreshed"
+_AS_REFRESHED = "as_refreshed"
 """In a comparison: the vocabulary that the run itself spoke."""
 ASK_FOR_IT = (
     "a reward that asks for what is told: obedience.judge=oracle in training, or a goal of the environment's that the "
@@ -133,7 +133,7 @@ def _check_sign(verdicts: Sequence[Verdict], run: TrainedRun) -> list[str]:
 def _compared(run: TrainedRun, ours: Verdict) -> str:
     """The best mapping that ``task=compare`` found for this run, or that it should be asked."""
     paths = sorted((run.folder / EVALUATION).glob("compare*.json"))
-    found = {name: auc for path in paths for name, auc in _judged_in(path).items() if name != AS_REFRESHED}
+    found = {name: auc for path in paths for name, auc in _judged_in(path).items() if name != _AS_REFRESHED}
     if not found:
         return "another mapping: task=compare learns every kind from the same log and judges it"
     name, auc = max(found.items(), key=lambda one: one[1])

@@ -14,12 +14,12 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.ibe import delta_states
-from ibe_rl.metrics.bootstrap import went
+from ibe_rl.ibe.delta import delta_states
+from ibe_rl.metrics.quality import direction
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Episode
+from ibe_rl.types import Array, Episode, Mapping
 
-MAX_WINDOWS = 60_000
+MAX_REGRESSION_WINDOWS = 60_000
 """The regressor learns from at most so many windows, drawn at random."""
 CHEAP = ("present_velocity", "direction_to_goal", "last_instruction", "constant", "state_regressor")
 """Baselines that need no simulator."""
@@ -44,6 +44,22 @@ class StateRegressor:
         return np.asarray(self.model.predict(states))
 
 
+@dataclass(frozen=True)
+class Learnt:
+    """What was learnt from the log for one horizon.
+
+    Attributes:
+        vocabularies: explainer to its vocabulary, the one in question first.
+        ensembles: negative control to its many vocabularies, of which the distribution is reported. Without any the
+            other negative controls are left out too.
+        regressors: from the state alone to the change, one for each number of an instruction.
+    """
+
+    vocabularies: dict[str, Mapping]
+    ensembles: dict[str, Sequence[Mapping]]
+    regressors: Sequence[StateRegressor]
+
+
 def fit_state_regressors(
     episodes: Sequence[Episode], horizon_steps: int, task: Task, seed: int
 ) -> list[StateRegressor]:
@@ -58,7 +74,7 @@ def fit_state_regressors(
     states = np.concatenate([episode.states[:-1] for episode in episodes])
     changes = np.concatenate([delta_states(episode.states, horizon_steps, "clamp") for episode in episodes])
     numbers = np.repeat(np.arange(len(episodes)), [len(episode) for episode in episodes])
-    rows = np.random.default_rng(seed).permutation(len(states))[:MAX_WINDOWS]
+    rows = np.random.default_rng(seed).permutation(len(states))[:MAX_REGRESSION_WINDOWS]
     return [_fit(states[rows], changes[rows, dimension], numbers[rows], seed) for dimension in task.explained]
 
 
@@ -101,4 +117,4 @@ def cheap_baselines(
 
 def as_instruction(name: str, said: Array, band: Sequence[float]) -> Array:
     """What a baseline says ``(N, d)``, on the instructor's scale: changes become the way that they go."""
-    return said if name in ("last_instruction", "constant") else went(said, np.array(band)).astype(float)
+    return said if name in ("last_instruction", "constant") else direction(said, np.array(band)).astype(float)

@@ -5,14 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping as Dict
 from typing import Any
 
-from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.rows import MOTION, Samples, as_json, difference, over_numbers
+from ibe_rl.evaluation.moments import Moments, Plan
+from ibe_rl.evaluation.rollouts import Rollouts
+from ibe_rl.evaluation.rows import MOTION, Samples, difference, estimate_json, over_numbers
 from ibe_rl.evaluation.verbalise import speak
-from ibe_rl.metrics.bootstrap import episode_weights, estimate, motion_scores, weighted_mean
+from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
+from ibe_rl.metrics.quality import motion_scores
 from ibe_rl.task import Task
-from ibe_rl.types import Mapping
+from ibe_rl.types import Mapping, Policy
 
-METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
+AGE_METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
+
+
+def judge_all_ages(
+    rollouts: Rollouts, policies: Dict[int, Policy], vocabularies: Dict[int, Mapping]
+) -> list[dict[str, Any]]:
+    """Each kept policy in the vocabularies of its own age and of all before.
+
+    Args:
+        rollouts: of the run.
+        policies: training frames to the policy that was kept then, oldest first.
+        vocabularies: training frames to what was learnt then.
+    """
+    run, config, rows = rollouts.run, rollouts.cfg.evaluate, []
+    plan = Plan(config.stride_steps, 1, (run.horizon_steps,))
+    for frame, policy in policies.items():
+        if not any(learnt <= frame for learnt in vocabularies):
+            continue
+        title = f"futures of the policy of frame {frame:,}"
+        moments = rollouts.gather("changing", config.changing_episodes, plan, title, policy).judged()
+        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, config.resamples, config.seed)
+    return rows
 
 
 def judge_ages(
@@ -41,7 +64,7 @@ def judge_ages(
     """
     usable = {frame: mapping for frame, mapping in sorted(vocabularies.items()) if frame <= policy_frame}
     weights = episode_weights(moments.episode, resamples, seed)
-    change = moments.realised[:, moments.at(horizon_steps)][:, task.explained].astype(float)
+    change = moments.real_change(horizon_steps, task.explained).astype(float)
     told = moments.instruction.astype(float)
     samples: dict[int, Samples] = {}
     for frame, mapping in usable.items():
@@ -53,8 +76,8 @@ def judge_ages(
         {
             "policy_frame": policy_frame,
             "vocabulary_frame": frame,
-            **{metric: as_json(estimate(each[metric])) for metric in METRICS},
-            "refreshed_minus_this": {metric: difference(samples[max(samples)], each, metric) for metric in METRICS},
+            **{metric: estimate_json(each[metric]) for metric in AGE_METRICS},
+            "refreshed_minus_this": {metric: difference(samples[max(samples)], each, metric) for metric in AGE_METRICS},
         }
         for frame, each in samples.items()
     ]

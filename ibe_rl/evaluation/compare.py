@@ -3,57 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import ExplainConfig, MappingConfig
 from ibe_rl.evaluation import report, tables
-from ibe_rl.evaluation.baselines import fit_state_regressors
+from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
+from ibe_rl.evaluation.judging import judge, paired_of, rows_of
 from ibe_rl.evaluation.observers import add_errors, observe_all
-from ibe_rl.evaluation.progress_bar import waiting
-from ibe_rl.evaluation.quality import Judged, Learnt, judge, paired_of, rows_of
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
-from ibe_rl.evaluation.rollouts import flying, gather_both
-from ibe_rl.evaluation.runs import TrainedRun, load_run
+from ibe_rl.evaluation.rollouts import Rollouts
+from ibe_rl.evaluation.rows import Judged
+from ibe_rl.evaluation.run_predictor import shared_predictor
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.storage.run_folder import EVALUATION, find_run, write_json
+from ibe_rl.storage.run_folder import EVALUATION, write_json
 from ibe_rl.types import ConfigError, Mapping
 
 AS_REFRESHED = "ibe:as_refreshed"
 """The vocabulary that the run itself spoke at the end, which remembers earlier ones; the others start from nothing."""
 
 
-def compare(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
+def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Learn every mapping from the log of a run and judge all on the same moments, at the run's own horizon.
 
-    Args:
-        cfg: how, and of which run.
-        opened: that run, if it is open already.
-
     Raises:
-        ConfigError: if the run lacks what is needed or a mapping is unknown, before anything is flown.
+        ConfigError: before any episode is played, if the run lacks what is needed or a mapping is unknown.
     """
-    run = opened or load_run(find_run(cfg.run, Path("runs")))
     configs = asked_for(cfg.compare.mappings, choices("mapping"))
     refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
     report.make_folders(run.folder)
-    learnt = learn(run, refits, configs, cfg)
-    with flying(run, cfg) as flight:
-        both, held_out = gather_both(flight, (own,))
+    learnt = learn_mappings(run, refits, configs, cfg)
+    with shared_predictor(run, cfg) as predictor:
+        both, held_out = Rollouts(run, cfg, predictor).judged_and_held_out((own,))
     moments = both.judged()
     weights = episode_weights(moments.episode, config.resamples, config.seed)
     judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed)
     rows = rows_of(judged)
-    true_change = held_out.realised[:, held_out.at(own), run.task.explained[0]]
+    true_change = held_out.real_change(own, run.task.explained)[:, 0]
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
     samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     add_errors(rows, samples, own)
-    about = report.protocol(run, cfg, len(moments))
+    about = report.common_protocol(run, cfg, len(moments))
     path = run.folder / EVALUATION / "compare.json"
     write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
-    tables.tell_rows(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps")
-    tables.tell_observers(observers, rows)
+    tables.print_rows(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps")
+    tables.print_observers(observers, rows)
     tables.console().print(f"numbers: {path}", soft_wrap=True)
 
 
@@ -69,11 +65,11 @@ def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str
     return {name: known[name] for name in sorted({*(names or known), "paper"})}
 
 
-def learn(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
+def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
     """Learn all of them from nothing; the paper's is the baseline."""
     own = run.horizon_steps
     vocabularies: dict[str, Mapping] = {AS_REFRESHED: run.mapping}
-    with waiting("vocabularies", len(configs)) as step:
+    with progress_bar("vocabularies", len(configs)) as step:
         for name, config in configs.items():
             prefix = "baseline:" if name == "paper" else "ibe:"
             vocabularies[f"{prefix}{name}"] = refits.fit(config, own)

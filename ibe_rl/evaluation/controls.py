@@ -9,8 +9,10 @@ import numpy as np
 from sklearn.metrics import pairwise_distances_argmin
 
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.ibe import ClusterMapping, Windows, normalise
+from ibe_rl.ibe.delta import Windows
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.space import scaled
+from ibe_rl.ibe.vocabulary import normalise
 from ibe_rl.types import Array, Episode, Mapping
 
 

@@ -10,19 +10,22 @@ from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.advice import lines_of, verdict_of
-from ibe_rl.evaluation.baselines import StateRegressor
-from ibe_rl.evaluation.changing import judge_ages
+from ibe_rl.evaluation.baselines import Learnt, StateRegressor
+from ibe_rl.evaluation.changing import judge_all_ages
 from ibe_rl.evaluation.controls import Flipped
-from ibe_rl.evaluation.moments import Moments, Plan
+from ibe_rl.evaluation.judging import confidence_of, judge, paired_of, rows_of
+from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.observers import add_errors, observe_all
-from ibe_rl.evaluation.progress_bar import waiting
-from ibe_rl.evaluation.quality import Judged, Learnt, confidence_of, judge, paired_of, rows_of
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
-from ibe_rl.evaluation.rollouts import Flying, flying, gather_both, horizons_of, seeds_for
-from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
+from ibe_rl.evaluation.rows import Judged
+from ibe_rl.evaluation.run_predictor import shared_predictor
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
 from ibe_rl.types import Mapping
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
@@ -32,30 +35,26 @@ EXPLAINERS, ENSEMBLES = 11, 3
 """That are judged at each horizon beside the refits: how far the bar goes."""
 
 
-def evaluate(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
+def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Judge the explanations of a run; see ``docs/QUALITY.md`` for what the numbers mean.
 
-    Args:
-        cfg: how, and of which run.
-        opened: that run, if it is open already.
-
     Raises:
-        ConfigError: if the run lacks what is needed, before anything is flown.
+        ConfigError: before any episode is played, if the run lacks what is needed.
     """
-    run = opened or load_run(find_run(cfg.run, Path("runs")))
     horizons = horizons_of(cfg.evaluate, run)
     refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
     report.make_folders(run.folder)
     learnt = learn_all(run, refits, horizons, cfg, ours)
-    with flying(run, cfg) as flight:
-        moments, held_out = gather_both(flight, horizons)
-        ages = fly_all_ages(flight)
+    with shared_predictor(run, cfg) as predictor:
+        rollouts = Rollouts(run, cfg, predictor)
+        moments, held_out = rollouts.judged_and_held_out(horizons)
+        ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg)
     own = run.horizon_steps
     observers, rows = watch_all(judged, learnt, moments, held_out, run, cfg, ours)
     quality = {
         "verdict": verdict_of(rows, ours, run),
-        "protocol": protocol(run, cfg, horizons, learnt, moments),
+        "protocol": evaluation_protocol(run, cfg, horizons, learnt, moments),
         "rows": rows,
         "paired": [each for one in judged.values() for each in paired_of(one, ours)],
         "confidence": confidence_of(judged[own], ours),
@@ -68,7 +67,7 @@ def evaluate(cfg: ExplainConfig, opened: TrainedRun | None = None) -> None:
     write_json(folder / CALIBRATION, calibration)
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
     beside = [name for name in SHOWN if name in judged[own].samples]  # what the environment declares nothing for is not
-    tell(quality, observers, own, (ours, *beside))
+    print_results(quality, observers, own, (ours, *beside))
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
 
@@ -78,7 +77,7 @@ def learn_all(
 ) -> dict[int, Learnt]:
     """Learn from the log all that is needed, for each horizon: before anything is flown, since it may be too small."""
     config, paper = cfg.evaluate, choices("mapping")["paper"]
-    with waiting("vocabularies", len(horizons) * config.shuffles) as step:
+    with progress_bar("vocabularies", len(horizons) * config.shuffles) as step:
         return {
             horizon: refits.learn({ours: vocabulary_at(run, refits, horizon)}, paper, horizon, config, step)
             for horizon in horizons
@@ -97,7 +96,7 @@ def judge_all(
     """Judge all explainers at all horizons, on the same resamples of the episodes."""
     config = cfg.evaluate
     weights = episode_weights(moments.episode, config.resamples, config.seed)
-    with waiting("explainers", len(learnt) * (EXPLAINERS + ENSEMBLES * config.shuffles)) as step:
+    with progress_bar("explainers", len(learnt) * (EXPLAINERS + ENSEMBLES * config.shuffles)) as step:
         return {
             horizon: judge(one, moments, held_out, horizon, run.task, weights, config.seed, step)
             for horizon, one in learnt.items()
@@ -122,7 +121,7 @@ def watch_all(
         "baseline:flipped": [Flipped(here.vocabularies[ours])],
         "baseline:shuffled": here.ensembles["baseline:shuffled"],
     }
-    true_change = held_out.realised[:, held_out.at(own), run.task.explained[0]]
+    true_change = held_out.real_change(own, run.task.explained)[:, 0]
     config = cfg.evaluate
     samples, told = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     rows = [row for one in judged.values() for row in rows_of(one)]
@@ -130,26 +129,14 @@ def watch_all(
     return told, rows
 
 
-def fly_all_ages(flight: Flying) -> list[dict[str, Any]]:
-    """Each kept policy in the vocabularies of its own age and of all before; empty if that is left out."""
-    run, config = flight.run, flight.cfg.evaluate
-    if not config.changing_episodes:
-        return []
-    refreshes = {
-        frame: saved for frame, saved in kept_refreshes(run).items() if saved.horizon_steps == run.horizon_steps
-    }
-    plan, rows = Plan(config.stride_steps, 1, (run.horizon_steps,)), []
-    for frame, policy in kept_policies(run).items():
-        if not any(learnt <= frame for learnt in refreshes):
-            continue
-        title = f"futures of the policy of frame {frame:,}"
-        moments = flight.gather("changing", config.changing_episodes, plan, title, policy).judged()
-        vocabularies = {learnt: saved.mapping for learnt, saved in refreshes.items()}
-        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, config.resamples, config.seed)
-    return rows
+def changing_policy(rollouts: Rollouts) -> list[dict[str, Any]]:
+    """Each policy that the run kept, in each vocabulary that it learnt by then."""
+    run = rollouts.run
+    refreshes = {frame: one for frame, one in kept_refreshes(run).items() if one.horizon_steps == run.horizon_steps}
+    return judge_all_ages(rollouts, kept_policies(run), {frame: one.mapping for frame, one in refreshes.items()})
 
 
-def protocol(
+def evaluation_protocol(
     run: TrainedRun, cfg: ExplainConfig, horizons: tuple[int, ...], learnt: dict[int, Learnt], moments: Moments
 ) -> dict[str, Any]:
     """What the numbers stand on."""
@@ -158,7 +145,7 @@ def protocol(
     counts["changing"] = config.changing_episodes
     seeds = {name: seeds_for(name, config.seed, count) for name, count in counts.items() if count}
     refreshed = (*run.spans, run.horizon_steps)
-    return report.protocol(run, cfg, len(moments.judged())) | {
+    return report.common_protocol(run, cfg, len(moments.judged())) | {
         "changing_episodes": config.changing_episodes,
         "seeds": {name: [each[0], each[-1]] for name, each in seeds.items()},
         "horizons_steps": list(horizons),
@@ -180,7 +167,7 @@ def _about(regressor: StateRegressor) -> dict[str, Any]:
     return {"kind": regressor.kind, "r2": regressor.r2}
 
 
-def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
+def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
     """Print the verdict and the tables; ``shown`` are the explainers over the horizons."""
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     for line in lines_of(quality["verdict"]["text"], quality["verdict"]["advice"]):
@@ -190,10 +177,10 @@ def tell(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Se
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
         "(with 95 % intervals)"
     )
-    tables.tell_rows([row for row in rows if row["horizon_steps"] == own], title)
+    tables.print_rows([row for row in rows if row["horizon_steps"] == own], title)
     console.print(tables.paired_table(quality["paired"], own))
     console.print(tables.horizons_table(rows, shown))
-    tables.tell_observers(observers, rows)
+    tables.print_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
 

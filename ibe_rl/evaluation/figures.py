@@ -15,7 +15,7 @@ from ibe_rl.storage.run_folder import write_atomically
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's, which the colour-blind can tell apart."""
-MARKERS = "osD^vPX"
+_MARKERS = "osD^vPX"
 GREY = "#777777"
 DPI = 130
 
@@ -76,7 +76,7 @@ def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
         for place, (row, value) in enumerate(zip(here, told, strict=True)):
             ours, spread = row["explainer"].startswith("ibe:"), row.get("over") == "refits"
             colour = COLOURS[0] if ours else GREY if spread else COLOURS[1]
-            _point(axis, value, place, colour, MARKERS[0] if ours else MARKERS[2] if spread else MARKERS[1])
+            _point(axis, value, place, colour, _MARKERS[0] if ours else _MARKERS[2] if spread else _MARKERS[1])
         axis.axvline(0.5, color="#000000", linewidth=0.8, linestyle=":")
         axis.set(xlim=(-0.02, 1.02), xlabel="motion AUC (0.5: chance, 1: always right)")
         axis.set_title(title, fontsize=10)
@@ -103,9 +103,9 @@ def _name_explainers(axis: Axes, rows: Sequence[dict[str, Any]]) -> None:
     for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
         tick.set_fontweight("bold" if row["explainer"].startswith("ibe:") else "normal")
     for colour, marker, label in (
-        (COLOURS[0], MARKERS[0], "the run's vocabulary"),
-        (COLOURS[1], MARKERS[1], "baselines"),
-        (GREY, MARKERS[2], "many refits: mean, and where 95 % of them lie"),
+        (COLOURS[0], _MARKERS[0], "the run's vocabulary"),
+        (COLOURS[1], _MARKERS[1], "baselines"),
+        (GREY, _MARKERS[2], "many refits: mean, and where 95 % of them lie"),
     ):
         axis.plot([], [], color=colour, marker=marker, label=label)
 
@@ -174,7 +174,7 @@ def _line(
     axis: Axes, known: Sequence[tuple[float, dict[str, Any]]], number: int, shift: float, label: str | None
 ) -> None:
     """Values with their intervals, moved aside a little so that several can be told apart."""
-    colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+    colour, marker = COLOURS[number % len(COLOURS)], _MARKERS[number % len(_MARKERS)]
     places, values = [steps + shift for steps, _ in known], [each["value"] for _, each in known]
     axis.plot(places, values, color=colour, marker=marker, markersize=5, linewidth=1.4, label=label)
     bounded = [(place, each) for place, (_, each) in zip(places, known, strict=True) if each["low"] is not None]

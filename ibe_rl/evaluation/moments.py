@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
-import gymnasium
 import numpy as np
 
-from ibe_rl.collect.rollout import play_moments
-from ibe_rl.evaluation.progress_bar import waiting
-from ibe_rl.task import Task
-from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, Predictor
+from ibe_rl.types import Array
 
-AT_ONCE = 100
-"""Episodes flown side by side."""
-PER_ROLLOUT = 640
-"""Futures predicted between two steps of the progress bar."""
 SEEN_STEPS = 20
 """Steps that an observer sees before it has to foretell (the paper's prediction task)."""
 
@@ -71,8 +62,12 @@ class Moments:
         return replace(self, predicted=self.predicted[:, :1], trusted=self.trusted[:, :1])
 
     def at(self, horizon_steps: int) -> int:
-        """Where a horizon stands in ``realised`` and ``predicted``."""
+        """Index of a horizon in ``realised`` and ``predicted``."""
         return self.horizons_steps.index(horizon_steps)
+
+    def real_change(self, horizon_steps: int, dimensions: Sequence[int]) -> Array:
+        """Real changes ``(N, d)`` of some dimensions of the state over a horizon."""
+        return self.realised[:, self.at(horizon_steps)][:, dimensions]
 
 
 @dataclass(frozen=True)
@@ -93,117 +88,34 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Taken:
-    """A moment with what is known of it once the episode is over."""
+class Spoken:
+    """What one vocabulary says at ``N`` moments about one horizon.
 
-    moment: Moment
-    episode: int
-    seed: int
-    step: int
-    regular: bool
-    observed: bool
-    realised: Array
-
-
-def gather(
-    make_env: Callable[[], gymnasium.Env[Any, Any]],
-    task: Task,
-    policy: Policy,
-    instructor: Instructor,
-    predictor: Predictor,
-    seeds: Sequence[int],
-    plan: Plan,
-    title: str = "futures",
-) -> Moments:
-    """Fly an episode for each seed, then roll out the futures of its moments, with a progress bar.
-
-    Args:
-        make_env: makes one environment with ``snapshot``.
-        task: the environment's own.
-        policy: the greedy policy.
-        instructor: begins anew with each episode.
-        predictor: draws its own noise for each roll-out.
-        seeds: of episodes that the policy was not trained on.
-        plan: which moments.
-        title: of the progress bar.
+    Attributes:
+        expression: ``(N, d)`` of the first future alone, which the motion is judged by.
+        true: ``(N,)`` bool, whether the vocabulary calls what really happened as it calls this future.
+        phrase: ``(N,)`` what is said: the most frequent phrase among the futures.
+        which: ``(N,)`` the first of the futures that is called so.
+        said: ``(N, d)`` the expression of that one.
+        voted_true: ``(N,)`` bool, whether it went as what is said predicts.
+        agreement: ``(N,)`` share of the futures that are called so and that the predictor stands by.
+        purity: ``(N,)`` the mapping's own confidence in it.
+        known: ``(N,)`` bool, whether the meaning of what is said is known; if not, it is not said.
+        first_known: ``(N,)`` the same of the first future.
     """
-    taken = fly_moments(make_env, task, policy, instructor, seeds, plan)
-    return put_together(taken, *predict_all(taken, policy, predictor, plan, title), plan)
 
+    expression: Array
+    true: Array
+    phrase: Array
+    which: Array
+    said: Array
+    voted_true: Array
+    agreement: Array
+    purity: Array
+    known: Array
+    first_known: Array
 
-def fly_moments(
-    make_env: Callable[[], gymnasium.Env[Any, Any]],
-    task: Task,
-    policy: Policy,
-    instructor: Instructor,
-    seeds: Sequence[int],
-    plan: Plan,
-) -> list[Taken]:
-    """Fly an episode for each seed and keep the moments that the plan asks for; see ``gather``."""
-    envs = [make_env() for _ in range(min(len(seeds), AT_ONCE))]
-    taken: list[Taken] = []
-    for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
-        taken += _take(episode, moments, number, seeds[number], plan, task)
-    return taken
-
-
-def put_together(taken: Sequence[Taken], predicted: Array, trusted: Array, plan: Plan) -> Moments:
-    """Moments with what was predicted of them, from ``predict_all``."""
-    of_each = ("episode", "seed", "step", "regular", "observed", "realised")
-    columns = {name: np.array([getattr(one, name) for one in taken]) for name in of_each}
-    return Moments(
-        state=np.array([one.moment.state for one in taken]),
-        instruction=np.array([one.moment.instruction for one in taken]),
-        given=np.array([one.moment.given for one in taken]),
-        predicted=predicted,
-        trusted=trusted,
-        horizons_steps=plan.horizons_steps,
-        **columns,
-    )
-
-
-def _take(episode: Episode, moments: Sequence[Moment], number: int, seed: int, plan: Plan, task: Task) -> list[Taken]:
-    """The moments of one episode that the plan asks for."""
-    observed = _observed_step(episode, plan, task)
-    regular = range(0, len(episode), plan.stride_steps)
-    ahead = np.array(plan.horizons_steps)
-    return [
-        Taken(
-            moment=moments[step],
-            episode=number,
-            seed=seed,
-            step=step,
-            regular=step in regular,
-            observed=step == observed,
-            realised=episode.states[np.minimum(step + ahead, len(episode))] - episode.states[step],
-        )
-        for step in sorted({*regular, *([] if observed is None else [observed])})
-    ]
-
-
-def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
-    """The step at which the observer foretells; None where there is no contact, or one too early to have seen much."""
-    if plan.observer_steps is None or task.first_contact is None:
-        return None
-    contact = task.first_contact(episode.states)
-    if contact < SEEN_STEPS + plan.observer_steps:
-        return None
-    return contact - plan.observer_steps
-
-
-def predict_all(
-    taken: Sequence[Taken], policy: Policy, predictor: Predictor, plan: Plan, title: str
-) -> tuple[Array, Array]:
-    """Changes ``(N, F, H, S)`` in the futures of the moments, and whether they are trusted ``(N, F, H)``."""
-    futures = [one.moment for one in taken for _ in range(plan.futures)]
-    cuts, ahead = range(0, len(futures), PER_ROLLOUT), np.array(plan.horizons_steps)
-    parts, trusted = [], []
-    with waiting(title, len(cuts)) as step:
-        for cut in cuts:
-            predicted = predictor.rollout(futures[cut : cut + PER_ROLLOUT], policy, plan.horizons_steps[-1])
-            parts.append(predicted.paths[:, ahead] - predicted.paths[:, :1])
-            trusted.append(predicted.trusted_steps[:, None] >= ahead)
-            step()
-    together = np.concatenate(parts)
-    shape = (len(taken), plan.futures, len(ahead))
-    return together.reshape(*shape, -1), np.concatenate(trusted).reshape(shape)
+    @property
+    def features(self) -> Array:
+        """``(N, 2)``, see ``explainer.CONFIDENCE_FEATURES``."""
+        return np.column_stack([self.agreement, self.purity])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -11,29 +10,22 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from ibe_rl.agents.guest import GuestConfig
+from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.collect.rollout import watch
 from ibe_rl.config.settings import ExplainConfig
-from ibe_rl.evaluation import TrainedRun
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
-from ibe_rl.explain.explainer import explain
-from ibe_rl.ibe import meaning_lines, phrase
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.explain.explainer import ExplainerState, explain
+from ibe_rl.ibe.meaning_lines import meaning_lines
+from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.instructors import make_instructor, stand_in
-from ibe_rl.metrics import (
-    Verdict,
-    episode_scores,
-    in_one_line,
-    phrases_true,
-    share_true,
-    verdicts_of,
-    worst,
-    wrong_signs,
-)
-from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED
+from ibe_rl.metrics.quality import episode_scores, phrase_accuracy, phrase_hits
+from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.task import Task, Watched
 from ibe_rl.types import Array, ConfigError, Explanation
-from ibe_rl.view import SILENCE, short
+from ibe_rl.view.film import SILENCE
+from ibe_rl.view.sentences import short
 
 NOT_TRUSTED = "(?)"
 
@@ -53,19 +45,28 @@ def check_context(context: str | None, run: TrainedRun) -> None:
         raise ConfigError(f"context={context}: allowed is one of {allowed}, or none to draw one")
 
 
-def fly(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
-    """Fly the episode, then explain its every step."""
+def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
+    """What the agent of a run speaks with."""
+    return ExplainerState(
+        run.mapping, run.horizon_steps, run.task.phrases, run.spans, futures, run.calibration, min_confidence
+    )
+
+
+def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
+    """Play one episode, then explain each of its steps."""
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
-    voice = replace(run.voice, futures=cfg.predictor.futures, min_confidence=cfg.min_confidence)
+    voice = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
         said = explain(watched.moments, run.policy, predictor, voice)
     return watched, said
 
 
-def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation], console: Console | None = None) -> None:
+def print_narration(
+    run: TrainedRun, watched: Watched, said: Sequence[Explanation], console: Console | None = None
+) -> None:
     """Print what was said, one row for each stretch of steps with the same words."""
-    true = phrases_true(watched.episode, said, run.mapping, run.task.phrases)
+    true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
     verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
     console = console or Console(highlight=False)
     console.width = max(console.width, 110)
@@ -73,7 +74,7 @@ def tell(run: TrainedRun, watched: Watched, said: Sequence[Explanation], console
         console.print(line, markup=False)
     console.print(_table(run, watched, said, true))
     whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
-    if isinstance(run.config.agent, GuestConfig):
+    if isinstance(run.config.agent, ExternalPolicyConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
     console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}", markup=False)
     if not all(span.trusted for one in said for span in one.all_spans):
@@ -103,7 +104,7 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
         return "It said nothing"
     at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
     about = f"about its next {run.horizon_steps} steps went as predicted"
-    return f"{share_true(true[spoken]):.0%} of what it said{at} {about}"
+    return f"{phrase_accuracy(true[spoken]):.0%} of what it said{at} {about}"
 
 
 def _spoken(said: Explanation, task: Task) -> list[str]:
@@ -139,5 +140,5 @@ def _figures(said: Sequence[Explanation], true: Array) -> tuple[str, str, str]:
     meant = said[0].meant
     numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
     sure = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
-    share = share_true(true[[one.known for one in said]])
+    share = phrase_accuracy(true[[one.known for one in said]])
     return numbers if meant else "-", sure, "-" if np.isnan(share) else f"{share:.0%}"

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments
-from ibe_rl.evaluation.rows import Samples, as_json
-from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
+from ibe_rl.evaluation.rows import Samples, estimate_json
+from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Mapping
 
-NOTHING, PAPER = "no_explanation", "baseline:paper"
+NO_EXPLANATION, _PAPER = "no_explanation", "baseline:paper"
 
 
 def observe_all(
@@ -64,7 +64,7 @@ def add_errors(rows: Sequence[dict[str, Any]], samples: Dict[str, Samples], hori
     """Put ``observer_error`` into the rows of one horizon."""
     for row in rows:
         if row["horizon_steps"] == horizon_steps and row["explainer"] in samples:
-            row["observer_error"] = as_json(estimate(samples[row["explainer"]]["observer_error"]))
+            row["observer_error"] = estimate_json(samples[row["explainer"]]["observer_error"])
 
 
 def _position_and_change(seen: Moments, horizon_steps: int, task: Task) -> tuple[Array, Array]:
@@ -89,7 +89,7 @@ def _expected(
         for name, several in vocabularies.items()
     }
     return {
-        NOTHING: [carries_on(position, task.motion(seen.state)[:, 0].astype(float), horizon_steps)],
+        NO_EXPLANATION: [carries_on(position, task.motion(seen.state)[:, 0].astype(float), horizon_steps)],
         **expected,
         "baseline:predicted_change": [position + predicted[:, task.explained[0]]],
         "baseline:true_future": [position + change],
@@ -106,9 +106,9 @@ def _report(samples: Dict[str, Samples], observer: Observer, episodes: int, hori
         "rows": [
             {
                 "explainer": name,
-                "observer_error": as_json(estimate(error)),
-                "minus_no_explanation": as_json(estimate(error - errors[NOTHING])),
-                "minus_paper": as_json(estimate(error - errors[PAPER])) if PAPER in errors else None,
+                "observer_error": estimate_json(error),
+                "minus_no_explanation": estimate_json(error - errors[NO_EXPLANATION]),
+                "minus_paper": estimate_json(error - errors[_PAPER]) if _PAPER in errors else None,
             }
             for name, error in errors.items()
         ],

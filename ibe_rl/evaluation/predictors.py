@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import ExplainConfig, PredictorConfig
 from ibe_rl.evaluation import figures, report, tables
-from ibe_rl.evaluation.baselines import StateRegressor, fit_state_regressors
-from ibe_rl.evaluation.moments import Moments, Plan, Taken, fly_moments, predict_all, put_together
+from ibe_rl.evaluation.baselines import Learnt, StateRegressor, fit_state_regressors
+from ibe_rl.evaluation.judging import judge, rows_of
+from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
-from ibe_rl.evaluation.quality import Judged, Learnt, judge, rows_of
 from ibe_rl.evaluation.refit import Refits
-from ibe_rl.evaluation.rollouts import PROCESSES, seeds_for
-from ibe_rl.evaluation.rows import as_json, difference
-from ibe_rl.evaluation.run_predictor import can_foresee, predictor_of, with_processes
-from ibe_rl.evaluation.runs import TrainedRun, kept_policies, kept_refreshes, load_run
-from ibe_rl.instructors import make_instructor, stand_in
-from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
+from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
+from ibe_rl.evaluation.rows import Judged, difference, estimate_json
+from ibe_rl.evaluation.run_predictor import PROCESSES, can_predict, predictor_of, with_processes
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
-from ibe_rl.storage.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
 from ibe_rl.types import Policy
 from ibe_rl.vocabulary.refresh import Saved
 
 EXACT, AGAIN = "simulator", "simulator_again"
 """The exact predictor, and the same once more with other chance: no other can be expected to agree with it more."""
-OURS = "ibe:own"
+_OURS = "ibe:own"
 PAIRED = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true", "came_true_voted", "ece")
 """What is told as a difference to the exact one, on the same moments."""
 
@@ -52,21 +51,20 @@ class Age:
     held_out: int
 
 
-def judge_predictors(cfg: ExplainConfig) -> None:
+def judge_predictors(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Explain the same moments with every kind of predictor, at each refresh, and hold that against what came.
 
     Raises:
         ConfigError: if the run lacks what is needed, before anything is flown.
     """
-    run, seed = load_run(find_run(cfg.run, Path("runs"))), cfg.evaluate.seed
-    own = run.config.predictor
+    seed, own = cfg.evaluate.seed, run.config.predictor
     kinds = choices("predictor") | {own.kind: own} | {cfg.predictor.kind: cfg.predictor}
     heard = Refits(run, seed).lessons(run.config.mapping).heard
     regressors = fit_state_regressors(heard, run.horizon_steps, run.task, seed)
     report.make_folders(run.folder)
     rows = [row for age in ages_of(run, cfg) for row in judge_age(run, age, kinds, regressors, cfg)]
     path = run.folder / EVALUATION / "predictors.json"
-    write_json(path, {"protocol": report.protocol(run, cfg, rows[-1]["moments"]), "rows": rows})
+    write_json(path, {"protocol": report.common_protocol(run, cfg, rows[-1]["moments"]), "rows": rows})
     drawn = figures.save(figures.predictors(rows, run.horizon_steps), run.folder / FIGURES / "predictors.png")
     console = tables.console()
     newest = [row for row in rows if row["frame"] == rows[-1]["frame"]]
@@ -98,15 +96,15 @@ def judge_age(
     """A row for each predictor that can be had at this age, the exact one first."""
     config, n, rows = cfg.evaluate, run.horizon_steps, []
     exact: Judged | None = None
-    for name, moments, held_out in foreseen(run, age, kinds, cfg):
+    for name, moments, held_out in predicted_by_each(run, age, kinds, cfg):
         here = moments.judged()
         weights = episode_weights(here.episode, config.resamples, config.seed)
-        learnt = Learnt({OURS: age.saved.mapping}, {}, regressors)
+        learnt = Learnt({_OURS: age.saved.mapping}, {}, regressors)
         judged = judge(learnt, here, held_out.judged(), n, run.task, weights, config.seed)
         exact = exact or judged
-        row = next(row for row in rows_of(judged) if row["explainer"] == OURS)
-        change = held_out.realised[:, held_out.at(n), run.task.explained[0]]
-        vocabularies = {OURS: [age.saved.mapping]}
+        row = next(row for row in rows_of(judged) if row["explainer"] == _OURS)
+        change = held_out.real_change(n, run.task.explained)[:, 0]
+        vocabularies = {_OURS: [age.saved.mapping]}
         samples, _ = observe_all(moments, change, n, run.task, vocabularies, config.resamples, config.seed)
         add_errors([row], samples, n)
         about = {"frame": age.saved.frame, "policy_frame": age.policy_frame, "predictor": name, "moments": len(here)}
@@ -116,39 +114,35 @@ def judge_age(
 
 def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) -> dict[str, Any]:
     """How often the same is said as with the exact predictor, in all and where the predictor stands by it."""
-    same = judged.spoken[OURS].phrase == exact.spoken[OURS].phrase
+    same = judged.spoken[_OURS].phrase == exact.spoken[_OURS].phrase
     trusted = moments.trusted[:, :, -1].all(axis=1)
     told = {"equal": same, "trusted": trusted}
-    shares: dict[str, Any] = {name: as_json(estimate(weighted_mean(values, weights))) for name, values in told.items()}
+    shares: dict[str, Any] = {name: estimate_json(weighted_mean(values, weights)) for name, values in told.items()}
     parts = {"equal_trusted": trusted, "equal_not_trusted": ~trusted}
     shares |= {
-        name: as_json(estimate(weighted_mean(same[rows], weights[:, rows]))) if rows.any() else None
+        name: estimate_json(weighted_mean(same[rows], weights[:, rows])) if rows.any() else None
         for name, rows in parts.items()
     }
-    ours, theirs = judged.samples[OURS], exact.samples[OURS]
+    ours, theirs = judged.samples[_OURS], exact.samples[_OURS]
     return shares | {f"{metric}_minus_exact": difference(ours, theirs, metric) for metric in PAIRED}
 
 
-def foreseen(
+def predicted_by_each(
     run: TrainedRun, age: Age, kinds: dict[str, PredictorConfig], cfg: ExplainConfig
 ) -> Iterator[tuple[str, Moments, Moments]]:
-    """The same moments, judged and held out, as each predictor foresees them; the exact one first, and once more."""
+    """The same moments, judged and held out, with the futures of each predictor; the exact one first, and once more."""
     config = cfg.evaluate
     plan = Plan(config.stride_steps, 1, (run.horizon_steps,), run.horizon_steps)
-    judged = _fly(run, age, "judged", age.episodes, plan, config.seed)
-    held_out = _fly(run, age, "held_out", age.held_out, replace(plan, observer_steps=None), config.seed)
+    judged = take_moments(run, age.policy, seeds_for("judged", config.seed, age.episodes), plan)
+    unobserved = replace(plan, observer_steps=None)
+    held_out = take_moments(run, age.policy, seeds_for("held_out", config.seed, age.held_out), unobserved)
     for name in [EXACT, AGAIN, *(kind for kind in kinds if kind != EXACT)]:
         settings = with_processes(kinds[EXACT if name == AGAIN else name], PROCESSES)
         seed, title = config.seed + (name == AGAIN), f"{name} at frame {age.saved.frame:,}"
-        if not can_foresee(run, settings, age.saved.frame):
+        if not can_predict(run, settings, age.saved.frame):
             continue
         with predictor_of(run, settings, seed, until_frame=age.saved.frame) as predictor:
             ahead = replace(plan, futures=settings.futures)
-            found = [predict_all(taken, age.policy, predictor, ahead, title) for taken in (judged, held_out)]
-        yield name, put_together(judged, *found[0], ahead), put_together(held_out, *found[1], ahead)
-
-
-def _fly(run: TrainedRun, age: Age, purpose: str, episodes: int, plan: Plan, seed: int) -> Sequence[Taken]:
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
-    seeds = seeds_for(purpose, seed, episodes)
-    return fly_moments(run.make_env, run.task, age.policy, instructor, seeds, plan)
+            first = predict_futures(judged, age.policy, predictor, ahead, title)
+            second = predict_futures(held_out, age.policy, predictor, ahead, title)
+        yield name, first, second

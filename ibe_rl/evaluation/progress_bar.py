@@ -1,4 +1,4 @@
-"""A bar for whoever waits."""
+"""A progress bar in the terminal."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 
 @contextmanager
-def waiting(title: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show a bar that each call of what this gives moves by one of ``total``; nothing where no person looks on."""
+def progress_bar(title: str, total: int) -> Iterator[Callable[[], None]]:
+    """Show a bar of ``total`` steps and yield what advances it by one; without a terminal nothing is shown."""
     console = Console()
     columns = TextColumn("{task.description}"), BarColumn(bar_width=30), TimeRemainingColumn(compact=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -9,13 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from ibe_rl.config.settings import EvaluateConfig, MappingConfig
-from ibe_rl.evaluation.baselines import fit_state_regressors
+from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
-from ibe_rl.evaluation.quality import Learnt
-from ibe_rl.evaluation.runs import TrainedRun
-from ibe_rl.ibe import ClusterMapping, TooLittleDataError
-from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import TRAJECTORIES
+from ibe_rl.evaluation.trained_run import TrainedRun, open_log
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, Mapping
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
@@ -24,23 +22,6 @@ from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_less
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000
 """That clusters are learnt from where the instructions are shuffled."""
-
-
-def open_log(run: TrainedRun) -> TrajectoryLog:
-    """Open the log of a run.
-
-    Raises:
-        ConfigError: if there is none, or it is damaged.
-    """
-    if not (run.folder / TRAJECTORIES / "log.json").is_file():
-        raise ConfigError(
-            f"run={run.folder}: it has no log ({TRAJECTORIES}/) to learn other vocabularies from; "
-            "allowed is a run with all that train.py left"
-        )
-    try:
-        return TrajectoryLog.open(run.folder / TRAJECTORIES)
-    except ValueError as error:
-        raise ConfigError(f"run={run.folder}: {error}") from None
 
 
 def fit_shuffled(
@@ -85,7 +66,7 @@ class Refits:
     """
 
     def __init__(self, run: TrainedRun, seed: int):
-        self._run, self._seed, self._log = run, seed, open_log(run)
+        self._run, self._seed, self._log = run, seed, open_log(run.folder)
 
     def lessons(self, config: MappingConfig) -> Lessons:
         """The episodes that ``config`` learns from.

@@ -12,15 +12,15 @@ import numpy as np
 
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.quality import Judged
-from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.evaluation.rows import Judged
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.confidence import risk_coverage
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_atomically
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, Array, ConfigError
 
-BINS = 10
-CURVE_POINTS = 200
+_BINS = 10
+_CURVE_POINTS = 200
 
 
 def make_folders(run: Path) -> None:
@@ -38,7 +38,7 @@ def make_folders(run: Path) -> None:
             raise ConfigError(f"run={run}: allowed is a folder that can be written to ({error.strerror})") from None
 
 
-def protocol(run: TrainedRun, cfg: ExplainConfig, moments: int) -> dict[str, Any]:
+def common_protocol(run: TrainedRun, cfg: ExplainConfig, moments: int) -> dict[str, Any]:
     """What the numbers of any report stand on; ``moments`` is how many were judged."""
     config = cfg.evaluate
     return {
@@ -89,7 +89,7 @@ def _short(value: Any) -> Any:
     return f"{value:.6g}" if isinstance(value, np.floating) else value
 
 
-def reliability(probability: Array, true: Array, bins: int = BINS) -> list[dict[str, Any]]:
+def reliability(probability: Array, true: Array, bins: int = _BINS) -> list[dict[str, Any]]:
     """How often it went as was said with some confidence, for bins of equal width that hold anything."""
     bin_of = np.minimum((probability * bins).astype(int), bins - 1)
     return [
@@ -109,7 +109,7 @@ def calibration_report(judged: Judged, ours: str, mapping_frame: int) -> dict[st
     known = judged.spoken[ours].known
     probability, true = judged.probabilities[ours][known], judged.spoken[ours].voted_true[known]
     coverage, risk = risk_coverage(probability, true) if known.any() else (probability, probability)
-    some = np.unique(np.linspace(0, max(0, len(coverage) - 1), CURVE_POINTS).astype(int))[: len(coverage)]
+    some = np.unique(np.linspace(0, max(0, len(coverage) - 1), _CURVE_POINTS).astype(int))[: len(coverage)]
     return {
         "explainer": ours,
         "mapping_frame": mapping_frame,

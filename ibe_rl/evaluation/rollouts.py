@@ -1,27 +1,40 @@
-"""The flights that explanations are judged on: which seeds, which policy, which futures."""
+"""Unseen greedy episodes, the moments that explanations are judged at, and sampled futures from each of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import torch
+import numpy as np
 
-from ibe_rl.apps.external.policy import crosses_processes
-from ibe_rl.collect.collector import JUDGING_SEED
+from ibe_rl.collect.rollout import JUDGING_SEED, play_moments
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig
-from ibe_rl.evaluation.moments import Moments, Plan, gather
-from ibe_rl.evaluation.run_predictor import predictor_of, with_processes
-from ibe_rl.evaluation.runs import TrainedRun
+from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan
+from ibe_rl.evaluation.progress_bar import progress_bar
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.instructors import make_instructor, stand_in
-from ibe_rl.types import ConfigError, Policy, Predictor
+from ibe_rl.task import Task
+from ibe_rl.types import ConfigError, Episode, Moment, Policy, Predictor
 
 SEEDS_EACH = 10_000
 """Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds for each purpose."""
 PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "foretold")
-PROCESSES = 2
-"""That roll out the futures of many moments, unless something else is asked for."""
+EPISODES_AT_ONCE = 100
+FUTURES_AT_ONCE = 640
+"""Futures predicted between two steps of the progress bar."""
+
+
+@dataclass(frozen=True)
+class TakenMoment:
+    """A moment with what is known of it once the episode is over."""
+
+    moment: Moment
+    episode: int
+    seed: int
+    step: int
+    regular: bool
+    observed: bool
+    realised: np.ndarray
 
 
 def seeds_for(purpose: str, seed: int, episodes: int) -> range:
@@ -45,48 +58,100 @@ def horizons_of(cfg: EvaluateConfig, run: TrainedRun) -> tuple[int, ...]:
     return tuple(sorted({*cfg.horizons_steps, run.horizon_steps}))
 
 
+def take_moments(run: TrainedRun, policy: Policy, seeds: Sequence[int], plan: Plan) -> list[TakenMoment]:
+    """Play an episode for each seed and keep the moments that the plan asks for.
+
+    Args:
+        run: whose environments and instructor these are.
+        policy: the greedy policy.
+        seeds: of episodes that the policy was not trained on.
+        plan: which moments.
+    """
+    envs = [run.make_env() for _ in range(min(len(seeds), EPISODES_AT_ONCE))]
+    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    taken: list[TakenMoment] = []
+    for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
+        taken += _of_episode(episode, moments, number, seeds[number], plan, run.task)
+    return taken
+
+
+def _of_episode(
+    episode: Episode, moments: Sequence[Moment], number: int, seed: int, plan: Plan, task: Task
+) -> list[TakenMoment]:
+    """The moments of one episode that the plan asks for."""
+    observed = _observed_step(episode, plan, task)
+    regular = range(0, len(episode), plan.stride_steps)
+    ahead = np.array(plan.horizons_steps)
+    return [
+        TakenMoment(
+            moment=moments[step],
+            episode=number,
+            seed=seed,
+            step=step,
+            regular=step in regular,
+            observed=step == observed,
+            realised=episode.states[np.minimum(step + ahead, len(episode))] - episode.states[step],
+        )
+        for step in sorted({*regular, *([] if observed is None else [observed])})
+    ]
+
+
+def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
+    """The step at which the observer predicts; None without a contact, or where too little was seen before it."""
+    if plan.observer_steps is None or task.first_contact is None:
+        return None
+    contact = task.first_contact(episode.states)
+    if contact < SEEN_STEPS + plan.observer_steps:
+        return None
+    return contact - plan.observer_steps
+
+
+def predict_futures(
+    taken: Sequence[TakenMoment], policy: Policy, predictor: Predictor, plan: Plan, title: str
+) -> Moments:
+    """Roll out ``plan.futures`` futures of each moment, with a progress bar."""
+    futures = [one.moment for one in taken for _ in range(plan.futures)]
+    starts, ahead = range(0, len(futures), FUTURES_AT_ONCE), np.array(plan.horizons_steps)
+    changes, trusted = [], []
+    with progress_bar(title, len(starts)) as advance:
+        for start in starts:
+            predicted = predictor.rollout(futures[start : start + FUTURES_AT_ONCE], policy, plan.horizons_steps[-1])
+            changes.append(predicted.paths[:, ahead] - predicted.paths[:, :1])
+            trusted.append(predicted.trusted_steps[:, None] >= ahead)
+            advance()
+    shape = (len(taken), plan.futures, len(ahead))
+    of_moment, of_taken = (
+        ("state", "instruction", "given"),
+        ("episode", "seed", "step", "regular", "observed", "realised"),
+    )
+    return Moments(
+        **{name: np.array([getattr(one.moment, name) for one in taken]) for name in of_moment},
+        **{name: np.array([getattr(one, name) for one in taken]) for name in of_taken},
+        predicted=np.concatenate(changes).reshape(*shape, -1),
+        trusted=np.concatenate(trusted).reshape(shape),
+        horizons_steps=plan.horizons_steps,
+    )
+
+
 @dataclass(frozen=True)
-class Flying:
-    """What all flights of an evaluation share."""
+class Rollouts:
+    """What all episodes of an evaluation share."""
 
     run: TrainedRun
     cfg: ExplainConfig
     predictor: Predictor
 
     def gather(self, purpose: str, episodes: int, plan: Plan, title: str, policy: Policy | None = None) -> Moments:
-        """Fly episodes for a purpose, with the run's last policy or another one, and predict."""
-        run, seeds = self.run, seeds_for(purpose, self.cfg.evaluate.seed, episodes)
-        instructor = make_instructor(stand_in(run.config.instructor), run.task)
-        return gather(run.make_env, run.task, policy or run.policy, instructor, self.predictor, seeds, plan, title)
+        """Play episodes for a purpose, with the run's last policy or another one, and predict."""
+        followed = policy or self.run.policy
+        taken = take_moments(self.run, followed, seeds_for(purpose, self.cfg.evaluate.seed, episodes), plan)
+        return predict_futures(taken, followed, self.predictor, plan, title)
 
-
-def processes_for(asked: int | None, policy: Policy) -> int:
-    """How many processes share the futures; a policy that other processes cannot be given is followed in this one.
-
-    Raises:
-        ConfigError: if more are asked for such a policy.
-    """
-    if (asked or PROCESSES) == 1 or crosses_processes(policy):
-        return asked or PROCESSES
-    if asked:
-        raise ConfigError(f"predictor.processes={asked}: the agent cannot be sent to other processes; allowed is 1")
-    return 1
-
-
-@contextmanager
-def flying(run: TrainedRun, cfg: ExplainConfig) -> Iterator[Flying]:
-    """Start the predictor's processes, and stop them at the end."""
-    torch.set_num_threads(1)
-    config = with_processes(cfg.predictor, processes_for(cfg.predictor.processes, run.policy))
-    with predictor_of(run, config, cfg.evaluate.seed) as predictor:
-        yield Flying(run, cfg, predictor)
-
-
-def gather_both(flight: Flying, horizons: tuple[int, ...]) -> tuple[Moments, Moments]:
-    """The moments that are judged, the observer's among them, and those that the confidence is calibrated on."""
-    config, own = flight.cfg.evaluate, flight.run.horizon_steps
-    plan = Plan(config.stride_steps, flight.cfg.predictor.futures, horizons, own)
-    judged = flight.gather("judged", config.episodes, plan, "futures of the judged episodes")
-    plan = replace(plan, observer_steps=None)
-    held_out = flight.gather("held_out", config.calibration_episodes, plan, "futures of the held-out episodes")
-    return judged, held_out.judged()
+    def judged_and_held_out(self, horizons: tuple[int, ...]) -> tuple[Moments, Moments]:
+        """The moments that are judged, the observer's among them, and those that the confidence is calibrated on."""
+        config = self.cfg.evaluate
+        plan = Plan(config.stride_steps, self.cfg.predictor.futures, horizons, self.run.horizon_steps)
+        judged = self.gather("judged", config.episodes, plan, "futures of the judged episodes")
+        plan = replace(plan, observer_steps=None)
+        held_out = self.gather("held_out", config.calibration_episodes, plan, "futures of the held-out episodes")
+        return judged, held_out.judged()

@@ -6,19 +6,18 @@ Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples, row 0 o
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.verbalise import Spoken
+from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
-from ibe_rl.metrics.bootstrap import Estimate, by_chunks, estimate, motion_scores, ratio, weighted_mean, went
-from ibe_rl.metrics.confidence import brier, ece, risk_at
-from ibe_rl.metrics.quality import mean_over_numbers
+from ibe_rl.metrics.bootstrap import estimate, weighted_mean
+from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at
+from ibe_rl.metrics.quality import direction, instruction_f1, mean_over_numbers, motion_scores
 from ibe_rl.task import Task
-from ibe_rl.types import Array
+from ibe_rl.types import Array, Mapping
 
 Samples = dict[str, Array]
 """Metric to values ``(R,)``; of an instruction with several numbers also ``metric[i]``, of number i by itself."""
@@ -27,7 +26,7 @@ MOTION = ("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spear
 WORDS = ("came_true", "came_true_voted")
 CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
-METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
+ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
 """The metrics of a row, in the order of the report."""
 EACH = (*MOTION, "vocabulary_loss", "instruction_f1")
 """What is told of each number by itself; in the row of all of them stands the mean."""
@@ -59,9 +58,9 @@ class Truth:
     @classmethod
     def of(cls, moments: Moments, horizon_steps: int, task: Task, forecast: Array, weights: Array) -> Truth:
         """Of ``moments``, with what a simple ``forecast`` ``(N, d)`` of the changes had said."""
-        change = moments.realised[:, moments.at(horizon_steps)][:, task.explained].astype(float)
+        change = moments.real_change(horizon_steps, task.explained).astype(float)
         band = task.explained_band
-        hard = went(forecast, np.array(band)) != went(change, np.array(band))
+        hard = direction(forecast, np.array(band)) != direction(change, np.array(band))
         told = moments.instruction.astype(float)
         return cls(horizon_steps, change, told, band, task.instruction_values, hard, weights)
 
@@ -70,13 +69,38 @@ class Truth:
         return replace(self, weights=self.weights[:1])
 
 
+@dataclass
+class Judged:
+    """What came out at one horizon.
+
+    Attributes:
+        truth: what really happened.
+        names: of the numbers of an instruction.
+        samples: explainer to its metrics on every resample.
+        refits: explainer to the metrics of each of its vocabularies, without resamples.
+        spoken: explainer to what its vocabulary said.
+        calibrations: explainer to how its confidence is made.
+        probabilities: explainer to that confidence ``(N,)``.
+        mappings: explainer to its vocabulary.
+    """
+
+    truth: Truth
+    names: Sequence[str]
+    samples: dict[str, Samples] = field(default_factory=dict)
+    refits: dict[str, list[Samples]] = field(default_factory=dict)
+    spoken: dict[str, Spoken] = field(default_factory=dict)
+    calibrations: dict[str, Calibration] = field(default_factory=dict)
+    probabilities: dict[str, Array] = field(default_factory=dict)
+    mappings: dict[str, Mapping] = field(default_factory=dict)
+
+
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
     """How well what was said ``(N, d)`` tells the motion; ``on_scale`` is the same on the instructor's scale."""
     each = []
     for i, band in enumerate(truth.band):
         told = truth.told[:, i]
         scores = motion_scores(said[:, i], truth.change[:, i], told, band, truth.weights, truth.hard[:, i])
-        each.append(scores | {"instruction_f1": weighted_f1(on_scale[:, i], told, truth.values, truth.weights)})
+        each.append(scores | {"instruction_f1": instruction_f1(on_scale[:, i], told, truth.values, truth.weights)})
     return over_numbers(each)
 
 
@@ -131,7 +155,7 @@ def balance(mapping: Any) -> dict[str, Any]:
 
 def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     """What a row says: all metrics in their order, and under ``each`` those of every number by its name, if several."""
-    row: dict[str, Any] = {metric: told.get(metric) for metric in METRICS}
+    row: dict[str, Any] = {metric: told.get(metric) for metric in ROW_METRICS}
     if len(names) > 1:
         row["each"] = [
             {"number": name} | {metric: told.get(numbered(metric, i)) for metric in (*EACH, "left_right")}
@@ -140,26 +164,10 @@ def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     return row
 
 
-def weighted_f1(said: Array, told: Array, values: Sequence[float], weights: Array) -> Array:
-    """Macro-F1 ``(R,)`` of the instruction value nearest to what was said ``(N,)``, against the instruction ``(N,)``.
-
-    As ``metrics.instruction_f1``; a value that is neither told nor said in a resample is left out of its mean.
-    """
-    allowed = np.asarray(values)
-    nearest, real = (np.abs(each[:, None] - allowed).argmin(axis=1) for each in (said, told))
-
-    def f1(part: Array) -> Array:
-        both = [part @ ((nearest == i) & (real == i)) for i in range(len(allowed))]
-        either = [part @ ((nearest == i).astype(float) + (real == i)) for i in range(len(allowed))]
-        each = np.stack([ratio(2 * hit, all_of) for hit, all_of in zip(both, either, strict=True)])
-        return np.nanmean(each, axis=0)
-
-    return by_chunks(f1, weights)
-
-
-def as_json(value: Estimate) -> dict[str, float | None]:
-    """An estimate for a report, rounded to what anybody can read."""
-    return {name: None if number is None else round(number, 5) for name, number in value.to_dict().items()}
+def estimate_json(samples: Array) -> dict[str, float | None]:
+    """Value and interval of a metric on all resamples ``(R,)`` for a report, rounded to five digits."""
+    told = estimate(samples).to_dict()
+    return {name: None if number is None else round(number, 5) for name, number in told.items()}
 
 
 def fixed(value: float) -> dict[str, float | None]:
@@ -180,4 +188,4 @@ def difference(one: Samples, other: Samples, metric: str) -> dict[str, float | N
     """By how much ``one`` has more of a metric, on the same moments and resamples; None if either lacks it."""
     if metric not in one or metric not in other:
         return None
-    return as_json(estimate(one[metric] - other[metric]))
+    return estimate_json(one[metric] - other[metric])

@@ -6,18 +6,23 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import fields, replace
 from functools import partial
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.config.command_line import load_config, named_settings
-from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig, TrainConfig
-from ibe_rl.envs.snapshots import make_copy
-from ibe_rl.evaluation.refit import open_log
-from ibe_rl.evaluation.runs import TrainedRun
+import torch
+
+from ibe_rl.config.command_line import named_settings
+from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig
+from ibe_rl.envs.make import make_copy
+from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.predict import KeptPredictor, is_learnt, make_predictor
 from ibe_rl.storage.checkpoint import PREDICTOR, as_arrays, load, policies
-from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, find_run, refuse_special_files
-from ibe_rl.types import ConfigError
+from ibe_rl.storage.run_folder import CHECKPOINTS
+from ibe_rl.types import ConfigError, Policy
+
+PROCESSES = 2
+"""That roll out the futures of many moments, unless something else is asked for."""
 
 
 @contextmanager
@@ -47,21 +52,26 @@ def predictor_of(
         yield predictor
 
 
-def as_trained(cfg: ExplainConfig) -> ExplainConfig:
+@contextmanager
+def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredictor]:
+    """The predictor of an evaluation, its moments shared among processes; closed at the end."""
+    torch.set_num_threads(1)
+    config = with_processes(cfg.predictor, processes_for(cfg.predictor.processes, run.policy))
+    with predictor_of(run, config, cfg.evaluate.seed) as predictor:
+        yield predictor
+
+
+def as_trained(cfg: ExplainConfig, run: TrainedRun) -> ExplainConfig:
     """The same with the predictor that the run learnt, unless another one is named; only inside ``run_script``."""
-    if "predictor" in named_settings() or (cfg.agent_file is not None and cfg.run is None):
-        return cfg
-    folder = find_run(cfg.run, Path("runs"))
-    refuse_special_files(folder)
-    own: PredictorConfig = load_config(folder / CONFIG, TrainConfig).predictor
-    return replace(cfg, predictor=own) if is_learnt(own) else cfg
+    own = run.config.predictor
+    return replace(cfg, predictor=own) if is_learnt(own) and "predictor" not in named_settings() else cfg
 
 
-def can_foresee(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
+def can_predict(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
     """Whether a predictor as of a frame of the training can be had: it was kept, or the log reaches back far enough."""
     if not is_learnt(config) or _kept(run, config, frame):
         return True
-    index = open_log(run).index
+    index = open_log(run.folder).index
     until = index[index["frame"] <= frame]
     needed: int = getattr(config, "newest_frames", 0)
     return len(until) > 0 and (until["number"][0] == 0 or int(until["steps"].sum()) >= needed)
@@ -84,7 +94,7 @@ def _prepare(predictor: KeptPredictor, run: TrainedRun, config: PredictorConfig,
             raise ConfigError(f"{path}: not a predictor of this run ({' '.join(str(error).split())[:200]})") from None
         return
     try:
-        predictor.learn(open_log(run), frame)
+        predictor.learn(open_log(run.folder), frame)
     except ValueError as error:
         raise ConfigError(f"predictor={config.kind} with run={run.folder}: it cannot be learnt: {error}") from None
 
@@ -96,3 +106,25 @@ def _what_is_learnt(config: PredictorConfig) -> dict[str, Any]:
 def with_processes(config: PredictorConfig, processes: int) -> PredictorConfig:
     """The exact one sharing its moments among so many, unless something else is asked for."""
     return config if is_learnt(config) else replace(config, processes=config.processes or processes)
+
+
+def processes_for(asked: int | None, policy: Policy) -> int:
+    """How many processes share the futures; a policy that cannot be sent to other processes is followed in this one.
+
+    Raises:
+        ConfigError: if more are asked for such a policy.
+    """
+    if (asked or PROCESSES) == 1 or crosses_processes(policy):
+        return asked or PROCESSES
+    if asked:
+        raise ConfigError(f"predictor.processes={asked}: the agent cannot be sent to other processes; allowed is 1")
+    return 1
+
+
+def crosses_processes(policy: Policy) -> bool:
+    """True if a policy can be sent to other processes."""
+    try:
+        sent = bytes(ForkingPickler.dumps(policy))
+        return b"__main__" not in sent  # what the script defines is not there in another process
+    except Exception:  # pickle and what it calls raise a dozen types
+        return False

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,16 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.agents import GreedyPolicy, make_agent
-from ibe_rl.agents.guest import GuestConfig
-from ibe_rl.config.command_line import load_config
+from ibe_rl.agents.guest import ExternalPolicyConfig
+from ibe_rl.config.command_line import load_config, named_settings
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import TrainConfig
+from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice
-from ibe_rl.ibe import ClusterMapping, Reactions
-from ibe_rl.metrics import Calibration
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
+from ibe_rl.ibe.interpret import Reactions
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.checkpoint import load, policies
 from ibe_rl.storage.run_folder import (
     CALIBRATION,
@@ -27,74 +30,72 @@ from ibe_rl.storage.run_folder import (
     CONFIG,
     EVALUATION,
     REFRESHES,
+    find_run,
     read_json,
     refuse_special_files,
 )
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Policy
-from ibe_rl.vocabulary.refresh import Saved, Spans, load_refresh
+from ibe_rl.vocabulary.refresh import Saved, load_refresh
 from ibe_rl.vocabulary.training_episodes import settled
 
-
-@dataclass(frozen=True)
-class TrainedRun:
-    """What a run left behind.
-
-    Attributes:
-        folder: where it lies.
-        config: what it was trained with; a horizon that was found is in it.
-        task: the environment's own.
-        policy: the greedy policy of the last evaluation; of a guest the one that was named.
-        policy_frame: training frames when it was kept.
-        mapping: the vocabulary of the last refresh before that.
-        mapping_frame: training frames when it was learnt.
-        horizon_steps: n, the one the vocabulary was learnt with.
-        spans: the vocabularies of other spans of time, by their horizon in steps.
-        calibration: of the confidence, as ``task=evaluate`` found it for this vocabulary, else from the episodes
-            watched before the last refresh; None if it was the first.
-        reactions: what the agent did at that refresh if it was told otherwise; None if nobody had asked it.
-        scores_of_numbers: see ``metrics.number_scores``, of the refresh; empty if it has none.
-    """
-
-    folder: Path
-    config: TrainConfig
-    task: Task
-    policy: Policy
-    policy_frame: int
-    mapping: ClusterMapping
-    mapping_frame: int
-    horizon_steps: int
-    spans: Spans
-    calibration: Calibration | None
-    reactions: Reactions | None = None
-    scores_of_numbers: Sequence[Mapping[str, float]] = ()
-
-    @property
-    def voice(self) -> Voice:
-        """What the agent speaks with."""
-        return Voice(self.mapping, self.horizon_steps, self.task.phrases, self.spans, calibration=self.calibration)
-
-    def make_env(self) -> gymnasium.Env[Any, Any]:
-        """One more environment as the run had them."""
-        return make_game(self.config.env)
+_RUNS = Path("runs")
+OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
+"""Settings that make a run folder for an external policy, and say nothing about one that is there."""
+MakePolicy = Callable[[TrainConfig], Policy]
+"""Makes an external policy for the environment of a run."""
 
 
-def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None) -> TrainedRun:
-    """Open the run in ``folder`` as it last was.
-
-    Args:
-        folder: of the run.
-        guest: makes the policy of an agent that was trained elsewhere, for a folder that was made for such a one.
+def open_run(run: str | None, external_policy: MakePolicy | None = None) -> TrainedRun:
+    """Find and open a run: the folder ``run``, or the newest below ``runs/`` if that is None.
 
     Raises:
-        ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
+        ConfigError: if there is none; and as ``load_run``.
+    """
+    return load_run(find_run(run, _RUNS), external_policy)
+
+
+def run_config(folder: Path) -> TrainConfig:
+    """The settings that the run in ``folder`` was trained with.
+
+    Raises:
+        ConfigError: if the folder holds other things than plain files, or its config is damaged.
     """
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
     check(config)
+    return config
+
+
+def settings_named(cfg: ExplainConfig) -> set[str]:
+    """The settings on the command line, with the groups that are meant for the run folder of an external policy."""
+    return named_settings() | {re.split("[.=]", one)[0] for one in cfg.guest_settings}
+
+
+def refuse_external_settings(cfg: ExplainConfig) -> None:
+    """Refuse settings that only an external policy has, where none is named.
+
+    Raises:
+        ConfigError: naming the key.
+    """
+    if superfluous := sorted((OF_A_NEW_FOLDER | {"agent_sees_instruction"}) & settings_named(cfg)):
+        raise ConfigError(f"{superfluous[0]}= without agent=: allowed only beside it, for an agent trained elsewhere")
+
+
+def load_run(folder: Path, external_policy: MakePolicy | None = None) -> TrainedRun:
+    """Open the run in ``folder`` as it last was.
+
+    Args:
+        folder: of the run.
+        external_policy: for a folder that was made for a policy trained elsewhere, which is not in it.
+
+    Raises:
+        ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
+    """
+    config = run_config(folder)
     env = make_game(config.env)
     task = task_of(env)
-    if _is_for_guests(folder, config, bool(guest)):
+    if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")
     else:
         frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
@@ -106,34 +107,33 @@ def load_run(folder: Path, guest: Callable[[TrainConfig], Policy] | None = None)
         known = ", ".join(CONFIDENCE_FEATURES)
         raise ConfigError(f"{folder}: its confidence is made of {', '.join(calibration.names)}; allowed are {known}")
     return TrainedRun(
-        folder,
-        replace(config, mapping=settled(config.mapping, saved.horizon_steps)),
-        task,
-        guest(config) if guest else _load_policy(path, config, env),
-        frame,
-        saved.mapping,
-        saved.frame,
-        saved.horizon_steps,
-        saved.spans,
-        calibration,
-        _reactions(folder, saved, task),
-        saved.scores_of_numbers,
+        folder=folder,
+        config=replace(config, mapping=settled(config.mapping, saved.horizon_steps)),
+        task=task,
+        policy=external_policy(config) if external_policy else _load_policy(path, config, env),
+        policy_frame=frame,
+        mapping=saved.mapping,
+        mapping_frame=saved.frame,
+        horizon_steps=saved.horizon_steps,
+        spans=saved.spans,
+        calibration=calibration,
+        reactions=_reactions(folder, saved, task),
+        scores_of_numbers=saved.scores_of_numbers,
     )
 
 
-def _is_for_guests(folder: Path, config: TrainConfig, named: bool) -> bool:
-    """Whether the folder was made for an agent that it does not hold, which has to be ``named`` then."""
-    guests = isinstance(config.agent, GuestConfig)
-    if isinstance(config.agent, GuestConfig) and not named:
+def _is_external(folder: Path, config: TrainConfig, named: bool) -> bool:
+    """Whether the folder was made for a policy that it does not hold, which has to be ``named`` then."""
+    if isinstance(config.agent, ExternalPolicyConfig) and not named:
         raise ConfigError(
             f"agent=null with run={folder}: its agent is not in it, it was trained elsewhere "
             f"({config.agent.made_from}); allowed is its file or module:name, which you trust"
         )
-    if named and not guests:
+    if named and not isinstance(config.agent, ExternalPolicyConfig):
         raise ConfigError(
-            f"agent= with run={folder}: that run has an agent of its own; allowed is a run that was made for a guest"
+            f"agent= with run={folder}: that run has an agent of its own; allowed is one made for an external policy"
         )
-    return guests
+    return named
 
 
 def _check_vocabulary(folder: Path, horizon_steps: int, mapping: ClusterMapping, task: Task) -> None:

@@ -9,7 +9,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-WIDTH = 110
+TABLE_WIDTH = 110
 SHORT = {
     "motion_auc": "motion AUC",
     "motion_auc_disobeyed": "disob.",
@@ -39,7 +39,7 @@ OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 def console() -> Console:
     """Where tables are printed, wide enough for them also where the width is not known."""
     shown = Console(highlight=False)
-    shown.width = max(shown.width, WIDTH)
+    shown.width = max(shown.width, TABLE_WIDTH)
     return shown
 
 
@@ -135,7 +135,7 @@ def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
     return table
 
 
-def tell_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
+def print_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
     """Print all explainers at one horizon; several numbers also each by itself."""
     shown = console()
     shown.print(quality_table(rows, title))
@@ -144,7 +144,7 @@ def tell_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
         shown.print(numbers_table(rows))
 
 
-def tell_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
+def print_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
     """Print what the simulated observer found, or that it does not listen to several numbers."""
     if observers["rows"]:
         console().print(observers_table(observers))

@@ -1,1 +1,6 @@
-"""explain."""
+"""What the agent says about its next steps, and how sure it is.
+
+In: moments, the policy, a predictor, and an ExplainerState (vocabularies, words, calibration).
+Out: one Explanation for each moment.
+Imports: types, task, ibe, metrics.
+"""

@@ -1,4 +1,4 @@
-"""What the agent says: roll out, take the change of the state, look up its expression, put it in words."""
+"""What the agent says: roll out the policy, look up the expression of the change of the state, put it into words."""
 
 from __future__ import annotations
 
@@ -8,29 +8,30 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibe_rl.ibe import phrases_of
-from ibe_rl.metrics import Calibration, happened
+from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Episode, Explanation, Mapping, Moment, Policy, Predictor
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
-"""What the confidence is calibrated from: the share of the futures that are trusted and have the spoken phrase,
+"""Features of the calibrated confidence: the share of trusted futures with the spoken phrase, and
 ``Mapping.confidence``."""
 
 
 @dataclass(frozen=True)
-class Voice:
-    """What an agent speaks with.
+class ExplainerState:
+    """All that turns predictions into explanations at one time of the training.
 
     Attributes:
-        mapping: the vocabulary as last learnt.
-        horizon_steps: n, the one it was learnt with.
-        words: of the environment, one entry for each number of an expression.
-        spans: the vocabularies of other spans of time, by their horizon in steps.
-        futures: how many are sampled at each moment; what most of them would be called is said.
-        calibration: from ``CONFIDENCE_FEATURES`` to the probability that it goes as predicted; None: not known yet,
+        mapping: the latest vocabulary.
+        horizon_steps: n, the horizon it was learnt with.
+        words: the environment's, one entry for each number of an expression.
+        spans: further vocabularies by their horizon in steps.
+        futures: number of roll-outs from each moment; the phrase of most of them is said.
+        calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true. None: not fitted yet,
             the confidence is the product of the features.
-        min_confidence: under it the agent says that it does not know.
+        min_confidence: below it the agent says that it does not know.
     """
 
     mapping: Mapping
@@ -42,90 +43,89 @@ class Voice:
     min_confidence: float = 0.0
 
 
-def explain(moments: Sequence[Moment], policy: Policy, predictor: Predictor, voice: Voice) -> list[Explanation]:
-    """Explain the agent's future at each moment (the paper's Algorithm 1 and equation 2).
+def explain(
+    moments: Sequence[Moment], policy: Policy, predictor: Predictor, explainer: ExplainerState
+) -> list[Explanation]:
+    """Explain the agent's future at each of ``N`` moments (the paper's Algorithm 1 and equation 2).
 
-    Args:
-        moments: ``N`` moments, all of them predicted together.
-        policy: the greedy policy.
-        predictor: where it leads.
-        voice: what is spoken with.
+    All moments are predicted in one roll-out with the greedy ``policy``.
 
     Returns:
-        ``N`` explanations of the next ``voice.horizon_steps`` steps, each with those of the other spans of time.
+        ``N`` explanations of the next ``explainer.horizon_steps`` steps, each with those of the other horizons.
     """
     if not moments:
         return []
-    longest = max([voice.horizon_steps, *voice.spans])
-    futures = [moment for moment in moments for _ in range(voice.futures)]
-    predicted, shape = predictor.rollout(futures, policy, longest), (len(moments), voice.futures)
+    longest = max([explainer.horizon_steps, *explainer.spans])
+    futures = [moment for moment in moments for _ in range(explainer.futures)]
+    predicted, shape = predictor.rollout(futures, policy, longest), (len(moments), explainer.futures)
     paths = predicted.paths.reshape(*shape, *predicted.paths.shape[1:])
-    return put_in_words(paths, voice, predicted.trusted_steps.reshape(shape))
+    return put_in_words(paths, explainer, predicted.trusted_steps.reshape(shape))
 
 
-def put_in_words(paths: Array, voice: Voice, trusted_steps: Array | None = None) -> list[Explanation]:
-    """Say what predictions are called.
+def put_in_words(paths: Array, explainer: ExplainerState, trusted_steps: Array | None = None) -> list[Explanation]:
+    """Turn predictions into explanations.
 
     Args:
         paths: ``(N, F, H + 1, S)``, ``F`` futures of each moment.
-        voice: what is spoken with.
+        explainer: the vocabularies, words and calibration.
         trusted_steps: ``(N, F)``, see ``Prediction``; None: all of them.
     """
     if trusted_steps is None:
         trusted_steps = np.full(paths.shape[:2], paths.shape[2] - 1)
-    said = _of_span(paths, trusted_steps, voice)
+    said = _of_span(paths, trusted_steps, explainer)
     others = [
-        _of_span(paths, trusted_steps, Voice(mapping, steps, voice.words))
-        for steps, mapping in sorted(voice.spans.items())
+        _of_span(paths, trusted_steps, ExplainerState(mapping, steps, explainer.words))
+        for steps, mapping in sorted(explainer.spans.items())
     ]
     return [replace(one, spans=tuple(other[row] for other in others)) for row, one in enumerate(said)]
 
 
-def _of_span(paths: Array, trusted_steps: Array, voice: Voice) -> list[Explanation]:
-    steps = voice.horizon_steps
+def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> list[Explanation]:
+    steps, mapping, calibration = explainer.horizon_steps, explainer.mapping, explainer.calibration
     paths, trusted_steps = paths[:, :, : steps + 1], np.minimum(trusted_steps, steps)
     deltas = paths[:, :, -1] - paths[:, :, 0]
-    phrases, which, agreement = voted(deltas, voice.mapping, voice.words, trusted_steps >= steps)
-    rows = np.arange(len(deltas))
-    spoken = deltas[rows, which]
-    purity = voice.mapping.confidence(spoken)
-    mapping = voice.mapping
-    columns = (mapping.express(spoken), mapping.ids[mapping.cluster(spoken)], agreement, purity, mapping.knows(spoken))
-    said = [
+    phrases, which, agreement = majority_phrases(deltas, mapping, explainer.words, trusted_steps >= steps)
+    chosen = np.arange(len(deltas)), which
+    spoken, spoken_paths, steps_trusted = deltas[chosen], paths[chosen], trusted_steps[chosen]
+    features, meant = np.column_stack([agreement, mapping.confidence(spoken)]), mapping.knows(spoken)
+    confidence = features.prod(axis=1) if calibration is None else calibration.probability(features)
+    confidence = np.where(meant, confidence, 0.0)
+    expressions, clusters = mapping.express(spoken), mapping.ids[mapping.cluster(spoken)]
+    return [
         Explanation(
-            expression=expression,
-            phrase=phrases[row],
-            cluster=int(cluster),
+            expression=expressions[row],
+            phrase=phrase,
+            cluster=int(clusters[row]),
             delta_state=spoken[row],
-            horizon_steps=voice.horizon_steps,
-            confidence=float(agreed * pure),
-            path=paths[row, which[row]],
+            horizon_steps=steps,
+            confidence=float(confidence[row]),
+            path=spoken_paths[row],
             futures=deltas[row],
-            agreement=float(agreed),
-            purity=float(pure),
-            trusted_steps=int(trusted_steps[row, which[row]]),
-            meant=bool(meant),
-            calibrated=voice.calibration is not None,
+            agreement=float(features[row, 0]),
+            purity=float(features[row, 1]),
+            known=bool(meant[row] and confidence[row] >= explainer.min_confidence),
+            meant=bool(meant[row]),
+            calibrated=calibration is not None,
+            trusted_steps=int(steps_trusted[row]),
         )
-        for row, (expression, cluster, agreed, pure, meant) in enumerate(zip(*columns, strict=True))
+        for row, phrase in enumerate(phrases)
     ]
-    return _sure(said, voice)
 
 
-def voted(
+def majority_phrases(
     deltas: Array, mapping: Mapping, words: Sequence[Phrases], trusted: Array | None = None
 ) -> tuple[list[str], Array, Array]:
-    """What most of the futures of each moment are called.
+    """The most frequent phrase among the futures of each moment; the first one of equally frequent ones.
 
     Args:
         deltas: ``(N, F, S)`` changes of the state in ``F`` futures.
         mapping: the vocabulary.
-        words: of the environment.
-        trusted: ``(N, F)`` bool, the futures that the predictor stands by; None: all of them.
+        words: the environment's.
+        trusted: ``(N, F)`` bool, futures that the predictor trusts; None: all of them.
 
     Returns:
-        ``N`` phrases, the first ``(N,)`` of the futures that is called so, and the share ``(N,)`` that are and are
-        trusted.
+        ``N`` phrases, the index ``(N,)`` of the first future with each, and the share ``(N,)`` of futures that have it
+        and are trusted.
     """
     count, futures, size = deltas.shape
     called = phrases_of(mapping.express(deltas.reshape(-1, size)), words).reshape(count, futures)
@@ -136,22 +136,12 @@ def voted(
     return called[rows, which].tolist(), which, votes.sum(axis=1) / futures
 
 
-def phrases_true_in(mapping: Mapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]) -> Array:
-    """As ``metrics.phrases_true``, ``(T,)``, of what another vocabulary would have said of the same futures."""
+def phrase_hits_in(mapping: Mapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]) -> Array:
+    """As ``metrics.phrase_hits``, ``(T,)``, but of the phrases of another vocabulary for the same futures."""
     futures = np.stack([one.futures for one in said])
-    phrases, which, _ = voted(futures, mapping, words)
-    same = np.array(phrases) == np.array(happened(episode, said[0].horizon_steps, mapping, words))
+    phrases, which, _ = majority_phrases(futures, mapping, words)
+    same = np.array(phrases) == np.array(realised_phrases(episode, said[0].horizon_steps, mapping, words))
     return np.where(mapping.knows(futures[np.arange(len(futures)), which]), same, np.nan)
-
-
-def _sure(said: Sequence[Explanation], voice: Voice) -> list[Explanation]:
-    """How sure the agent is; what it is not sure of, or does not know the meaning of, it does not say."""
-    confidence = [one.confidence for one in said]
-    if voice.calibration is not None and said:
-        confidence = voice.calibration.probability(confidence_features(said)).tolist()
-    sure = [each if one.meant else 0.0 for one, each in zip(said, confidence, strict=True)]
-    pairs = zip(said, sure, strict=True)
-    return [replace(one, confidence=each, known=one.meant and each >= voice.min_confidence) for one, each in pairs]
 
 
 def confidence_features(said: Sequence[Explanation]) -> Array:
@@ -160,5 +150,5 @@ def confidence_features(said: Sequence[Explanation]) -> Array:
 
 
 def hold(said: Sequence[Explanation], every_steps: int, steps: int) -> list[Explanation]:
-    """What is said at each of ``steps`` steps, if something new is said every ``every_steps`` and holds in between."""
+    """Repeat each explanation for ``every_steps`` steps, ``steps`` in all."""
     return [said[step // every_steps] for step in range(steps)]

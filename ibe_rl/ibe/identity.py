@@ -1,8 +1,8 @@
-"""Clusters that keep their names from one refresh to the next."""
+"""Match the clusters of one refresh to those of the next, so that they keep their ids."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Dict
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,17 +15,16 @@ from ibe_rl.types import Array
 
 
 @dataclass(frozen=True)
-class Transition:
-    """What became of the clusters of one mapping in the next (survival as in MONIC, Spiliopoulou et al. 2006).
+class ClusterTransition:
+    """Which clusters survived, vanished and emerged (as in MONIC, Spiliopoulou et al. 2006).
 
     Attributes:
-        survived: id to the overlap of the cluster before with the one after: the share of the windows in either
-            of them that lie in both.
-        vanished: ids that are no more.
+        survived: by id, the Jaccard index of the windows of the cluster before and after.
+        vanished: ids that are gone.
         emerged: ids that are new.
     """
 
-    survived: Dict[int, float]
+    survived: Mapping[int, float]
     vanished: tuple[int, ...]
     emerged: tuple[int, ...]
 
@@ -42,19 +41,20 @@ def keep_identity(
     next_id: int,
     survival_overlap: float = 0.5,
     hold_within: float = 0.0,
-) -> tuple[ClusterMapping, Transition]:
-    """Give the clusters of ``new`` the ids of those of ``last`` that they continue.
+) -> tuple[ClusterMapping, ClusterTransition]:
+    """Give the clusters of ``new`` the ids of the matching ones of ``last``.
 
-    Clusters are paired so that the sum of their overlaps is largest (Hungarian method). Beside the probe, each
-    cluster's own centre counts as one window, so that one which the probe does not reach can be known again too.
+    The matching maximises the sum of the overlaps (Hungarian method). Each centre counts as one more window, so that
+    clusters without any window of the probe can be matched too.
 
     Args:
         last: the mapping before.
         new: the one after.
         probe: ``(P, S)`` changes of the state, the same at each refresh.
-        next_id: the first id that was never given.
-        survival_overlap: a pair with less in common is one that vanished and one that emerged.
-        hold_within: a survivor whose expression moved by no more than this keeps it: words shall not change for noise.
+        next_id: the first unused id.
+        survival_overlap: a pair that overlaps less has not survived: one vanished, one emerged.
+        hold_within: a survivor whose expression moved by no more than this keeps the old one, so that words do not
+            change with noise.
 
     Returns:
         ``new`` with lasting ids and held expressions, and what became of the clusters.
@@ -71,7 +71,7 @@ def keep_identity(
     ids[ids < 0] = next_id + np.arange(np.sum(ids < 0))
     vanished = tuple(int(name) for name in last.ids if int(name) not in survived)
     emerged = tuple(int(name) for name in ids if int(name) not in survived)
-    return replace(new, ids=ids, expressions=expressions), Transition(survived, vanished, emerged)
+    return replace(new, ids=ids, expressions=expressions), ClusterTransition(survived, vanished, emerged)
 
 
 def _overlap(before: Array, after: Array, k_before: int, k_after: int) -> Array:

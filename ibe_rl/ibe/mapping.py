@@ -1,4 +1,4 @@
-"""What a learnt vocabulary is: clusters of changes of the state, and what each is called."""
+"""A learnt vocabulary: clusters of changes of the state, with an expression for each."""
 
 from __future__ import annotations
 
@@ -21,20 +21,18 @@ class ClusterMapping:
     """f: change of the state to expression.
 
     Attributes:
-        space: where changes are compared.
-        centres: ``(k, P)`` places of the clusters in it.
+        space: the space that changes are clustered in.
+        centres: ``(k, P)`` cluster centres in it.
         mean_instructions: ``(k, d)`` e^i.
         expressions: ``(k, d)`` m^i in [-1, 1]; clusters are sorted by its first number.
-        sizes: ``(k,)`` windows in each cluster when it was learnt.
-        purities: ``(k,)`` share of a cluster's windows that carried its most frequent instruction.
-        evidence: ``(k,)`` windows that the mean instructions stand on: the sizes, and what is remembered of
-            earlier windows.
-        ids: ``(k,)`` int, names of the clusters that last over refreshes (``ibe_rl.ibe.identity``).
-        membership: "hard": a change is called what the nearest cluster is called; "soft": a mean of them all, weighted
-            by nearness; "direct": its place itself is the expression (``P`` equals ``d``).
-        width: how far a soft cluster reaches, in units of the space.
-        meanings: what is known of the words, one for each number of an expression; empty: nobody has asked, all count
-            as known.
+        sizes: ``(k,)`` number of training windows in each cluster.
+        purities: ``(k,)`` share of a cluster's windows that carry its most frequent instruction.
+        evidence: ``(k,)`` effective number of windows that the mean instructions stand on, earlier ones included.
+        ids: ``(k,)`` int, ids of the clusters that last over refreshes (``ibe_rl.ibe.identity``).
+        membership: "hard": the expression of the nearest cluster; "soft": the mean of all expressions with Gaussian
+            weights; "direct": the place itself is the expression (``P`` equals ``d``).
+        width: standard deviation of these weights, in units of the space.
+        meanings: one for each number of an expression; empty: learnt without an interpretation, all count as known.
     """
 
     space: Space
@@ -66,11 +64,11 @@ class ClusterMapping:
             raise ValueError(f"{len(self.meanings)} meanings for {np.shape(self.expressions)[1]} numbers")
 
     def cluster(self, delta: Array) -> Array:
-        """Changes ``(W, S)`` to the indices ``(W,)`` of their clusters."""
+        """Changes ``(W, S)`` to cluster indices ``(W,)``."""
         return pairwise_distances_argmin(self.space.place(delta), self.centres)
 
     def express(self, delta: Array) -> Array:
-        """Changes ``(W, S)`` to expressions ``(W, d)``: the paper's equation 2, or a finer one (``membership``)."""
+        """Changes ``(W, S)`` to expressions ``(W, d)``: the paper's equation 2, unless ``membership`` differs."""
         if self.membership == "hard":
             return self.expressions[self.cluster(delta)]
         places = self.space.place(delta)
@@ -80,7 +78,7 @@ class ClusterMapping:
         return near @ self.expressions
 
     def knows(self, delta: Array) -> Array:
-        """For which changes ``(W, S)`` the meaning of the word is known, ``(W,)`` bool."""
+        """For which changes ``(W, S)`` the meaning of the expression is known, ``(W,)`` bool."""
         return sayable(self.express(delta), self.meanings)
 
     def confidence(self, delta: Array) -> Array:
@@ -88,7 +86,7 @@ class ClusterMapping:
         return self.purities[self.cluster(delta)]
 
     def centre_changes(self) -> Array:
-        """The centres ``(k, S)`` as changes of the state; none where the space does not say which they stand for."""
+        """The centres ``(k, S)`` as changes of the state; ``(0, S)`` if the space is not linear."""
         return self.space.change_at(self.centres) if self.space.linear else np.empty((0, len(self.space.mean)))
 
     def to_dict(self) -> dict[str, Any]:
@@ -99,11 +97,7 @@ class ClusterMapping:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or shapes do not fit.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or a shape does not fit."""
         try:
             arrays: dict[str, Any] = {name: np.asarray(values[name], float) for name in _ARRAYS}
             if not all(np.isfinite(array).all() for array in arrays.values()):
@@ -121,7 +115,7 @@ _ARRAYS = ("centres", "mean_instructions", "expressions", "sizes", "purities", "
 
 
 def gap_between(centres: Array) -> float:
-    """Median distance from a centre to the nearest other one; 1 where all are one."""
+    """Median distance between nearest centres; 1 if that is 0."""
     apart = pairwise_distances(centres)
     np.fill_diagonal(apart, np.inf)
     return float(np.median(apart.min(axis=1))) or 1.0

@@ -8,11 +8,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.types import Array
+from ibe_rl.types import Array, read_only
 
 
 class UnknownMeaningWarning(UserWarning):
-    """What an instruction asks for cannot be told from the log."""
+    """The log does not show what an instruction asks for."""
 
 
 @dataclass(frozen=True)
@@ -21,15 +21,14 @@ class Evidence:
 
     Attributes:
         source: "best": how the best episodes moved under the instruction (the paper's); "satisfaction": after which
-            movement the instructor stops asking for it; "influence": what the agent does if it is told otherwise in
-            the same state; "pays": whether episodes earn more in which the movement was larger; "pays_at_once": whether
-            moments do in which it was larger than usual there.
-        effect: how far +1 is followed along the instructor's axis, in standard deviations of the movement (for "pays"
-            and "pays_at_once" a correlation); above 0 the axis points the way that +1 asks for.
-            a rank correlation); above 0 the axis points the way that +1 asks for.
-        low: lower end of its 99 % interval.
+            movement the instructor stops asking for it; "influence": how the agent's behaviour depends on the
+            instruction in the same state; "pays": whether episodes with more of the movement earn more;
+            "pays_at_once": whether windows with more of it than expected earn more.
+        effect: above 0 if the axis points the way that +1 asks for. In standard deviations of the movement; for
+            "pays" and "pays_at_once" a correlation.
+        low: lower end of the 99 % confidence interval.
         high: upper end.
-        episodes: that it stands on.
+        episodes: how many it stands on.
     """
 
     source: str
@@ -40,8 +39,16 @@ class Evidence:
 
     @property
     def sign(self) -> int:
-        """The direction that the evidence is clear about, 0 if it is not."""
+        """The sign of the effect, 0 if the interval contains 0."""
         return int(self.low > 0) - int(self.high < 0)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """From JSON; raises ValueError, KeyError or TypeError if a value is missing or not finite."""
+        effect, low, high = (float(values[name]) for name in ("effect", "low", "high"))
+        if not np.isfinite([effect, low, high]).all():
+            raise ValueError("not all of its numbers are finite")
+        return cls(str(values["source"]), effect, low, high, int(values["episodes"]))
 
 
 @dataclass(frozen=True)
@@ -51,12 +58,12 @@ class Meaning:
     Attributes:
         negative: whether it is known which movement the instructions below 0 ask for.
         positive: the same of those above 0.
-        reason: one line in plain words: on what it stands, or why it cannot be told.
-        evidence: of each source that could be asked.
-        episodes: that were looked at.
-        direction: ``S`` numbers, for each state dimension how far +1 asks it to rise, in standard deviations of its
-            movement, the largest being 1 or -1; empty where no axis was found. As the best episodes moved, if it is not
-            known.
+        reason: one line: which sources it stands on, or why it cannot be told.
+        evidence: of each source that could be evaluated.
+        episodes: how many were read.
+        direction: ``S`` numbers: how far +1 asks each state dimension to rise, in standard deviations of its movement,
+            scaled to a maximum magnitude of 1. Empty where no axis was found. While the sign is unknown, the way the
+            best episodes moved.
     """
 
     negative: bool = True
@@ -67,19 +74,19 @@ class Meaning:
     direction: tuple[float, ...] = ()
 
     @classmethod
-    def unknown(cls, reason: str, episodes: int, evidence: tuple[Evidence, ...] = ()) -> Self:
-        """Of a number none of whose words is known."""
-        return cls(negative=False, positive=False, reason=reason, evidence=evidence, episodes=episodes)
+    def unknown(cls, reason: str, episodes: int) -> Self:
+        """The meaning of a number of which neither sign is known."""
+        return cls(negative=False, positive=False, reason=reason, episodes=episodes)
 
     @property
     def known(self) -> bool:
-        """Whether any of its words is known."""
+        """Whether the meaning of either sign is known."""
         return self.negative or self.positive
 
     def as_the_best_did(self) -> Meaning:
-        """What is known of words that are called by what the best episodes were told, as the paper's.
+        """The meaning where clusters are named by the mean instruction of the best episodes, as in the paper.
 
-        They are known only if these episodes moved the way that is meant.
+        Such names are only known if these episodes followed the instruction.
         """
         best = self.effect_of("best")
         if not self.known or (best is not None and best.effect > 0):
@@ -88,12 +95,12 @@ class Meaning:
         return replace(self, negative=False, positive=False, reason=reason)
 
     def turned(self) -> Meaning:
-        """The same along the opposite of the axis."""
+        """The same, seen along the opposite axis."""
         other = [replace(one, effect=-one.effect, low=-one.high, high=-one.low) for one in self.evidence]
         return replace(self, evidence=tuple(other), direction=tuple(-each for each in self.direction))
 
     def effect_of(self, source: str) -> Evidence | None:
-        """What a source says; None if it could not be asked."""
+        """The evidence of a source; None if it could not be evaluated."""
         return next((one for one in self.evidence if one.source == source), None)
 
     def to_dict(self) -> dict[str, Any]:
@@ -102,33 +109,22 @@ class Meaning:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or is none.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or not finite."""
         try:
-            evidence = tuple(_evidence(each) for each in values["evidence"])
-            sides = bool(values["negative"]), bool(values["positive"])
+            evidence = tuple(Evidence.from_dict(each) for each in values["evidence"])
+            signs = bool(values["negative"]), bool(values["positive"])
             direction = tuple(float(each) for each in values["direction"])
             if not np.isfinite(direction).all():
                 raise ValueError("not all of its numbers are finite")
-            return cls(*sides, str(values["reason"]), evidence, int(values["episodes"]), direction)
+            return cls(*signs, str(values["reason"]), evidence, int(values["episodes"]), direction)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the meaning is damaged: {error}") from None
-
-
-def _evidence(values: dict[str, Any]) -> Evidence:
-    effect, low, high = (float(values[name]) for name in ("effect", "low", "high"))
-    if not np.isfinite([effect, low, high]).all():
-        raise ValueError("not all of its numbers are finite")
-    return Evidence(str(values["source"]), effect, low, high, int(values["episodes"]))
 
 
 def sayable(expressions: Array, meanings: Sequence[Meaning]) -> Array:
     """Which expressions ``(W, d)`` are words whose meaning is known: ``(W,)`` bool; without ``meanings`` all are.
 
-    No movement can be said as soon as one of the two ways is known.
+    The expression 0 is known as soon as either sign is.
     """
     if not meanings:
         return np.ones(len(expressions), bool)
@@ -137,3 +133,48 @@ def sayable(expressions: Array, meanings: Sequence[Meaning]) -> Array:
     )
     can: Array = np.where(expressions > 0, positive, np.where(expressions < 0, negative, any_known))
     return can.min(axis=1)
+
+
+@dataclass(frozen=True)
+class Interpretation:
+    """What the words of an instructor are about.
+
+    Attributes:
+        axes: ``(S, d)`` in 1 / observation units; where the meaning is known, +1 asks for a movement along the axis.
+        meanings: what is known of each number.
+    """
+
+    axes: Array
+    meanings: tuple[Meaning, ...]
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """How the agent reacts to different instructions in the same state.
+
+    Attributes:
+        up: ``(M, d, S)`` changes of the state over the horizon, from ``M`` states of different episodes, when each
+            number of the instruction is +1 and the others are 0.
+        down: ``(M, d, S)`` the same with -1.
+    """
+
+    up: Array
+    down: Array
+
+    def __post_init__(self) -> None:
+        for name in ("up", "down"):
+            object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), float), (None,) * 3, name))
+        if self.up.shape != self.down.shape or not (np.isfinite(self.up).all() and np.isfinite(self.down).all()):
+            raise ValueError(f"reactions of shapes {self.up.shape} and {self.down.shape}: not alike and finite")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, for JSON."""
+        return {"up": self.up.tolist(), "down": self.down.tolist()}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or a shape does not fit."""
+        try:
+            return cls(np.asarray(values["up"], float), np.asarray(values["down"], float))
+        except (KeyError, TypeError, OverflowError) as error:
+            raise ValueError(f"the reactions are damaged: {error}") from None

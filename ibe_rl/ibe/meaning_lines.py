@@ -1,4 +1,4 @@
-"""What is known of the words of an instructor, a line for each number of an instruction."""
+"""Lines for people: what is known of the meaning of each number of an instruction."""
 
 from __future__ import annotations
 
@@ -7,21 +7,16 @@ from collections.abc import Sequence
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.task import Phrases, Task
 
-MUCH = 0.4
-"""Dimensions that +1 asks to move by less of the most are not named."""
+MIN_NAMED_SHARE = 0.4
+"""Dimensions are named that +1 asks to move by at least this share of the largest."""
 PAYS = {1: "following pays", 0: "whether following pays is not clear", -1: "following does not pay"}
 NOBODY_ASKED = "nobody has looked into what its words mean"
 
 
 def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
-    """Say what is known of the words, wherever a run is shown.
+    """One line for each number: which of its words are known and from which evidence, or why they are not.
 
-    Args:
-        meanings: of a vocabulary; empty if nobody has asked.
-        task: the environment's own.
-
-    Returns:
-        One line for each number: which words are known and on what that stands, or why it cannot be told.
+    ``meanings`` are empty if the vocabulary was learnt without an interpretation.
     """
     if not meanings:
         return [NOBODY_ASKED]
@@ -42,19 +37,23 @@ def _line(meaning: Meaning, words: Phrases, task: Task) -> str:
 
 
 def asked(meaning: Meaning, task: Task) -> str:
-    """Which dimensions +1 asks to rise and to fall, those that count most: "x to rise"."""
-    named = [(name, each) for name, each in zip(task.state_names, meaning.direction, strict=False) if abs(each) >= MUCH]
+    """Which state dimensions +1 asks to rise and to fall, the most important ones: "x to rise"."""
+    named = [
+        (name, each)
+        for name, each in zip(task.state_names, meaning.direction, strict=False)
+        if abs(each) >= MIN_NAMED_SHARE
+    ]
     ways = {"rise": [name for name, each in named if each > 0], "fall": [name for name, each in named if each < 0]}
     return " and ".join(f"{', '.join(names)} to {way}" for way, names in ways.items() if names) or "for a movement"
 
 
 def _facts(meaning: Meaning) -> str:
-    """Whether it is followed, and whether that pays: the paper's assumption, tested.
+    """Whether the instruction is followed and whether that pays, which the paper assumes; and how many episodes.
 
-    Where nothing says which way is meant, "followed" would be either way, and only the episodes are counted.
+    Only the episodes where the sign is not known at all.
     """
-    has_way = meaning.known or meaning.effect_of("satisfaction") is not None
-    best, pays = (meaning.effect_of(source) if has_way else None for source in ("best", "pays"))
+    has_sign = meaning.known or meaning.effect_of("satisfaction") is not None
+    best, pays = (meaning.effect_of(source) if has_sign else None for source in ("best", "pays"))
     parts = []
     if best is not None:
         parts.append(f"the best episodes moved {best.effect:+.2f} standard deviations as told")
@@ -75,5 +74,5 @@ def _quoted(words: str) -> str:
 
 
 def positive_phrase(words: Phrases) -> str:
-    """What +1 is called, without any degree, in quotation marks."""
+    """The phrase for +1 without a degree, in quotation marks."""
     return _quoted(_plain(words.positive))

@@ -1,4 +1,4 @@
-"""What kind of quantity an instructor goes by: a place, a rate of change, or none, as of a plan."""
+"""What an instruction depends on: the state, and there a position or a rate of change; or a plan in time."""
 
 from __future__ import annotations
 
@@ -10,80 +10,80 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
 
-from ibe_rl.ibe.record import Record
+from ibe_rl.ibe.delta import LoggedSteps
 from ibe_rl.types import Array
 
-MOST_STEPS, MOST_PRODUCTS = 2_500, 400
-A_RATE = 0.95
-"""Share of the variance of a quantity that one step of the state must tell for it to be a rate of change."""
-FEWEST_ONSETS = 10
-MOST_TOLD = 1_500
-DEPENDS, EXACTLY, BETTER, AT_ONSETS = 0.2, 0.95, 0.02, 0.5
-"""What part of what is not said most often the state must tell, and from which share on no plan is told so well; by how
-much the step must tell more; how often, against what was said before, the state must tell what is said at a change."""
+MAX_RATE_STEPS, MAX_PRODUCTS = 2_500, 400
+MIN_R2 = 0.95
+"""Of the regression of a quantity on one step of the state, for it to be a rate of change."""
+MAX_CLASSIFIER_STEPS, MIN_ONSETS = 1_500, 10
+MIN_GAIN = 0.2
+"""Share of the errors of the majority class that a classifier on the state has to avoid."""
+EXACT_ACCURACY = 0.95
+"""From here on the state is taken to decide the instruction; no plan is predicted so well."""
+TIME_MARGIN = 0.02
+"""By how much time has to predict the instruction better than the state, to be a plan."""
+MIN_ONSET_RATIO = 0.5
+"""At changes of the instruction: how often the state has to predict the new sign, relative to the old one."""
 
 
-def is_rate(record: Record, axis: Array, seed: int) -> bool:
-    """Whether a quantity is the rate of change of another one: a speed, not a place.
+def is_rate(log: LoggedSteps, axis: Array, seed: int) -> bool:
+    """Whether a quantity, the state along ``axis`` ``(S,)``, is the rate of change of another one.
 
-    One step of the state then tells it: linearly, or with factors that are states themselves (a sine changes by its
-    cosine times the turning). Checked on steps that the fit has not seen.
-
-    Args:
-        record: of the log.
-        axis: ``(S,)`` of the quantity.
-        seed: of the sample.
+    One step of the state then predicts it: linearly, or with factors that are states themselves (a sine changes by the
+    cosine times the angular velocity). Tested on steps that the regression has not seen.
     """
-    rows = np.random.default_rng(seed).permutation(len(record))[:MOST_STEPS]
-    before, after = record.states[rows], record.after[rows]
+    rows = np.random.default_rng(seed).permutation(len(log))[:MAX_RATE_STEPS]
+    before, after = log.states[rows], log.next_states[rows]
     between = (before + after) / 2
     quantity = between @ axis
-    steps = _scaled(after - before)
-    fits = [steps]
-    if steps.shape[1] ** 2 <= MOST_PRODUCTS:
-        fits.append(np.concatenate([steps, *(steps * column[:, None] for column in _scaled(between).T)], axis=1))
-    return any(_told_by(columns, quantity) > A_RATE for columns in fits)
+    steps = _standardised(after - before)
+    regressors = [steps]
+    if steps.shape[1] ** 2 <= MAX_PRODUCTS:
+        products = [steps * column[:, None] for column in _standardised(between).T]
+        regressors.append(np.concatenate([steps, *products], axis=1))
+    return any(_held_out_r2(columns, quantity) > MIN_R2 for columns in regressors)
 
 
-def integral(record: Record, axis: Array) -> Array:
-    """The direction ``(S,)`` of the state that changes by a rate, as far as there is one: steps it is regressed on."""
-    steps = record.after - record.states
+def integral(log: LoggedSteps, axis: Array) -> Array:
+    """The axis ``(S,)`` whose rate of change is the state along ``axis``, as far as a linear regression finds it."""
+    steps = log.next_states - log.states
     scale = steps.std(axis=0)
     columns = np.divide(steps, scale, out=np.zeros_like(steps), where=scale > 0)
-    quantity = (record.after + record.states) / 2 @ axis
+    quantity = (log.next_states + log.states) / 2 @ axis
     found = np.linalg.lstsq(columns, quantity - quantity.mean(), rcond=1e-6)[0]
     return np.divide(found, scale, out=np.zeros_like(found), where=scale > 0)
 
 
-def depends_on_state(record: Record, number: int, seed: int) -> bool:
-    """Whether what is said is decided by the state, and not by a plan in time that the agent may follow.
+def depends_on_state(log: LoggedSteps, number: int, seed: int) -> bool:
+    """Whether the state decides the instruction, not a plan in time that the agent may follow.
 
-    Who follows a plan ends up in states that tell what was said, but not at the steps at which the plan changes. A
-    plan that is the same in every episode is told better by the step than by the state. What is said too rarely to be
-    told from one half of the steps in the other one does not depend on anything.
+    An agent that follows a plan reaches states that predict the instruction, but not at the steps where the plan
+    changes. A plan that is the same in every episode is predicted better by the step than by the state. An instruction
+    that is too rare to occur in both halves of the steps counts as independent of the state.
     """
-    signs = record.signs(number)
-    rows = np.random.default_rng(seed).permutation(np.flatnonzero(record.given))[:MOST_TOLD]
-    fitted = _half(signs[rows], record.episode[rows])
+    signs = log.signs(number)
+    rows = np.random.default_rng(seed).permutation(np.flatnonzero(log.given))[:MAX_CLASSIFIER_STEPS]
+    fitted = _half(signs[rows], log.episode[rows])
     if fitted is None:
         return False
-    most = np.unique(signs[rows], return_counts=True)[1].max() / len(rows)
-    places = record.step[:, None], record.states
+    majority = np.unique(signs[rows], return_counts=True)[1].max() / len(rows)
     halves = rows[fitted], rows[~fitted]
-    (_, told_by_step), (model, told_by_state) = (_teller(columns, signs, *halves) for columns in places)
-    if told_by_step > told_by_state + BETTER or told_by_state < most + DEPENDS * (1 - most):
+    _, by_time = _classifier(log.step[:, None], signs, *halves)
+    model, by_state = _classifier(log.states, signs, *halves)
+    if by_time > by_state + TIME_MARGIN or by_state < majority + MIN_GAIN * (1 - majority):
         return False
-    onsets = record.onsets(number)[:MOST_STEPS]
-    if len(onsets) < FEWEST_ONSETS or told_by_state >= EXACTLY:
+    onsets = log.onsets(number)[:MAX_RATE_STEPS]
+    if len(onsets) < MIN_ONSETS or by_state >= EXACT_ACCURACY:
         return True
-    told = model.predict(record.states[onsets])
-    return bool(np.mean(told == signs[onsets]) >= AT_ONSETS * np.mean(told == signs[onsets - 1]))
+    predicted = model.predict(log.states[onsets])
+    return bool(np.mean(predicted == signs[onsets]) >= MIN_ONSET_RATIO * np.mean(predicted == signs[onsets - 1]))
 
 
 def _half(signs: Array, episode: Array) -> Array | None:
-    """Which steps ``(N,)`` bool to fit on: those of every other episode, or else every other one.
+    """Which steps ``(N,)`` bool to fit on: of odd episodes, or else odd steps.
 
-    None if in either case one half is told the same throughout.
+    None if in either case one half has a single sign.
     """
     for odd in (episode % 2 == 1, np.arange(len(signs)) % 2 == 1):
         if min(len(np.unique(signs[half])) for half in (odd, ~odd)) > 1:
@@ -91,8 +91,8 @@ def _half(signs: Array, episode: Array) -> Array | None:
     return None
 
 
-def _teller(columns: Array, signs: Array, fit_on: Array, score_on: Array) -> tuple[Any, float]:
-    """What tells better what was said, a linear model or a tree, and the share that it tells of unseen steps."""
+def _classifier(columns: Array, signs: Array, fit_on: Array, score_on: Array) -> tuple[Any, float]:
+    """The better of a linear model and a tree, and its accuracy on held-out steps."""
     models = (
         make_pipeline(StandardScaler(), LogisticRegression(C=1_000, max_iter=300)),
         DecisionTreeClassifier(max_depth=8, min_samples_leaf=5, random_state=0),
@@ -102,14 +102,14 @@ def _teller(columns: Array, signs: Array, fit_on: Array, score_on: Array) -> tup
     return max(scored, key=lambda pair: pair[1])
 
 
-def _scaled(columns: Array) -> Array:
+def _standardised(columns: Array) -> Array:
     scaled: Array = StandardScaler().fit_transform(columns)
     return scaled
 
 
-def _told_by(columns: Array, quantity: Array) -> float:
-    """Share of the variance that a linear fit on every other row tells of the rows between."""
+def _held_out_r2(columns: Array, quantity: Array) -> float:
+    """R squared of a linear regression that is fitted on every other row, on the rows between."""
     with_mean = np.column_stack([columns, np.ones(len(columns))])
     found = np.linalg.lstsq(with_mean[::2], quantity[::2], rcond=1e-6)[0]
-    rest, variance = quantity[1::2] - with_mean[1::2] @ found, np.var(quantity[1::2])
-    return float(1 - np.mean(rest**2) / variance) if variance > 0 else 0.0
+    residuals, variance = quantity[1::2] - with_mean[1::2] @ found, np.var(quantity[1::2])
+    return float(1 - np.mean(residuals**2) / variance) if variance > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Where changes of the state are compared: all dimensions alike, or the axes that the instructions speak of."""
+"""Spaces in which changes of the state are clustered: all dimensions, or axes learnt from the instructions."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.types import Array, read_only
 
-MOST_CLASSES = 10
-"""With more distinct values an instruction counts as a number on a scale, not as one of a few things to say."""
+MAX_CLASSES = 10
+"""An instruction with more distinct values is regressed, one with fewer classified."""
+SPARSITY_THRESHOLDS, MAX_ACCURACY_LOSS = (0.4, 0.2, 0.1), 0.025
+"""Dimensions below such a share of the largest coefficient are dropped if the accuracy hardly falls.
 
-SPARSEST_FIRST, AS_ACCURATE = (0.4, 0.2, 0.1), 0.025
-"""Dimensions with less than such a share of the largest coefficient are left out if the rule is told as exactly.
-
-Mistakes of the instructor give every dimension some of the rule: with a fifth of them wrong, leaving such dimensions
-out cost up to .022; a dimension that what is said does depend on cost .07 (docs/INSTRUCTION.md).
+Mistakes of the instructor spread the rule over all dimensions. With 20 % mistakes, dropping these cost up to .022 of
+accuracy; dropping a dimension that the rule does read cost .07 (docs/INSTRUCTION.md).
 """
-
-FEWEST_WINDOWS = 20
-"""Some are held out to see when a regression is good enough."""
+MIN_REGRESSION_WINDOWS = 20
+"""Some of them are held out for cross-validation or early stopping."""
+MIN_UNIT = 0.5
+"""The least that +1 counts as, as a share of the mean movement under an instruction, where little is followed."""
 
 
 class TooLittleDataError(ValueError):
-    """The windows cannot carry a vocabulary yet; the message says what is missing."""
+    """The windows are not enough for a vocabulary yet; the message says what is missing."""
 
 
 @dataclass(frozen=True)
 class Space:
-    """Changes of the state ``(W, S)`` to places ``(W, P)``: shift, layers with ReLU between them, then a root.
+    """Maps changes of the state ``(W, S)`` to places ``(W, P)``: shift, linear layers with ReLU, signed power.
 
     Attributes:
-        mean: ``(S,)`` taken off a change, in observation units.
-        weights: one matrix a layer, the first ``(S, ...)``, the last ``(..., P)``; a single one is a linear space.
-        biases: one vector a layer.
-        power: of the magnitude of each place, its sign kept; below 1 small changes take up more room.
+        mean: ``(S,)`` subtracted from a change, in observation units.
+        weights: one matrix for each layer, ``(S, ...)`` to ``(..., P)``; a single one makes the space linear.
+        biases: one vector for each layer.
+        power: exponent of the magnitude of each coordinate; below 1 it spreads out small changes.
     """
 
     mean: Array
@@ -70,7 +70,7 @@ class Space:
 
     @property
     def linear(self) -> bool:
-        """True if a place says which change it stands for."""
+        """True if a place can be mapped back to a change."""
         return len(self.weights) == 1
 
     def place(self, delta: Array) -> Array:
@@ -83,7 +83,7 @@ class Space:
         return signed_power(values, self.power)
 
     def spread_out(self, places: Array) -> Array:
-        """Undo the root only."""
+        """Undo the signed power only."""
         return signed_power(places, 1 / self.power)
 
     def change_at(self, places: Array) -> Array:
@@ -97,11 +97,7 @@ class Space:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The inverse of ``to_dict``.
-
-        Raises:
-            ValueError: if a value is missing or shapes do not fit.
-        """
+        """The inverse of ``to_dict``; raises ValueError if a value is missing or a shape does not fit."""
         try:
             layers = values["layers"]
             weights = tuple(np.asarray(layer["weights"], float) for layer in layers)
@@ -121,28 +117,26 @@ def signed_power(values: Array, power: float) -> Array:
 
 
 def scaled(mean: Array, weight: Array) -> Space:
-    """Each dimension by itself: ``mean`` ``(S,)`` off, times ``weight`` ``(S,)``."""
+    """Each dimension on its own: minus ``mean`` ``(S,)``, times ``weight`` ``(S,)``."""
     return Space(mean, (np.diag(weight),), (np.zeros(len(weight)),))
 
 
 def along(axes: Array, power: float = 1.0) -> Space:
-    """The axes ``(S, d)`` only; no change stays no change."""
+    """Projection onto the axes ``(S, d)``; no change is mapped to 0."""
     return Space(np.zeros(len(axes)), (axes,), (np.zeros(axes.shape[1]),), power)
 
 
 def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None) -> Array:
-    """Along which axes of the state the instructor changes what they say.
+    """Along which axes of the state the instruction changes: a sparse logistic regression of it on the state.
 
-    What is said depends on the state: a logistic regression of each number of the instruction on the state finds
-    the direction in which it turns from one value to the next. Moving along it is what the instruction is about,
-    whatever the axes of the state are called or measured in; which way is not known from this.
+    The instruction is about movements along this axis, however the state is scaled or rotated. The regression does not
+    tell their sign.
 
     Args:
-        states: ``(N, S)`` states in which something was said, of good and of bad episodes.
-        told: ``(N, d)`` what was said.
+        states: ``(N, S)`` states with an instruction, of good and bad episodes.
+        told: ``(N, d)`` the instructions.
         seed: of the solver.
-        moving: ``(S,)`` bool, dimensions that change at all; on an axis without any of them nothing could be told
-            apart. None: all.
+        moving: ``(S,)`` bool, dimensions that change at all; an axis needs one of them. None: all.
 
     Returns:
         ``(S, d)``, in 1 / observation units.
@@ -153,24 +147,17 @@ def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None
     scaler = StandardScaler().fit(states)
     standard = scaler.transform(states)
     can_move = np.ones(states.shape[1], bool) if moving is None else moving
-    axes = [_turns(standard, column, can_move, seed) for column in told.T]
+    axes = [_gradient(standard, column, can_move, seed) for column in told.T]
     return np.stack(axes, axis=1) / scaler.scale_[:, None]
 
 
 def consequences(axes: Array, delta: Array, instruction: Array) -> Array:
-    """Leave out of each axis the dimensions that move the same way whether told to go up it or down.
+    """Set to 0 the dimensions of each axis ``(S, d)`` that move the same way under either sign of its instruction.
 
-    What is said can depend on more than it is about: how fast to sink, on the height. The height falls whatever is
-    said, so it is a condition of the instruction and no consequence. The axis of a single number stays as it is: its
-    words do not depend on which axes the state is given in.
-
-    Args:
-        axes: ``(S, d)``.
-        delta: ``(W, S)``.
-        instruction: ``(W, d)``.
-
-    Returns:
-        ``(S, d)``; an axis is left as it is if nothing on it moves both ways, or only one way was ever told.
+    They are conditions of the instruction, not consequences: how fast to sink depends on the height, which falls
+    whatever is said. The axis of a single number stays as it is, so that it does not depend on the basis of the state.
+    So does an axis of which no dimension moves both ways, or of which one sign never occurred. The windows are given by
+    ``delta`` ``(W, S)`` and ``instruction`` ``(W, d)``.
     """
     kept = np.array(axes)
     if len(kept.T) == 1:
@@ -183,37 +170,37 @@ def consequences(axes: Array, delta: Array, instruction: Array) -> Array:
     return kept
 
 
-def _turns(standard: Array, told: Array, moving: Array, seed: int) -> Array:
-    """The direction ``(S,)`` in which one number of the instruction rises, over as few dimensions as explain it."""
+def _gradient(standard: Array, told: Array, moving: Array, seed: int) -> Array:
+    """The direction ``(S,)`` in which one number of the instruction rises, over as few dimensions as predict it."""
     values, kinds = np.unique(told, return_inverse=True)
     if len(values) < 2:
         raise TooLittleDataError(f"the instructor has only ever said {', '.join(f'{value:g}' for value in values)}")
-    if len(values) > MOST_CLASSES:
+    if len(values) > MAX_CLASSES:
         direction: Array = Ridge().fit(standard, told).coef_
         return direction
-    # hardly regularised: what the rule does not read shall not get a share of what it reads
+    # hardly regularised: shrinkage would spread the rule over correlated dimensions that it does not read
     model = LogisticRegression(C=1_000, max_iter=1_000, random_state=seed)
     found, accuracy = _direction(model, standard, kinds, values)
     shares = np.abs(found) / (np.abs(found).max() or 1.0)
-    for share in SPARSEST_FIRST:
+    for share in SPARSITY_THRESHOLDS:
         sparse, without = _direction(model, np.where(shares < share, 0, standard), kinds, values)
-        if without >= accuracy - AS_ACCURATE and np.any(sparse[moving]):
+        if without >= accuracy - MAX_ACCURACY_LOSS and np.any(sparse[moving]):
             return sparse
     return found
 
 
 def _direction(model: LogisticRegression, standard: Array, kinds: Array, values: Array) -> tuple[Array, float]:
-    """Where the expected value rises ``(S,)``, and the share of what was said that the model gets right."""
+    """The direction ``(S,)`` in which the expected instruction rises, and the accuracy of the model."""
     coefficients = model.fit(standard, kinds).coef_
     direction = (values[1] - values[0]) * coefficients[0] if len(values) == 2 else values @ coefficients
     return direction, float(model.score(standard, kinds))
 
 
 def lasso_axes(delta: Array, instruction: Array, seed: int) -> Array:
-    """Axes ``(S, d)`` from a sparse linear regression of the instruction ``(W, d)`` on the change ``(W, S)``.
+    """Axes ``(S, d)`` by the lasso regression of the instruction ``(W, d)`` on the change ``(W, S)``.
 
     Raises:
-        TooLittleDataError: with fewer windows than a regression needs.
+        TooLittleDataError: with fewer than ``MIN_REGRESSION_WINDOWS``.
     """
     _check_enough(delta)
     scale = StandardScaler().fit(delta).scale_
@@ -222,45 +209,57 @@ def lasso_axes(delta: Array, instruction: Array, seed: int) -> Array:
 
 
 def information(delta: Array, instruction: Array, seed: int) -> Array:
-    """Mutual information ``(S,)`` in nats of each dimension's change with the instruction, summed over its numbers."""
+    """Mutual information ``(S,)`` of each dimension's change with the instruction, in nats, summed over its numbers."""
     each = [mutual_info_classif(delta, _classes(column), random_state=seed) for column in instruction.T]
     total: Array = np.sum(each, axis=0)
     return total
 
 
 def _classes(told: Array) -> Array:
-    """Values to the numbers of at most ``MOST_CLASSES`` classes."""
+    """Class labels, at most ``MAX_CLASSES``: the values themselves, or quantile bins."""
     values, kinds = np.unique(told, return_inverse=True)
-    if len(values) <= MOST_CLASSES:
+    if len(values) <= MAX_CLASSES:
         return kinds
-    inner = np.quantile(told, np.arange(1, MOST_CLASSES) / MOST_CLASSES)
+    inner = np.quantile(told, np.arange(1, MAX_CLASSES) / MAX_CLASSES)
     return np.searchsorted(inner, told)
 
 
 def network(delta: Array, instruction: Array, kept: Array, hidden: Sequence[int], seed: int) -> Space:
     """A small network that regresses the instruction on the change (the authors' follow-up, ICONIP 2017).
 
-    Args:
-        delta: ``(W, S)``.
-        instruction: ``(W, d)``.
-        kept: ``(S,)`` bool, False for dimensions that it shall not see.
-        hidden: widths of its layers.
-        seed: of its first weights and of the windows held out.
-
-    Raises:
-        TooLittleDataError: with fewer windows than a regression needs.
+    ``kept`` ``(S,)`` bool masks dimensions, ``hidden`` are the widths of the hidden layers; raises as ``lasso_axes``.
     """
     _check_enough(delta)
     scaler = StandardScaler().fit(delta)
     told = instruction[:, 0] if instruction.shape[1] == 1 else instruction
     model = MLPRegressor(hidden_layer_sizes=tuple(hidden), early_stopping=True, max_iter=50, random_state=seed)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # as many rounds as there is time for
+        warnings.simplefilter("ignore", ConvergenceWarning)  # max_iter bounds the time
         model.fit(scaler.transform(delta) * kept, told)
     first, *others = model.coefs_
     return Space(scaler.mean_, (first * (kept / scaler.scale_)[:, None], *others), tuple(model.intercepts_))
 
 
 def _check_enough(delta: Array) -> None:
-    if len(delta) < FEWEST_WINDOWS:
-        raise TooLittleDataError(f"{len(delta)} windows are too few for a regression, which needs {FEWEST_WINDOWS}")
+    if len(delta) < MIN_REGRESSION_WINDOWS:
+        raise TooLittleDataError(
+            f"{len(delta)} windows are too few for a regression, which needs {MIN_REGRESSION_WINDOWS}"
+        )
+
+
+def movement_of_one(places: Array, instruction: Array, weight: Array, known: Array) -> Array:
+    """The unit of movement ``(d,)``: how far the instruction 1 moved along each axis, by least squares without bias.
+
+    Windows have places and instructions ``(W, d)`` and weights ``(W,)``. Where the sign is known (``(d,)`` bool) the
+    axis points the way that +1 asks for. There the unit is positive, and at least ``MIN_UNIT`` of the mean movement.
+
+    Raises:
+        TooLittleDataError: if no instruction but 0 was given along an axis, or nothing moved under it.
+    """
+    squares = weight @ instruction**2
+    moved = np.divide(weight @ (places * instruction), squares, out=np.zeros_like(squares), where=squares > 0)
+    if not np.all(np.abs(moved) > 0):
+        raise TooLittleDataError("in the best episodes no instruction but 0 has moved anything yet")
+    told = weight[:, None] * (instruction != 0)
+    least = MIN_UNIT * (told * np.abs(places)).sum(axis=0) / told.sum(axis=0)
+    return np.where(known, np.maximum(moved, least), moved)

@@ -1,4 +1,4 @@
-"""Ways to divide places into clusters: scikit-learn's."""
+"""Clustering algorithms, and clusterings that are their own mirror image."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from sklearn.metrics import pairwise_distances
 from ibe_rl.types import Array
 
 SPLITS = ("kmeans", "bisecting", "quantile")
-FEWEST_WITH_REST = 4
+MIN_CLUSTERS_WITH_REST = 4
 REST = 0.05
-"""A movement, on the instructor's scale, that is none."""
+"""A movement as small as this, on the instructor's scale, counts as rest."""
 
 
 def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Array | None, seed: int) -> Array:
@@ -23,23 +23,23 @@ def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Ar
 
     Args:
         places: ``(W, P)``.
-        counts: ``(W,)`` how often each counts.
+        counts: ``(W,)`` sample weights.
         k: the number of clusters.
-        how: "kmeans"; "bisecting" (the largest cluster is halved again and again, which balances them); "quantile"
-            (along each axis by itself, as many in each).
-        n_init: starts of k-means, the best is kept.
-        first: ``(k, P)`` where k-means starts instead; the others begin anew.
-        seed: of the starts.
+        how: "kmeans"; "bisecting": bisecting k-means of the largest cluster, which balances their sizes; "quantile":
+            clusters of equal size, along each axis on its own.
+        n_init: number of k-means initialisations, the best is kept.
+        first: ``(k, P)`` initial centres of k-means instead; the other algorithms ignore it.
+        seed: of the initialisations.
 
     Returns:
-        centres ``(k, P)``.
+        The centres ``(k, P)``.
 
     Raises:
         ValueError: for another ``how``.
     """
     if how == "kmeans":
         starts = {"n_init": n_init} if first is None else {"n_init": 1, "init": first}
-        with warnings.catch_warnings():  # clusters that nobody needs may lie on others
+        with warnings.catch_warnings():  # with few distinct places some clusters coincide
             warnings.simplefilter("ignore", ConvergenceWarning)
             return KMeans(k, random_state=seed, **starts).fit(places, sample_weight=counts).cluster_centers_
     if how == "bisecting":
@@ -54,36 +54,33 @@ def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Ar
 def split_mirrored(
     places: Array, counts: Array, k: int, how: str, n_init: int, first: Array | None, seed: int
 ) -> Array:
-    """Divide places and their opposites alike; as ``split``, but the centres are their own mirror image."""
+    """As ``split``, of the places and their mirror images: the set of centres is its own mirror image."""
     places, counts = np.concatenate([places, -places]), np.append(counts, counts)
     centres = mirrored(split(places, counts, k, how, n_init, first, seed))
-    if how == "kmeans":  # best is often a lopsided division; from a mirrored one k-means goes on to a mirrored one
+    if how == "kmeans":  # its optimum is often lopsided, but a symmetric initialisation leads to a symmetric one
         centres = mirrored(split(places, counts, k, how, n_init, centres, seed))
     return centres
 
 
 def with_rest(centres: Array, power: float) -> Array:
-    """Draw the innermost pair of mirrored centres ``(k, P)`` in to rest, ``REST``, unless a centre is there already.
+    """Move the innermost pair of mirrored centres ``(k, P)`` to ``REST``, unless a centre is there already.
 
-    Otherwise a thing at rest would be called by the smallest movement of things that never rest. Three or fewer
-    centres stay as they are: an odd number has one in the middle, and two are needed for the two ways.
-
-    Args:
-        centres: their own mirror image.
-        power: of the magnitude of a movement, see ``Space``.
+    Otherwise rest would be named by the smallest movement wherever nothing rests in the data. Three or fewer centres
+    stay as they are: an odd number has one in the middle, and two are needed for the two signs. ``power`` is that of
+    the ``Space``.
     """
     moves = np.abs(centres).max(axis=1) ** (1 / power)
-    if len(centres) < FEWEST_WITH_REST or moves.min() <= REST:
+    if len(centres) < MIN_CLUSTERS_WITH_REST or moves.min() <= REST:
         return centres
     inner = int(np.argmin(moves))
     pair = [inner, int(np.argmin(pairwise_distances(centres, -centres[[inner]])))]
     rested = centres.copy()
-    rested[pair] *= (REST / moves[inner]) ** power  # no farther in than needed, since that costs truth (docs/LOG.md)
+    rested[pair] *= (REST / moves[inner]) ** power  # moving it further in costs accuracy (docs/LOG.md)
     return rested
 
 
 def mirrored(centres: Array) -> Array:
-    """Make a set of centres ``(k, P)`` its own mirror image about no change: each is averaged with its opposite."""
-    # squared: several pairings can have the smallest sum of distances, and not all of them are mutual
+    """Make a set of centres ``(k, P)`` symmetric about 0: each is averaged with the opposite of its partner."""
+    # squared distances: with plain ones several matchings can be optimal, and not all of them are mutual
     opposite = linear_sum_assignment(pairwise_distances(centres, -centres, metric="sqeuclidean"))[1]
     return (centres - centres[opposite]) / 2

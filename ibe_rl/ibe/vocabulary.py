@@ -1,4 +1,4 @@
-"""From mean instructions to expressions, and from expressions to words."""
+"""From mean instructions to expressions, and from expressions to phrases."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def normalise(mean_instructions: Array, how: str = "minmax") -> Array:
 
     Args:
         mean_instructions: ``(k, d)`` e^i.
-        how: "minmax" spreads each column over [-1, 1], all 0 where its values are equal; "sign" divides
-            it by its largest magnitude and so keeps every sign, all 0 where that is 0.
+        how: "minmax" scales each column to [-1, 1], or to 0 if its values are equal. "sign" divides it by its largest
+            magnitude, which keeps every sign.
 
     Returns:
         ``(k, d)`` m^i in [-1, 1].
@@ -37,7 +37,7 @@ def normalise(mean_instructions: Array, how: str = "minmax") -> Array:
 
 
 def phrase(expression: Array, vocabulary: Sequence[Phrases]) -> str:
-    """Say an expression ``(d,)`` in the words of the environment.
+    """The phrase for an expression ``(d,)``, in the words of the environment.
 
     >>> falling = Phrases("straight down", "{degree}left", "{degree}right", ((0.2, "slightly "), (0.5, "")))
     >>> phrase(np.array([0.3]), [falling]), phrase(np.array([-0.9]), [falling])
@@ -47,7 +47,7 @@ def phrase(expression: Array, vocabulary: Sequence[Phrases]) -> str:
 
 
 def phrases_of(expressions: Array, vocabulary: Sequence[Phrases]) -> Array:
-    """Say many expressions ``(N, d)``: phrases ``(N,)``."""
+    """The phrases ``(N,)`` for expressions ``(N, d)``."""
     distinct, rows = np.unique(expressions, axis=0, return_inverse=True)
     return np.array([phrase(expression, vocabulary) for expression in distinct])[rows]
 

@@ -106,11 +106,11 @@ class _Again:
             self._said[row, : len(episode)] = np.column_stack([episode.instructions, episode.given])
         self._step = 0
 
-    def reset(self, rows: Array) -> None:  # noqa: ARG002 - the protocol's
+    def reset(self, rows: Array) -> None:
         """Begin with the first step."""
         self._step = 0
 
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:  # noqa: ARG002 - the protocol's
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.types.Instructor``; all rows are at the same step."""
         said = self._said[:, self._step]
         self._step += 1

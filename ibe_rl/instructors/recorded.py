@@ -147,7 +147,7 @@ class Recorded:
         if rows[0]:
             self._episode, self._step = self._episode + 1, 0
 
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:  # noqa: ARG002 - the protocol's
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.types.Instructor``."""
         said = self._silence
         if rows[0]:

@@ -1,77 +1,17 @@
-"""Whether explanations are true, and what moved since the last refresh."""
+"""Whether explanations are true, how sure that is, and what moved.
 
-from ibe_rl.metrics.balance import left_right, size_cv, size_max
-from ibe_rl.metrics.bootstrap import (
-    Estimate,
-    episode_weights,
-    estimate,
-    motion_scores,
-    weighted_auc,
-    weighted_mean,
-    weighted_spearman,
-    went,
-)
-from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at, risk_coverage
-from ibe_rl.metrics.drift import VocabularyDrift, policy_drift, vocabulary_drift
-from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
-from ibe_rl.metrics.quality import (
-    OF_THE_MOMENTS,
-    SCORES,
-    episode_scores,
-    happened,
-    instruction_f1,
-    mean_scores,
-    motion_auc,
-    motion_spearman,
-    number_scores,
-    outcomes,
-    phrases_true,
-    share_true,
-    vocabulary_scores,
-)
-from ibe_rl.metrics.verdict import Verdict, in_one_line, verdict, verdicts_of, worst, wrong_signs
+Plain functions from arrays to numbers; none of them acts, plays or reads files. Import the module that defines a name:
 
-__all__ = [
-    "OF_THE_MOMENTS",
-    "SCORES",
-    "Calibration",
-    "Estimate",
-    "Observer",
-    "Verdict",
-    "VocabularyDrift",
-    "brier",
-    "calibrate_observer",
-    "carries_on",
-    "ece",
-    "episode_scores",
-    "episode_weights",
-    "estimate",
-    "happened",
-    "in_one_line",
-    "instruction_f1",
-    "left_right",
-    "mean_scores",
-    "motion_auc",
-    "motion_scores",
-    "motion_spearman",
-    "number_scores",
-    "observer_errors",
-    "outcomes",
-    "phrases_true",
-    "policy_drift",
-    "risk_at",
-    "risk_coverage",
-    "share_true",
-    "size_cv",
-    "size_max",
-    "verdict",
-    "verdicts_of",
-    "vocabulary_drift",
-    "vocabulary_scores",
-    "weighted_auc",
-    "weighted_mean",
-    "weighted_spearman",
-    "went",
-    "worst",
-    "wrong_signs",
-]
+    quality     did it go as was said? motion AUC and rank correlation, instruction F1, phrase accuracy
+    bootstrap   the same scores on resamples of whole episodes, and the intervals from them
+    confidence  Brier score, expected calibration error, risk at a coverage; the calibration itself
+    verdict     one word from a motion AUC: good, weak, reversed, unknown
+    drift       how far a vocabulary or a policy moved between two refreshes; how evenly clusters are used
+    observer    the simulated observer of the paper's prediction task
+    effect      differences of two groups of episodes, paired tests, corrected p-values
+    histogram   the paper's histograms
+
+In: expressions, state changes, instructions and confidences as arrays; mappings only to be asked.
+Out: numbers, NaN where the data cannot tell; ``Calibration`` and ``Verdict``.
+Imports: types, task, ibe.
+"""

@@ -118,40 +118,19 @@ def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
     return by_chunks(spearman, weights)
 
 
-def went(change: Array, band: float | Array) -> Array:
-    """Which way changes ``(N,)``, or ``(N, d)`` with ``d`` bands, went: -1, 1, or 0 up to the band."""
-    return np.where(np.abs(change) > band, np.sign(change), 0).astype(int)
+def weighted_f1(predicted: Array, true: Array, classes: int, weights: Array) -> Array:
+    """Macro-F1 ``(R,)`` of predicted classes ``(N,)`` against true ones ``(N,)``, both from 0 to ``classes`` - 1.
 
-
-def motion_scores(
-    expression: Array, change: Array, told: Array, band: float, weights: Array, hard: Array | None = None
-) -> dict[str, Array]:
-    """How well what was said tells which way it went (see ``quality.motion_auc``), on every resample.
-
-    Args:
-        expression: ``(N,)`` what was said.
-        change: ``(N,)`` how the explained dimension really changed.
-        told: ``(N,)`` the instruction.
-        band: beyond it, either way, it counts as having gone there.
-        weights: ``(R, N)``.
-        hard: ``(N,)`` bool, the moments that a simple forecast gets wrong, or None.
-
-    Returns:
-        Metric to ``(R,)``, not a number where the moments cannot tell: ``motion_auc``; ``motion_auc_disobeyed``, on
-        the moments that did not go the way they were told; ``motion_auc_hard``; ``motion_spearman``.
+    As scikit-learn's ``f1_score``: a class that neither occurs nor is predicted in a resample is left out of its mean.
     """
-    way = went(change, band)
 
-    def auc(rows: Array) -> Array:
-        said, gone, part = expression[rows], way[rows], weights[:, rows]
-        return (weighted_auc(said, gone > 0, part) + weighted_auc(-said, gone < 0, part)) / 2
+    def f1(part: Array) -> Array:
+        pairs = [(predicted == one, true == one) for one in range(classes)]
+        hits = [part @ (said & real) for said, real in pairs]
+        counts = [part @ (said.astype(float) + real) for said, real in pairs]
+        return np.nanmean([ratio(2 * hit, count) for hit, count in zip(hits, counts, strict=True)], axis=0)
 
-    return {
-        "motion_auc": auc(np.ones(len(way), bool)),
-        "motion_auc_disobeyed": auc(way != np.sign(told)),
-        "motion_auc_hard": np.full(len(weights), np.nan) if hard is None else auc(hard),
-        "motion_spearman": weighted_spearman(expression, change, weights),
-    }
+    return by_chunks(f1, weights)
 
 
 @dataclass(frozen=True)

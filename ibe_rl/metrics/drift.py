@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.metrics import adjusted_rand_score
 
-from ibe_rl.ibe import phrases_of
+from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Mapping
 

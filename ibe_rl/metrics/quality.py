@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.stats import spearmanr
-from sklearn.metrics import f1_score, roc_auc_score
+from sklearn.metrics import roc_auc_score
 
-from ibe_rl.ibe import Windows, delta_states, phrases_of
+from ibe_rl.ibe.delta import Windows, delta_states
+from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.metrics.bootstrap import weighted_auc, weighted_f1, weighted_spearman
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation, Mapping
 
@@ -18,7 +21,9 @@ OF_THE_MOMENTS = "echo_auc"
 """The one of them that no vocabulary has a part in."""
 
 
-def happened(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
+def realised_phrases(
+    episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]
+) -> list[str]:
     """What a vocabulary calls the real change over the horizon, from each of the ``T`` steps of an episode.
 
     Windows that reach past the end of the episode end there.
@@ -27,10 +32,10 @@ def happened(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary:
     return list(phrases_of(mapping.express(realised), vocabulary))
 
 
-def phrases_true(
+def phrase_hits(
     episode: Episode, said: Sequence[Explanation], mapping: Mapping, vocabulary: Sequence[Phrases]
 ) -> Array:
-    """At which moments of an episode the spoken phrase is the phrase of what then ``happened``.
+    """At which moments of an episode the spoken phrase is that of ``realised_phrases``.
 
     Args:
         episode: ``T`` steps.
@@ -41,21 +46,21 @@ def phrases_true(
     Returns:
         ``(T,)`` 1 or 0, not a number where the meaning of the word is not known: that says nothing.
     """
-    real = happened(episode, said[0].horizon_steps, mapping, vocabulary)
+    real = realised_phrases(episode, said[0].horizon_steps, mapping, vocabulary)
     pairs = zip(said, real, strict=True)
     return np.array([float(one.phrase == other) if one.meant else np.nan for one, other in pairs])
 
 
-def share_true(true: Array) -> float:
-    """Share of ``phrases_true`` among the moments that count; not a number if there is none."""
+def phrase_accuracy(true: Array) -> float:
+    """Share of ``phrase_hits`` among the moments that count; not a number if there is none."""
     counted = true[~np.isnan(true)]
     return float(counted.mean()) if len(counted) else float("nan")
 
 
 def outcomes(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
-    """As ``happened``, for people: what the vocabulary has no known word for is called so."""
+    """As ``realised_phrases``, for people: what the vocabulary has no known word for is called so."""
     known = mapping.knows(delta_states(episode.states, horizon_steps, end="clamp"))
-    real = happened(episode, horizon_steps, mapping, vocabulary)
+    real = realised_phrases(episode, horizon_steps, mapping, vocabulary)
     return [word if knows else CANNOT_TELL for word, knows in zip(real, known, strict=True)]
 
 
@@ -75,43 +80,86 @@ def mean_over_numbers(metric: str, each: Sequence[Array]) -> Array:
     return mean
 
 
+def direction(change: Array, band: float | Array) -> Array:
+    """Direction of changes ``(N,)``, or ``(N, d)`` with ``d`` bands: -1, 1, or 0 up to the band."""
+    return np.where(np.abs(change) > band, np.sign(change), 0).astype(int)
+
+
 def motion_auc(expression: Array, change: Array, band: float) -> float:
-    """How well an expression tells which way it went, without any threshold on what was said.
+    """How well an expression tells the direction of motion, without any threshold on the expression.
 
     Args:
         expression: ``(W,)`` what was said.
-        change: ``(W,)`` how the explained dimension really changed.
-        band: beyond it, either way, it counts as having gone there.
+        change: ``(W,)`` real change of the explained dimension.
+        band: a change beyond it, either way, counts as motion.
 
     Returns:
-        Mean of AUC(expression, went up) and AUC(-expression, went down); 1 is perfect, .5 is chance, not a number
-        if it never or always went one of the two ways.
+        Mean of AUC(expression, went up) and AUC(-expression, went down): 1 is perfect, .5 is chance. NaN if it never
+        or always went one of the two ways.
     """
-    ways = [(expression, change > band), (-expression, change < -band)]
-    if any(went.all() or not went.any() for _, went in ways):
+    ways = direction(change, band)
+    if any(went.all() or not went.any() for went in (ways > 0, ways < 0)):
         return float("nan")
-    return float(np.mean([roc_auc_score(went, said) for said, went in ways]))
+    return float(_both_ways(expression, ways, lambda score, went: float(roc_auc_score(went, score))))
+
+
+def _both_ways(expression: Array, ways: Array, auc: Callable[[Array, Array], Any]) -> Any:
+    """The mean of the two AUCs, by ``auc`` of scores and positives: scikit-learn's, or one for all resamples."""
+    return (auc(expression, ways > 0) + auc(-expression, ways < 0)) / 2
 
 
 def motion_spearman(expression: Array, change: Array) -> float:
-    """Rank correlation of what was said ``(W,)`` with the real change ``(W,)``; not a number if one is constant."""
+    """Rank correlation of what was said ``(W,)`` with the real change ``(W,)``; NaN if one is constant."""
     if np.ptp(expression) == 0 or np.ptp(change) == 0:
         return float("nan")
     return float(spearmanr(expression, change).statistic)
 
 
-def instruction_f1(expression: Array, instruction: Array, values: Sequence[float]) -> float:
-    """Macro-F1 of the instruction value nearest to what was said ``(W,)``, against the instruction ``(W,)``.
+def motion_scores(
+    expression: Array, change: Array, instruction: Array, band: float, weights: Array, hard: Array | None = None
+) -> dict[str, Array]:
+    """``motion_auc`` and ``motion_spearman`` on every resample.
+
+    Args:
+        expression: ``(N,)`` what was said.
+        change: ``(N,)`` real change of the explained dimension.
+        instruction: ``(N,)``.
+        band: see ``motion_auc``.
+        weights: ``(R, N)``, see ``episode_weights``.
+        hard: ``(N,)`` bool, the moments whose direction a simple forecast gets wrong, or None.
+
+    Returns:
+        Metric to ``(R,)``, NaN where the moments cannot tell. ``motion_auc_disobeyed`` is on the moments that did not
+        go the way they were told, ``motion_auc_hard`` on the hard ones.
+    """
+    ways = direction(change, band)
+
+    def auc(rows: Array) -> Array:
+        scores: Array = _both_ways(
+            expression[rows], ways[rows], lambda score, went: weighted_auc(score, went, weights[:, rows])
+        )
+        return scores
+
+    return {
+        "motion_auc": auc(np.ones(len(ways), bool)),
+        "motion_auc_disobeyed": auc(ways != np.sign(instruction)),
+        "motion_auc_hard": np.full(len(weights), np.nan) if hard is None else auc(hard),
+        "motion_spearman": weighted_spearman(expression, change, weights),
+    }
+
+
+def instruction_f1(expression: Array, instruction: Array, values: Sequence[float], weights: Array) -> Array:
+    """Macro-F1 ``(R,)`` of the instruction value nearest to what was said ``(N,)``, against the instruction ``(N,)``.
 
     A report, not a goal: an echo of the instruction scores 1.
     """
     allowed = np.asarray(values)
-    ranks = [np.abs(each[:, None] - allowed).argmin(axis=1) for each in (instruction, expression)]
-    return float(f1_score(*ranks, average="macro", zero_division=0))
+    said, real = (np.abs(each[:, None] - allowed).argmin(axis=1) for each in (expression, instruction))
+    return weighted_f1(said, real, len(allowed), weights)
 
 
 def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[str, float]:
-    """What can be had without a predictor: put into words what really happened, and see whether the words fit.
+    """What can be had without a predictor: put into words what really realised_phrases, and see whether the words fit.
 
     Each number of the expressions is held against the dimension that ``task`` says it speaks of; the scores are the
     means over the numbers (``mean_over_numbers``). The predicted change being the real one, ``vocabulary_loss`` is
@@ -168,11 +216,11 @@ def episode_scores(episode: Episode, said: Sequence[Explanation], task: Task) ->
 
 def _number_scores(said: Array, change: Array, told: Array, band: float, values: Sequence[float]) -> dict[str, float]:
     """The scores of one number of the instruction, all arguments ``(W,)``."""
-    disobeyed = np.where(np.abs(change) > band, np.sign(change), 0) != np.sign(told)
+    disobeyed = direction(change, band) != np.sign(told)
     return {
         "motion_auc": motion_auc(said, change, band),
         "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], band),
         "motion_spearman": motion_spearman(said, change),
-        "instruction_f1": instruction_f1(said, told, values),
+        "instruction_f1": float(instruction_f1(said, told, values, np.ones((1, len(said))))[0]),
         "echo_auc": motion_auc(told, change, band),
     }

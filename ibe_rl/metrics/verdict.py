@@ -7,7 +7,8 @@ from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ibe_rl.ibe import Meaning, asked
+from ibe_rl.ibe.meaning import Meaning
+from ibe_rl.ibe.meaning_lines import asked
 from ibe_rl.task import Task
 
 GOOD, WEAK, REVERSED, UNKNOWN = "good", "weak", "reversed", "unknown"

@@ -101,7 +101,7 @@ class Regression:
         columns = self._features.fit(seen[:1]).transform(seen)  # it learns nothing but how many columns there are
         return np.asarray(columns @ self._weights + self._bias).reshape(len(seen), len(self._spans), -1)
 
-    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:  # noqa: ARG002
+    def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.types.Predictor``; the policy is not asked.
 
         Raises:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import gc
-import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from itertools import cycle
 from typing import Any, Self
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.settings import PredictorConfig
-from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.runtime.workers import end_with_parent
+from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
 
@@ -58,7 +53,7 @@ class Simulator:
         self._at_once, self._processes, self._own_noise = moments_at_once, processes, own_noise
         self._games = _Games(make_env, rule, future_instruction == "rule")
         self._seeds = np.random.SeedSequence(seed)
-        self._workers: list[Executor] = []
+        self._pool: ProcessPool | None = None
 
     @classmethod
     def make(cls, config: PredictorConfig, *, make_copy: MakeEnv, rule: Rule, seed: int, **_: Any) -> Self:
@@ -75,14 +70,9 @@ class Simulator:
     def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
             return [self._games.roll(part, policy, horizon_steps) for part in parts]
-        if not self._workers:
-            spawn = multiprocessing.get_context("spawn")
-            self._workers = [ProcessPoolExecutor(1, spawn, _keep, (self._games,)) for _ in range(self._processes)]
+        self._pool = self._pool or ProcessPool(self._games, self._processes)
         try:
-            with interrupts_stay_here(), script_stays_here():  # each part has its process, so that all is repeatable
-                workers = cycle(self._workers)
-                rolled = [next(workers).submit(_roll, part, policy, horizon_steps) for part in parts]
-            return [part.result() for part in rolled]
+            return list(self._pool.map("roll", [(part, policy, horizon_steps) for part in parts]))
         except BrokenProcessPool:  # somebody has killed one of them
             self.close()
             return [self._games.roll(part, policy, horizon_steps) for part in parts]
@@ -105,9 +95,9 @@ class Simulator:
 
     def close(self) -> None:
         """Stop the processes, if there are any."""
-        for worker in self._workers:
-            worker.shutdown()
-        self._workers = []
+        if self._pool:
+            self._pool.close()
+        self._pool = None
 
 
 class _Games:
@@ -157,17 +147,3 @@ class _Games:
         for game, moment, noise in zip(self._games, moments, noises, strict=False):
             game.restore(moment.snapshot, None if noise is None else np.random.default_rng(noise))
         return self._games[: len(moments)]
-
-
-_kept: list[_Games] = []
-"""The games of a process that rolls out for another one."""
-
-
-def _keep(games: _Games) -> None:
-    threadpool_limits(1)
-    end_with_parent()
-    _kept[:] = [games]
-
-
-def _roll(part: Part, policy: Policy, horizon_steps: int) -> Array:
-    return _kept[0].roll(part, policy, horizon_steps)

@@ -13,7 +13,7 @@ from zipfile import ZIP_STORED, ZipFile
 import numpy as np
 import torch
 
-from ibe_rl.storage.run_folder import write_atomically
+from ibe_rl.storage.run_folder import CHECKPOINTS, write_atomically
 from ibe_rl.types import ConfigError
 
 LATEST, BEST = "latest.pt", "best.pt"
@@ -28,9 +28,12 @@ def save_policy(folder: Path, frames: int, state: dict[str, Any], kind: str = EV
     return path
 
 
-def save_latest(folder: Path, state: dict[str, Any]) -> None:
-    """Replace the full state of the run by the present one."""
+def save_state(run_folder: Path, state: dict[str, Any]) -> None:
+    """Replace the state of a run by the present one, in one go; that of the best evaluation stays too."""
+    folder = run_folder / CHECKPOINTS
     write_atomically(folder / LATEST, lambda stream: torch.save(state, stream))
+    if state["frames"] == state["counts"]["best_frames"]:
+        link(folder, LATEST, BEST)
 
 
 def as_tensors(values: Any) -> Any:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from ibe_rl.config.command_line import own_configs
-from ibe_rl.storage.checkpoint import LATEST, load
+from ibe_rl.config.command_line import installed, own_configs
+from ibe_rl.runtime.workers import LostWorkerError
+from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS
 from ibe_rl.types import ConfigError
 
@@ -45,6 +47,25 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
             ) from None
         error.add_note(f"What was logged is in {folder}; {how_to_go_on(folder)}")
         raise
+
+
+@contextmanager
+def resumable(run: Any) -> Iterator[None]:
+    """If a worker is lost between two batches, keep the run as it stands and say how it goes on.
+
+    Raises:
+        LostWorkerError: again, in one line with what can be done.
+    """
+    try:
+        yield
+    except LostWorkerError as error:
+        if not run.log.frames:
+            raise LostWorkerError(f"{error}; nothing had been collected yet, start the run anew") from None
+        save_state(run.folder, run.state_dict())
+        command = f"{installed('python')} train.py {own_configs()}resume={run.folder}"
+        raise LostWorkerError(
+            f"{error}; the run is kept as it was at {run.log.frames:,} frames, to go on: {command}"
+        ) from None
 
 
 def how_to_go_on(folder: Path) -> str:

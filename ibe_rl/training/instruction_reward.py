@@ -7,7 +7,7 @@ steps. The weight falls to 0, and from there on the best policy is that of the e
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,10 @@ import torch
 from tensordict import TensorDictBase
 
 from ibe_rl.config.settings import ObedienceConfig, TrainConfig
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.instructors import speaks
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.vocabulary.tracker import Development
 
 Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to what they mean ``(W, d)`` on the instructor's scale."""
@@ -102,18 +102,30 @@ def _none(like: Array, steps: int) -> Array:
     return np.zeros((len(like), steps, *like.shape[2:]), like.dtype)
 
 
-def make_obedience(cfg: TrainConfig, task: Task, development: Development) -> Obedience:
-    """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for."""
+def make_obedience(
+    cfg: TrainConfig,
+    task: Task,
+    horizons_steps: Callable[[], Sequence[int]],
+    mapping_of: Callable[[int], ClusterMapping | None],
+) -> Obedience:
+    """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for.
+
+    Args:
+        cfg: of the run.
+        task: of the environment.
+        horizons_steps: all horizons explained, n first; none as long as n has not been found.
+        mapping_of: the vocabulary of a horizon, None before the first refresh.
+    """
 
     def shortest() -> int | None:
-        return min(development.horizons_steps, default=None)
+        return min(horizons_steps(), default=None)
 
     def oracle() -> Judge:
-        horizons = development.horizons_steps
+        horizons = horizons_steps()
         return meant(task, min(horizons), horizons[0])
 
     def learnt() -> Judge | None:
-        mapping = development.mapping_of(min(development.horizons_steps))
+        mapping = mapping_of(min(horizons_steps()))
         if mapping is None or not all(one.known for one in mapping.meanings):
             return None
         return mapping.express

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ibe_rl.config.command_line import installed, own_configs
-from ibe_rl.task import Task
-from ibe_rl.types import Array
 from ibe_rl.view import sentences
-from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.training_episodes import horizon_told
 
 
-class TrainingProgress:
+class TrainingProgress(Listener):
     """A progress bar over frames with rate, return, success and the last phrase; use as a context manager.
 
     Args:
@@ -50,40 +47,38 @@ class TrainingProgress:
     ) -> None:
         self._bar.stop()
 
-    def batch(self, frames: int, frames_per_s: float, row: Mapping[str, float]) -> None:
-        """Move the bar; ``row`` is the row of metrics.csv."""
-        reward, success = row["train/return_mean"], row["train/success_rate"]
-        shown = min(frames, self._total)
-        self._bar.update(self._task, completed=shown, rate=frames_per_s, reward=reward, success=success)
-
     def say(self, line: str) -> None:
         """Print a line above the bar."""
         self._console.print(line, markup=False)
 
-    def say_all(self, lines: Iterable[str]) -> None:
-        """Print lines above the bar."""
-        for line in lines:
-            self.say(line)
+    def begin(self, run: Any) -> None:
+        """See ``Listener``."""
+        self._run = run
 
-    def refreshed(self, number: int, refresh: Refresh, phrase: str, came_true: float, task: Task) -> None:
-        """Report a refresh and what the watched episode ended on."""
-        self._bar.update(self._task, phrase=phrase)
-        done = f"refresh {number}" if refresh.taken else f"refresh {number} stays"
+    def batch(self, frames: int, row: Mapping[str, float]) -> None:
+        """Move the bar."""
+        reward, success = row["train/return_mean"], row["train/success_rate"]
+        shown, rate = min(frames, self._total), frames / self._run.wall_s
+        self._bar.update(self._task, completed=shown, rate=rate, reward=reward, success=success)
+
+    def refreshed(self, event: Refreshed) -> None:
+        """Report a refresh, and what the recorded episode ended on."""
+        refresh = event.refresh
+        self._bar.update(self._task, phrase=event.said[-1].said)
+        if refresh.horizon_found:
+            self.say(horizon_told(refresh.top.horizon_steps))
+        done = f"refresh {event.number}" if refresh.taken else f"refresh {event.number} stays"
         numbers = [" ".join(f"{value:+.2f}" for value in column) for column in refresh.standing.expressions.T]
         episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
         self.say(
             f"{done} at {refresh.frame:,} frames: {episodes} ({_counts(refresh.episodes_by_context)}), "
             f"{windows}instruction {_counts(refresh.windows_by_instruction)})\n"
-            f"  expressions {' | '.join(numbers)}; {as_predicted(came_true)}\n"
+            f"  expressions {' | '.join(numbers)}; {as_predicted(event.came_true)}\n"
             f"  {'; '.join(sentences.moved(refresh)) or 'the first vocabulary'}"
         )
-        self.say_all(f"  {line}" for line in sentences.worth(refresh, task))
-
-    def horizon(self, refresh: Refresh) -> None:
-        """Say once how far ahead is explained, where that was found and not set."""
-        if refresh.horizon_found:
-            self.say(horizon_told(refresh.top.horizon_steps))
+        for line in sentences.worth(refresh, self._run.task):
+            self.say(f"  {line}")
 
     def skipped(self, frames: int, reason: str) -> None:
         """Report a refresh that could not be made."""
@@ -113,11 +108,6 @@ def closing_table(summary: Mapping[str, Any]) -> None:
     Console().print(table)
     for line in summary["notes"]:
         Console(highlight=False, soft_wrap=True).print(f"note: {line}", markup=False)
-
-
-def recent_mean(values: Array, count: int) -> float:
-    """Mean of the newest ``count`` of ``values``; not a number while there is none."""
-    return float(np.mean(values[-count:])) if len(values) else float("nan")
 
 
 def how_to_open(folder: Path, in_sweep: bool) -> list[str]:

@@ -1,9 +1,12 @@
-"""A run as a rerun recording: what is drawn and said, and the file that it goes to."""
+"""The live view: a run as a rerun recording, and its server.
 
-from ibe_rl.view.film import SILENCE
-from ibe_rl.view.recorder import NoRecorder, Recorder
-from ibe_rl.view.recording_file import set_back
-from ibe_rl.view.run_recorder import RunRecorder
-from ibe_rl.view.sentences import short
+In: what the environment declares (``Task``), refreshes, recorded episodes with their explanations, rows of metrics.
+Out: a recording file that grows (``recorder``), the process that serves it in the browser (``relay``), the viewer of
+finished runs (``viewer``), the curves of several runs in the same plots (``overlay``), sentences for people
+(``sentences``), and the colours that every figure shares (``palette``).
+Imports: ``types``, ``task``, ``runtime``, ``storage``, ``ibe``, ``metrics`` and, of ``vocabulary``, what a refresh is.
+It knows nothing of training: nothing here opens a connection to the trainer, and what fails here ends no training.
 
-__all__ = ["SILENCE", "NoRecorder", "Recorder", "RunRecorder", "set_back", "short"]
+The way of a refresh or an episode: ``run_recorder`` decides whether it is kept, ``recorder`` says where on the two
+timelines it lies, ``chart`` and ``film`` log it, ``picture`` computes coordinates, ``blueprint`` lays out the panels.
+"""

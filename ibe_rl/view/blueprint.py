@@ -10,10 +10,9 @@ from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
 
 from ibe_rl.task import Shape, Task
 from ibe_rl.view import picture
-from ibe_rl.view.palette import BACKGROUND, EXPLANATION, GREEN, INSTRUCTION, PALE, PINK
+from ibe_rl.view.palette import BACKGROUND, BLUE, EXPLANATION, GREEN, INSTRUCTED, PALE, PINK, TRAIL
 
 FRAMES, WATCHED_STEP = "frames", "watched_step"
-TRAIL, BLUE = (150, 140, 200), (96, 165, 250)
 FILM_FPS = 50
 """Steps a second when the film plays."""
 WINDOW_STEPS = 320
@@ -27,8 +26,8 @@ CURVES = {
     "ibe/came_true": ("went as predicted", EXPLANATION),
     "ibe/came_true_stale": ("in the words before", PALE),
     "ibe/motion_auc": ("tells the way", BLUE),
-    "ibe/echo_auc": ("an echo tells it", INSTRUCTION),
-    "ibe/staleness": ("staleness", INSTRUCTION),
+    "ibe/echo_auc": ("an echo tells it", INSTRUCTED),
+    "ibe/staleness": ("staleness", INSTRUCTED),
     "ibe/vocabulary_drift": ("words changed", PINK),
     "ibe/policy_drift": ("acts otherwise", BLUE),
 }
@@ -181,7 +180,7 @@ def _over_training(
     )
 
 
-def style(recording: rr.RecordingStream, task: Task) -> None:
+def log_styles(recording: rr.RecordingStream, task: Task) -> None:
     """Log the colours, widths and names that never change."""
 
     def static(path: str, *what: rr.AsComponents) -> None:
@@ -192,7 +191,7 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
         if not key.startswith("train/"):  # too few rows for a line that is seen
             static(f"curves/{key}", rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[3]))
     for name, colour, width, mode in (
-        ("instruction", INSTRUCTION, 2.5, rr.components.InterpolationMode.StepAfter),
+        ("instruction", INSTRUCTED, 2.5, rr.components.InterpolationMode.StepAfter),
         ("explanation", EXPLANATION, 1.5, rr.components.InterpolationMode.Linear),
     ):
         for number in range(task.instruction_size):
@@ -202,14 +201,14 @@ def style(recording: rr.RecordingStream, task: Task) -> None:
     static("scene/then", rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
     static("scene/verdict", rr.Points2D.from_fields(radii=rr.Radius.ui_points(1), show_labels=True))
     static("scene/says", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4), show_labels=True, draw_order=55.0))
-    static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTION], radii=rr.Radius.ui_points(1), show_labels=True))
+    static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTED], radii=rr.Radius.ui_points(1), show_labels=True))
     static(
         "scene/predicted",
         rr.Points2D.from_fields(colors=[EXPLANATION], radii=rr.Radius.ui_points(2.5), draw_order=50.0),
     )
 
 
-def look(shapes: Sequence[Shape]) -> rr.LineStrips2D:
+def line_styles(shapes: Sequence[Shape]) -> rr.LineStrips2D:
     """Colours and widths of shapes, without where they are."""
     return rr.LineStrips2D.from_fields(colors=[s.colour for s in shapes], radii=[s.radius for s in shapes])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -13,11 +12,9 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture
+from ibe_rl.vocabulary.refresh import Refresh
 
-if TYPE_CHECKING:
-    from ibe_rl.vocabulary.refresh import Refresh
-
-HEIGHT = 0.45
+_HEIGHT = 0.45
 """Of the scatter in units of its half width, for a panel that is broader than high."""
 
 
@@ -56,19 +53,20 @@ def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) ->
 def scatter(across: picture.Axis, up: picture.Axis, delta: Array) -> Array:
     """Changes ``(W, S)`` to points ``(W, 2)`` of the scatter, y down."""
     x, y = (axis.place(delta[:, axis.dimension]) for axis in (across, up))
-    return np.stack([x, -HEIGHT * y], axis=-1).astype(np.float32)
+    return np.stack([x, -_HEIGHT * y], axis=-1).astype(np.float32)
 
 
 def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Axis) -> None:
     """Draw the axes of the scatter, and its marks and titles along the bottom and the left edge."""
-    h = HEIGHT
-    zero = -h * float(up.place([0.0])[0])
-    lines = [[(-1, zero), (1, zero)], [(0, -h), (0, h)], [(-1, -h), (-1, h), (1, h)]]
+    zero = -_HEIGHT * float(up.place([0.0])[0])
+    lines = [[(-1, zero), (1, zero)], [(0, -_HEIGHT), (0, _HEIGHT)], [(-1, -_HEIGHT), (-1, _HEIGHT), (1, _HEIGHT)]]
     axes = rr.LineStrips2D(lines, colors=[colours.AXIS], radii=rr.Radius.ui_points(0.5))
     recording.log("vocabulary/axes", axes)
-    marks = [((x, h), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)]
-    marks += [((-1.0, -h * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
-    marks += [((0.6, h + 0.15), f"→ {across.title}"), ((-0.6, h + 0.15), f"↑ {up.title}")]
+    marks = [
+        ((x, _HEIGHT), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)
+    ]
+    marks += [((-1.0, -_HEIGHT * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
+    marks += [((0.6, _HEIGHT + 0.15), f"→ {across.title}"), ((-0.6, _HEIGHT + 0.15), f"↑ {up.title}")]
     places, labels = zip(*marks, strict=True)
     dots = rr.Points2D(places, labels=labels, colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
     recording.log("vocabulary/marks", dots)
@@ -78,7 +76,7 @@ def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, lab
     """Draw the centres ``(k, 2)`` of the clusters, their names in two rows above, with lines between."""
     size = rr.Radius.ui_points(6)
     recording.log("vocabulary/centres", rr.Points2D(points, colors=shades, radii=size, draw_order=60.0))
-    places = picture.label_rows(points, -HEIGHT - 0.16)
+    places = picture.label_rows(points, -_HEIGHT - 0.16)
     leaders = rr.LineStrips2D(np.stack([places, points], axis=1), colors=shades, radii=rr.Radius.ui_points(0.4))
     recording.log("vocabulary/leaders", leaders)
     names = rr.Points2D(places, colors=shades, labels=labels, radii=rr.Radius.ui_points(2), show_labels=True)
@@ -109,6 +107,6 @@ def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, num
     edges = bin_edges(np.concatenate([best, others]))
     middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges).astype(np.float32)
     drawn = picture.cut(densities([best, others], edges))
-    for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.OTHERS), strict=True):
+    for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.MUTED), strict=True):
         chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
         recording.log(f"{picture.entity(task, 'change', number)}/{name}", chart)

@@ -16,21 +16,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ibe_rl.types import ConfigError
+from ibe_rl.view.palette import RUN_COLOURS
 
-APPLICATION = "ibe_rl_overlay"
+OVERLAY_APPLICATION = "ibe_rl_overlay"
 """Not the application of a run's recording: rerun keeps one layout for each."""
-FRAMES = "frames"
-PALETTE = (
-    (86, 180, 233),
-    (230, 159, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (240, 228, 66),
-    (213, 94, 0),
-    (0, 114, 178),
-    (240, 240, 240),
-)
-"""Of Okabe and Ito, told apart by colour-blind people too; white for their black, as the page is dark."""
+_FRAMES = "frames"
 PLOTS: dict[str, tuple[str, ...]] = {
     "Return per episode": ("train/return_mean", "eval/return_mean"),
     "Success, training": ("train/success_rate",),
@@ -43,51 +33,55 @@ PLOTS: dict[str, tuple[str, ...]] = {
 }
 """Title of each plot to the columns of metrics.csv in it."""
 SHARES = {"train/success_rate", "eval/success_rate", "ibe/came_true", "ibe/motion_auc"}
-COLUMNS = tuple(column for columns in PLOTS.values() for column in columns)
+PLOT_COLUMNS = tuple(column for columns in PLOTS.values() for column in columns)
 
 Curve = list[tuple[int, float]]
 """Frames and value of each row that has one."""
 
 
-class Metrics:
-    """Reads what is new in a ``metrics.csv`` that may still grow, or may not be there yet.
+class GrowingTable:
+    """Reads what is new in a CSV file that may still grow, or may not be there yet.
 
     Args:
         path: the file.
+
+    Attributes:
+        header: its columns; none before the file has its first line.
     """
 
     def __init__(self, path: Path) -> None:
+        self.header: Sequence[str] = ()
         self._path, self._read = path, 0
-        self._header: Sequence[str] | None = None
 
-    def new(self) -> dict[str, Curve]:
-        """Read the rows completed since the last call: all of ``COLUMNS`` that the file has.
-
-        Raises:
-            ConfigError: if it is not what train.py writes, or cannot be read.
-        """
-        try:
-            reader = csv.DictReader(self._complete_lines(), self._header)
-            self._header = reader.fieldnames
-            rows = list(reader)
-            return {name: _curve(rows, name) for name in COLUMNS if name in (self._header or ())}
-        except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
-            raise ConfigError(f"{self._path}: allowed are the metrics that train.py writes ({error!r:.200})") from None
-
-    def _complete_lines(self) -> list[str]:
-        """Lines that have their end; the rest is being written and is taken the next time."""
+    def new_rows(self) -> list[dict[str, str]]:
+        """The rows completed since the last call; a line that is being written is taken the next time."""
         if not self._path.exists():
             return []
         with self._path.open("rb") as file:
             file.seek(self._read)
             whole, end, _ = file.read().rpartition(b"\n")
         self._read += len(whole) + len(end)
-        return whole.decode().splitlines()
+        reader = csv.DictReader(whole.decode().splitlines(), self.header or None)
+        self.header = reader.fieldnames or ()
+        return list(reader)
+
+
+def _new_curves(table: GrowingTable, path: Path) -> dict[str, Curve]:
+    """The curves of ``PLOT_COLUMNS`` in the rows completed since the last call.
+
+    Raises:
+        ConfigError: if it is not what train.py writes, or cannot be read.
+    """
+    try:
+        rows = table.new_rows()
+        return {name: _curve(rows, name) for name in PLOT_COLUMNS if name in table.header}
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+        raise ConfigError(f"{path}: allowed are the metrics that train.py writes ({error!r:.200})") from None
 
 
 def _curve(rows: Sequence[Mapping[str, str]], column: str) -> Curve:
     """Frames and value of the rows in which the value is there and finite."""
-    values = [(int(row[FRAMES]), float(row[column] or "nan")) for row in rows]
+    values = [(int(row[_FRAMES]), float(row[column] or "nan")) for row in rows]
     return [(frame, value) for frame, value in values if math.isfinite(value)]
 
 
@@ -103,10 +97,10 @@ class Overlay:
     """
 
     def __init__(self, path: Path, runs: Mapping[str, Path]) -> None:
-        self._metrics = {name: Metrics(csv_file) for name, csv_file in runs.items()}
-        self._colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(runs)}
+        self._tables = {name: (GrowingTable(path), path) for name, path in runs.items()}
+        self._colours = {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(runs)}
         self._columns: set[str] = set()
-        self._recording = rr.RecordingStream(APPLICATION, recording_id=str(uuid4()))
+        self._recording = rr.RecordingStream(OVERLAY_APPLICATION, recording_id=str(uuid4()))
         self._recording.set_sinks(rr.FileSink(path))
         self._recording.set_log_time_enabled(False)
         self._recording.send_recording_name("curves of all runs")
@@ -118,11 +112,11 @@ class Overlay:
         Raises:
             ConfigError: if a file is not what train.py writes.
         """
-        new = {name: metrics.new() for name, metrics in self._metrics.items()}
+        new = {name: _new_curves(*table) for name, table in self._tables.items()}
         columns = {column for curves in new.values() for column, curve in curves.items() if curve}
         if columns - self._columns:  # a run that has just begun has none yet
             self._columns |= columns
-            self._recording.send_blueprint(blueprint(self._columns))
+            self._recording.send_blueprint(curves_blueprint(self._columns))
         for name, curves in new.items():
             for column, curve in curves.items():
                 if curve:
@@ -133,7 +127,7 @@ class Overlay:
         path = rr.new_entity_path([*column.split("/"), name])
         self._recording.log(path, *_style(column, name, self._colours[name]), static=True)
         frames, values = (np.array(part) for part in zip(*curve, strict=True))
-        times = [rr.TimeColumn(FRAMES, sequence=frames)]
+        times = [rr.TimeColumn(_FRAMES, sequence=frames)]
         rr.send_columns(path, times, rr.Scalars.columns(scalars=values), recording=self._recording)
 
     def close(self) -> None:
@@ -151,7 +145,7 @@ def _style(column: str, name: str, colour: tuple[int, int, int]) -> list[rr.AsCo
     return [rr.SeriesLines(colors=[colour], names=[legend], widths=[2]), points]
 
 
-def blueprint(columns: set[str]) -> rrb.Blueprint:
+def curves_blueprint(columns: set[str]) -> rrb.Blueprint:
     """Lay out the plots of which at least one of ``columns`` is there, with the list of recordings beside them."""
     shown = {title: [name for name in names if name in columns] for title, names in PLOTS.items()}
     plotted = [(title, names) for title, names in shown.items() if names]
@@ -161,7 +155,7 @@ def blueprint(columns: set[str]) -> rrb.Blueprint:
         rrb.BlueprintPanel(state="expanded"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TopPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=FRAMES, play_state="following"),
+        rrb.TimePanel(state="collapsed", timeline=_FRAMES, play_state="following"),
         auto_views=False,
     )
 

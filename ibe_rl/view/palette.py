@@ -10,16 +10,22 @@ NEGATIVE, ZERO, POSITIVE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions -1, 0 and +1, told apart also without red or green."""
 DARKER, LIGHTER = 0.5, 0.65
 """How far the second number of an expression goes towards black and white."""
-INSTRUCTION, EXPLANATION = (250, 204, 21), (45, 212, 191)
-GREEN, OTHERS = (132, 224, 96), (130, 130, 140)
+INSTRUCTED, EXPLANATION = (250, 204, 21), (45, 212, 191)
+GREEN, MUTED = (132, 224, 96), (130, 130, 140)
 """The best, what went as predicted; and the others."""
-PINK, PALE, SILENT = (244, 114, 182), (190, 190, 200), (70, 70, 78)
-BACKGROUND, AXIS = (13, 14, 20), (150, 150, 160)
+PINK, PALE, SILENT_GREY = (244, 114, 182), (190, 190, 200), (70, 70, 78)
+BLUE, VIOLET, TRAIL = (96, 165, 250), (165, 148, 249), (150, 140, 200)
+BACKGROUND, AXIS, WHITE, GRID = (13, 14, 20), (150, 150, 160), (228, 228, 235), (44, 46, 58)
 LASTING = (
     *((230, 100, 140), (90, 190, 250), (250, 200, 60), (150, 120, 240), (80, 210, 160), (250, 140, 70)),
     *((200, 200, 210), (190, 90, 210), (170, 210, 80), (110, 140, 220), (220, 150, 180), (60, 170, 170)),
 )
 """Of clusters, by their lasting ids."""
+RUN_COLOURS = (
+    *((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167)),
+    *((240, 228, 66), (213, 94, 0), (0, 114, 178), (240, 240, 240)),
+)
+"""Of runs and conditions beside each other: Okabe and Ito's, for the colour-blind too; white for their black."""
 
 
 def of_expressions(values: Array) -> Array:

@@ -11,14 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibe_rl.ibe import ClusterMapping, Windows
+from ibe_rl.ibe.delta import Windows
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.task import Shape, Task
 from ibe_rl.types import Array
 
 TRAIL_POINTS = 64
 SCATTER_POINTS = 600
-TINY = 1e-9
-FEW = 5
+_TINY = 1e-9
+_FEW_VALUES = 5
 
 
 def entity(task: Task, root: str, number: int) -> str:
@@ -104,10 +105,10 @@ def second_dimension(mapping: ClusterMapping, explained: int, delta: Array) -> i
     Dimensions whose changes ``delta`` ``(W, S)`` take few values, such as flags, come last: their points lie on
     top of each other.
     """
-    labels, scale = mapping.cluster(delta), np.maximum(delta.std(axis=0), TINY)
+    labels, scale = mapping.cluster(delta), np.maximum(delta.std(axis=0), _TINY)
     means = np.array([delta[labels == each].mean(axis=0) for each in np.unique(labels)])
     spread = (means / scale).var(axis=0)
-    few = [len(np.unique(column)) <= FEW for column in delta.T]
+    few = [len(np.unique(column)) <= _FEW_VALUES for column in delta.T]
     spread = np.where(few, spread - spread.max() - 1, spread)
     spread[explained] = -np.inf
     return int(np.argmax(spread))

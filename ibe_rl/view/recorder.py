@@ -17,7 +17,7 @@ import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -32,9 +32,7 @@ from ibe_rl.view import chart, sentences
 from ibe_rl.view import palette as colours
 from ibe_rl.view.film import Film, Place
 from ibe_rl.view.recording_file import RecordingFile, earlier
-
-if TYPE_CHECKING:
-    from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.refresh import Refresh
 
 APPLICATION = "ibe_rl"
 GREETING = "It has just begun to train. Its first words come with the first refresh."
@@ -59,33 +57,6 @@ def _taken(state: Mapping[str, Any]) -> tuple[Place, int, list[int], dict[str, l
 def strict() -> bool:
     """True if rerun was asked to raise wrong calls instead of warning of them."""
     return strict_mode()
-
-
-class NoRecorder:
-    """Takes what a ``Recorder`` takes and writes nothing."""
-
-    def batch(self, frames: int, values: Mapping[str, float]) -> None:
-        """Do nothing."""
-
-    def refresh(self, refresh: Refresh) -> None:
-        """Do nothing."""
-
-    def skipped(self, frames: int, reason: str) -> None:
-        """Do nothing."""
-
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-    def news(self) -> list[str]:
-        """Nothing ever happens."""
-        return []
-
-    def state_dict(self) -> dict[str, Any]:
-        """Nothing to go on with."""
-        return {}
 
 
 class Recorder:
@@ -123,7 +94,7 @@ class Recorder:
         self._recording.set_sinks(sink, default_blueprint=view.blueprint(task, training))
         self._recording.set_log_time_enabled(False)
         self._recording.send_recording_name(run_name)
-        view.style(self._recording, task)
+        view.log_styles(self._recording, task)
         if training and not state:
             Place(0, 0).set(self._recording)
             self._recording.log("now", rr.TextDocument(GREETING, media_type="text/markdown"))

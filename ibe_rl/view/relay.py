@@ -14,7 +14,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -24,7 +24,7 @@ from urllib.parse import quote
 
 from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free
 from ibe_rl.runtime.workers import ending
-from ibe_rl.view.server import HANG_S, POLL_S, Server
+from ibe_rl.view.server import HANG_S, MOMENT_S, ViewerServer, end_process
 
 GRPC_PORT, WEB_PORT = 9876, 9090
 CHUNK_BYTES = 1 << 18
@@ -158,12 +158,7 @@ class Relay:
 
     def close(self) -> None:
         """Serve what is written so far, then end; a second call does nothing."""
-        self._process.terminate()
-        try:
-            self._process.wait(timeout=2 * DRAIN_S + 2)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end_process(self._process, 2 * DRAIN_S + 2)
 
     def __enter__(self) -> Self:
         return self
@@ -202,12 +197,12 @@ def relay(recording: Path, ports: Ports, stop: _Stop) -> int:
     while not recording.exists():
         if stop.now(behind=False):
             return 0
-        time.sleep(POLL_S)
+        time.sleep(MOMENT_S)
     if taken := [port for port in (ports.grpc, ports.web) if not is_free(port)]:
         _say(f"port {taken[0]} was free, but is taken now")  # the server would go on without it and say nothing
         return 1
     address = ["--bind", HOST, "--port", str(ports.grpc), "--web-viewer-port", str(ports.web)]
-    server = Server([str(rerun_binary()), "-", "--serve-web", *address, "--server-memory-limit", "512MiB"])
+    server = ViewerServer([str(rerun_binary()), "-", "--serve-web", *address, "--server-memory-limit", "512MiB"])
     try:
         follow(recording, server, stop)
         if server.alive():
@@ -218,7 +213,7 @@ def relay(recording: Path, ports: Ports, stop: _Stop) -> int:
         server.stop()
 
 
-def follow(recording: Path, server: Server, stop: _Stop) -> None:
+def follow(recording: Path, server: ViewerServer, stop: _Stop) -> None:
     """Pass on what is in the file, then what is added to it; never more of it in memory than ``CHUNK_BYTES``."""
     pending, told = b"", False
     with recording.open("rb") as file:
@@ -232,19 +227,17 @@ def follow(recording: Path, server: Server, stop: _Stop) -> None:
             if pending:
                 pending = server.feed(pending)
             else:
-                time.sleep(POLL_S)
+                time.sleep(MOMENT_S)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def _main() -> int:
     """Be the process that a ``Relay`` started."""
-    parser = argparse.ArgumentParser(
-        prog="python -m ibe_rl.view.relay",
-        description="Started by the trainer; to open a run: python -m ibe_rl.viewer RUN",
-    )
+    what = "Started by the trainer; to open a run: python -m ibe_rl.viewer RUN"
+    parser = argparse.ArgumentParser(prog="python -m ibe_rl.view.relay", description=what)
     parser.add_argument("recording", type=Path)
     for number in ("--grpc-port", "--web-port", "--parent"):
         parser.add_argument(number, type=int, required=True)
-    asked = parser.parse_args(arguments)
+    asked = parser.parse_args()
     return relay(asked.recording, Ports(asked.grpc_port, asked.web_port), _Stop(asked.parent))
 
 
@@ -260,4 +253,4 @@ def serve_live(recording: Path, ports: Ports, owned: ExitStack, say: Callable[[s
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(_main())

@@ -6,25 +6,23 @@ What goes wrong in a ``Recorder`` ends here, and becomes one line for the termin
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ibe_rl.task import Task, Watched
-from ibe_rl.types import Explanation
+from ibe_rl.task import Task
 from ibe_rl.view.recorder import CURVE_BYTES, Recorder, strict
 from ibe_rl.view.thinning import Thinning
-
-if TYPE_CHECKING:
-    from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.listener import Listener, Refreshed
+from ibe_rl.vocabulary.refresh import Refresh
 
 Call = Callable[[Recorder], None]
 LINE_BYTES = 3000
 """At most of a line in the log."""
 
 
-class RunRecorder:
+class RunRecorder(Listener):
     """Takes what a ``Recorder`` takes; raises nothing, except for bugs while rerun is strict (``RERUN_STRICT``).
 
     Args:
@@ -38,6 +36,7 @@ class RunRecorder:
     def __init__(
         self, path: Path, task: Task, run_name: str, max_mb: int, state: Mapping[str, Any] | None = None
     ) -> None:
+        self.essential = strict()
         self._max_mb, self._thinning = max_mb, Thinning(max_mb * 1_000_000)
         self._recorder: Recorder | None = None
         self._frames = self._whole_until = 0
@@ -57,27 +56,45 @@ class RunRecorder:
         except OSError as error:
             self._end(error)
 
-    def batch(self, frames: int, values: Mapping[str, float]) -> None:
+    def batch(self, frames: int, row: Mapping[str, float]) -> None:
         """Add one row of training curves, or leave it out; those with rare columns stay longer."""
         self._frames = frames
-        rare = " ".join(sorted({key.split("/")[0] for key in values} & {"eval", "ibe"}))
+        rare = " ".join(sorted({key.split("/")[0] for key in row} & {"eval", "ibe"}))
         kept = self._rows[rare] % self._thinning.every(small=bool(rare)) == 0
         self._rows[rare] += 1
-        call, size = partial(Recorder.batch, frames=frames, values=values), float(CURVE_BYTES * len(values))
+        call, size = partial(Recorder.batch, frames=frames, values=row), float(CURVE_BYTES * len(row))
         kept = kept and self._fits(size)
         self._newest_row = [] if kept else [(call, size)]
         if kept:
             self._do(call)
         self._say_if_thinner()
 
-    def refresh(self, refresh: Refresh) -> None:
-        """Show a new vocabulary, or leave it out until another one is kept or the recording ends."""
+    def refreshed(self, event: Refreshed) -> None:
+        """Show a new vocabulary and the episode explained with it, or leave out what does not fit.
+
+        What is newest is shown at the latest when the recording ends.
+        """
+        self._show_vocabulary(event.refresh)
+        self._show_rollout(event)
+
+    def _show_vocabulary(self, refresh: Refresh) -> None:
         self._frames = refresh.frame
         call, size = partial(Recorder.refresh, refresh=refresh), self._thinning.refresh_bytes()
         kept = self._refreshes % self._thinning.every(small=True) == 0 and self._fits(size)
         self._newest = [] if kept else [(call, size)]
         if kept:
             self._do(call, refreshes=1)
+
+    def _show_rollout(self, event: Refreshed) -> None:
+        size = self._thinning.episode_bytes(len(event.said))
+        call = partial(Recorder.watched, frames=event.frames, watched=event.rollout, said=event.said, real=event.real)
+        kept = not self._newest and self._refreshes % self._thinning.every() == 0 and self._fits(size)
+        if kept:
+            self._do(call, steps=len(event.said))
+        else:
+            self._newest.append((call, size))
+        self._refreshes += 1
+        self._say_if_thinner()
 
     def skipped(self, frames: int, reason: str) -> None:
         """Say in the log that a refresh was due at ``frames`` and why there was none."""
@@ -86,17 +103,9 @@ class RunRecorder:
             self._do(partial(Recorder.skipped, frames=frames, reason=reason))
         self._refreshes += 1
 
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
-        """Show the episode watched after a refresh, or leave it out as ``refresh`` does."""
-        call = partial(Recorder.watched, frames=frames, watched=watched, said=said, real=real)
-        size = self._thinning.episode_bytes(len(said))
-        kept = not self._newest and self._refreshes % self._thinning.every() == 0 and self._fits(size)
-        if kept:
-            self._do(call, steps=len(said))
-        else:
-            self._newest.append((call, size))
-        self._refreshes += 1
-        self._say_if_thinner()
+    def end(self, summary: Mapping[str, Any]) -> None:
+        """See ``Listener``."""
+        self.close()
 
     def close(self) -> None:
         """Write what is newest where it was left out, and the end of the file; a second call does nothing."""

@@ -1,48 +1,22 @@
-"""From refreshes and explanations to what the view says of them in words."""
+"""From refreshes to what the view says of them in words."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Dict
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
-import numpy as np
-
-from ibe_rl.ibe import ClusterMapping, meaning_lines, phrase, sayable
-from ibe_rl.metrics import in_one_line, wrong_signs
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import sayable
+from ibe_rl.ibe.meaning_lines import meaning_lines
+from ibe_rl.ibe.vocabulary import phrase
+from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
-from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
-
-if TYPE_CHECKING:
-    from ibe_rl.vocabulary.refresh import Refresh
-
-
-def shared_words(words: Sequence[Phrases]) -> int:
-    """How many words all phrases of a language begin with; they can be left out where room is short.
-
-    >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
-    1
-    """
-    spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
-    shared = 0
-    while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
-        shared += 1
-    return shared
+from ibe_rl.types import CANNOT_TELL
+from ibe_rl.view.wording import short
+from ibe_rl.vocabulary.refresh import Refresh
 
 
-def shortener(words: Sequence[Phrases]) -> Callable[[str], str]:
-    """From a phrase to the same without the words that all of the language begin with."""
-    shared = shared_words(words)
-    return lambda said: said if said in (DOES_NOT_KNOW, CANNOT_TELL) else " ".join(said.split()[shared:])
-
-
-def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
-    """Phrases without the words that all of the language begin with."""
-    return [*map(shortener(words), phrases)]
-
-
-def counts(of: Dict[str, int]) -> str:
+def counts(of: Mapping[str, int]) -> str:
     """Names and numbers in one line.
 
     >>> counts({"left": 1200, "right": 3})
@@ -55,7 +29,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     """The clusters as a markdown table with what each was called before; the one just spoken marked."""
     rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
-    for row, (name, now) in enumerate(phrases_of(mapping, words).items()):
+    for row, (name, now) in enumerate(cluster_phrases(mapping, words).items()):
         number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
         then = before.get(name, "new") if before else now
         cells = [f"#{name}", number, now, "" if then == now else then, f"{mapping.sizes[row]:,.0f}"]
@@ -65,7 +39,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     return "\n".join(rows)
 
 
-def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
+def cluster_phrases(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
     """What the clusters are called, in short, by their ids; no word whose meaning is not known."""
     known = sayable(mapping.expressions, mapping.meanings)
     said = [phrase(one, words) if can else CANNOT_TELL for one, can in zip(mapping.expressions, known, strict=True)]
@@ -75,7 +49,7 @@ def phrases_of(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, s
 
 def phrases_before(refresh: Refresh, words: Sequence[Phrases]) -> dict[int, str]:
     """What the clusters were called before a refresh that was taken; empty if nothing was before."""
-    return phrases_of(refresh.change.last, words) if refresh.change is not None and refresh.taken else {}
+    return cluster_phrases(refresh.change.last, words) if refresh.change is not None and refresh.taken else {}
 
 
 def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
@@ -83,7 +57,7 @@ def transitions(refresh: Refresh, words: Sequence[Phrases]) -> list[str]:
     change, before = refresh.change, phrases_before(refresh, words)
     if change is None or not refresh.taken:
         return []
-    now = phrases_of(refresh.mapping, words)
+    now = cluster_phrases(refresh.mapping, words)
     lines = [f"#{name} emerged: {now[name]}" for name in change.transition.emerged]
     lines += [f"#{name} vanished: {before[name]}" for name in change.transition.vanished]
     renamed = [name for name in change.transition.survived if before[name] != now[name]]
@@ -121,24 +95,3 @@ def standing(refresh: Refresh, task: Task, spoken: int | None) -> str:
         f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
         f"by instruction: {counts(refresh.windows_by_instruction)}"
     )
-
-
-def said_lines(instructed: str, explanation: Explanation) -> str:
-    """What both say at one step, in markdown."""
-    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
-    shown = f" ({number})" if explanation.meant else ""
-    sure = f", confidence {explanation.confidence:.0%}" if explanation.meant and explanation.calibrated else ""
-    return f"Instructor: **{instructed}**  \nAgent: **{explanation.in_time()}**{shown}{sure}"
-
-
-def judged(steps_ago: int, said: str, happened: str) -> str:
-    """What was said of the time up to now, and whether it went as predicted.
-
-    Of what no word was said of, only that is told.
-    """
-    if said == CANNOT_TELL:
-        return f"{steps_ago} steps ago it could not tell"
-    outcome = "it did" if said == happened else f"it was {happened}"
-    if happened == CANNOT_TELL:
-        outcome = "it did something else, which it has no known word for"
-    return f"said {steps_ago} steps ago: {said}: {outcome}"

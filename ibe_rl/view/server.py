@@ -1,4 +1,4 @@
-"""The process of a viewer's server as the relay sees it: fed through a pipe, alive, hanging or ended."""
+"""The process of rerun's server as the relay sees it: fed through a pipe, alive, hanging or ended."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import time
 from ibe_rl.runtime.signals import killed_with_parent
 from ibe_rl.runtime.workers import ending
 
-POLL_S = 0.1
+MOMENT_S = 0.1
 HANG_S = 8.0
-"""A server that has taken nothing for so long, of what waits for it, is said to hang."""
+"""Seconds without taking anything of what waits for it before the server counts as hung."""
 
 
-class Server:
-    """A process that is fed through its standard input, never waiting for it, and dies with this one.
+class ViewerServer:
+    """The process of rerun's server, fed through its standard input without waiting; it dies with this one.
 
     Args:
         command: of the process.
@@ -58,7 +58,7 @@ class Server:
 
     def feed(self, data: bytes) -> bytes:
         """Hand over what the server takes within a moment; returns the rest."""
-        if not select.select([], [self._pipe], [], POLL_S)[1]:
+        if not select.select([], [self._pipe], [], MOMENT_S)[1]:
             return data
         try:
             given = os.write(self._pipe, data)
@@ -69,9 +69,14 @@ class Server:
 
     def stop(self) -> None:
         """End it, even if it hangs."""
-        self._process.terminate()
-        try:
-            self._process.wait(timeout=1)
-        except subprocess.TimeoutExpired:  # it hangs
-            self._process.kill()
-            self._process.wait()
+        end_process(self._process, 1)
+
+
+def end_process(process: subprocess.Popen[bytes], timeout_s: float) -> None:
+    """Ask a process to end, and kill it if it has not in time."""
+    process.terminate()
+    try:
+        process.wait(timeout_s)
+    except subprocess.TimeoutExpired:  # it hangs
+        process.kill()
+        process.wait()

@@ -1,10 +1,10 @@
-"""Open runs again in rerun's web viewer; several open side by side, and with their curves in the same plots.
+"""Open runs again in rerun's web viewer, several side by side with their curves in the same plots.
 
     python -m ibe_rl.viewer [RUN ...] [--grpc-port N] [--web-port N]
 
-RUN is the folder of a run or of a sweep, or a recording, finished or still growing; without one it is the newest
-run below ``runs/``. All that is shown is gathered message by message into one temporary file, so that one server
-with one address is enough for any number of runs.
+RUN is the folder of a run or of a sweep, or a recording, finished or still growing. Without one the newest run below
+``runs/`` is opened. The messages of all recordings are copied into one temporary file, so that one server with one
+address is enough for any number of runs.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from ibe_rl.view.overlay import Overlay
 from ibe_rl.view.recording_file import END, HEAD_BYTES, MAGIC, next_message
 from ibe_rl.view.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
 
-RUNS = Path("runs")
-POLL_S = 0.5
+_RUNS = Path("runs")
+_POLL_S = 0.5
 
 
 def runs_at(place: Path) -> list[Path]:
@@ -66,9 +66,9 @@ def _holds_run(folder: Path) -> bool:
 
 def _newest() -> Path:
     try:
-        return find_run(None, RUNS)
+        return find_run(None, _RUNS)
     except ConfigError:
-        raise ConfigError(f"there is no run below {RUNS}/; train one, or name one") from None
+        raise ConfigError(f"there is no run below {_RUNS}/; train one, or name one") from None
 
 
 def recording_of(run: Path) -> Path:
@@ -179,19 +179,19 @@ def serve(runs: Mapping[str, Path], ports: Ports) -> int:
         if curves:
             parts.append(Messages(curves_file))  # last, as the viewer opens on what came last
         with closing(Overlay(curves_file, curves)) as overlay, shown.open("wb") as file:
-            gather(parts, file)
+            append_new_messages(parts, file)
             with Relay(shown, ports) as relay:
                 say(runs, ports)
                 while relay.alive() and not stop:
-                    time.sleep(POLL_S)
+                    time.sleep(_POLL_S)
                     overlay.update()
-                    gather(parts, file)
+                    append_new_messages(parts, file)
         if not stop:
             sys.stderr.write(f"the server has ended: {Path(folder, LOG).read_text().strip()}\n")
     return 0 if stop else 1
 
 
-def gather(parts: Sequence[Messages], shown: BinaryIO) -> None:
+def append_new_messages(parts: Sequence[Messages], shown: BinaryIO) -> None:
     """Append what is new in the recordings to the file that is served."""
     for part in parts:
         part.copy(shown)
@@ -207,7 +207,7 @@ def say(runs: Mapping[str, Path], ports: Ports) -> None:
     sys.stdout.flush()
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def open_recordings(arguments: Sequence[str] | None = None) -> int:
     """Open runs from the command line until Ctrl-C."""
     parser = argparse.ArgumentParser(prog="python -m ibe_rl.viewer", description="Open runs in the browser.")
     what = "folder of a run or of a sweep, or a recording, finished or growing; default: the newest run below runs/"

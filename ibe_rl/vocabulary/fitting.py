@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from inspect import signature
 from typing import Any
 
+import numpy as np
+
 from ibe_rl.config.kinds import implementation
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import (
-    ClusterMapping,
-    IBEMapping,
-    Interpretation,
-    Reactions,
-    UnknownMeaningWarning,
-    Windows,
-    check_settings,
-    interpret,
-)
+from ibe_rl.ibe.delta import Windows
+from ibe_rl.ibe.estimator import IBEMapping
+from ibe_rl.ibe.interpret import interpret
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Interpretation, Reactions, UnknownMeaningWarning
+from ibe_rl.ibe.settings import check_settings
+from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
-from ibe_rl.types import ConfigError, Episode
-from ibe_rl.vocabulary.training_episodes import best_windows, said_in, steps_of
+from ibe_rl.types import Array, ConfigError, Episode
+from ibe_rl.vocabulary.refresh import Refresh, Spans
+from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons, said_in, steps_of, told_windows
 
 
 def fit_mapping(
@@ -106,8 +108,8 @@ def interpret_lessons(
 def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> Any:
     """The estimator of the mapping's kind: what its constructor takes by name is the setting of that name.
 
-    A kind of mapping is a class with ``fit`` as ``IBEMapping.fit``, after which ``mapping_`` is a ``ClusterMapping``. Its
-    class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions`` (their
+    A kind of mapping is a class with ``fit`` as ``IBEMapping.fit``, after which ``mapping_`` is a ``ClusterMapping``.
+    Its class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions`` (the
     indices, None for all), ``last``, ``memory`` and ``random_state`` mean what they mean there.
     """
     estimator = implementation("mapping", config.kind)
@@ -167,3 +169,70 @@ def _check_steps(config: MappingConfig, longest: int) -> None:
                 f"mapping.{name}={value}: allowed is at least 1 and at most {longest}, the length of the longest "
                 "episode"
             )
+
+
+def learn_vocabulary(
+    log: TrajectoryLog,
+    config: MappingConfig,
+    task: Task,
+    seed: int,
+    last: Spans | None = None,
+    reactions: Reactions | None = None,
+) -> Refresh:
+    """Learn the vocabulary from the best episodes of the log, and one for each of the other spans of time.
+
+    Args:
+        log: with whole episodes in it.
+        config: see ``MappingConfig``; its horizon is set or ``settled``.
+        task: the environment's own names.
+        seed: of the clustering; with the same log it gives the same vocabulary.
+        last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
+        reactions: of the agent, if it is told; None: nobody has asked it.
+
+    Raises:
+        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
+    """
+    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
+    top = best_windows(lessons.best, config, steps)
+    meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
+    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
+    others = told_windows(lessons.others, config, steps)
+    contexts = np.array([episode.context for episode in lessons.best])
+    return Refresh(
+        frame=log.frames,
+        mapping=mapping,
+        spans=_learn_spans(lessons, config, task, seed, last, meant),
+        top=top,
+        others=top[:0] if others is None else others,
+        episodes_logged=lessons.logged,
+        episodes_counted=lessons.counted,
+        episodes_used=len(lessons.best),
+        episodes_by_context=_count(contexts, task.contexts),
+        windows_by_context=_count(contexts[top.episode], task.contexts),
+        windows_by_instruction=_count_instructions(top.instruction, task),
+        reactions=reactions,
+    )
+
+
+def _learn_spans(
+    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
+) -> dict[int, ClusterMapping]:
+    """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
+    found = {}
+    for n in sorted({*config.spans_steps} - {config.horizon_steps}):
+        with suppress(TooLittleDataError):
+            found[n] = fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n, meant)
+    return found
+
+
+def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
+    return {name: int(np.sum(names == name)) for name in all_names}
+
+
+def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
+    """Windows by the value of the instruction; with several numbers each is counted under its own name."""
+    values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
+    columns = instructions.T
+    names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]
+    counts = [int(np.sum(np.isclose(column, value))) for column in columns for value in task.instruction_values]
+    return dict(zip(names, counts, strict=True))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import cut_windows
+from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.types import Array, observe

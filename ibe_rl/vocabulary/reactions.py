@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.collect.rollout import moments_apart
-from ibe_rl.ibe import Reactions
+from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
 
 ASKED_AT = 24

@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping, Interpretation, Reactions, TooLittleDataError, Transition, Windows, phrase
-from ibe_rl.metrics import Calibration, Verdict, VocabularyDrift, verdicts_of
-from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.ibe.delta import Windows
+from ibe_rl.ibe.identity import ClusterTransition
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.ibe.vocabulary import phrase
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import VocabularyDrift
+from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
-from ibe_rl.types import Array
-from ibe_rl.vocabulary.fitting import fit_mapping, fit_windows, interpret_lessons
-from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons, steps_of, told_windows
+from ibe_rl.vocabulary.training_episodes import steps_of
 
 Spans = Dict[int, ClusterMapping]
 """Vocabularies by their horizon in steps."""
@@ -42,7 +42,7 @@ class Change:
 
     last: ClusterMapping
     since_frame: int
-    transition: Transition
+    transition: ClusterTransition
     drift: VocabularyDrift
     policy_drift: float
     last_scores: Dict[str, float]
@@ -99,73 +99,6 @@ class Refresh:
     def verdicts(self, task: Task) -> list[Verdict]:
         """Whether the words that stand tell which way it goes, for each number of the instruction."""
         return verdicts_of(self.scores_of_numbers, self.standing.meanings, task)
-
-
-def learn_vocabulary(
-    log: TrajectoryLog,
-    config: MappingConfig,
-    task: Task,
-    seed: int,
-    last: Spans | None = None,
-    reactions: Reactions | None = None,
-) -> Refresh:
-    """Learn the vocabulary from the best episodes of the log, and one for each of the other spans of time.
-
-    Args:
-        log: with whole episodes in it.
-        config: see ``MappingConfig``; its horizon is set or ``settled``.
-        task: the environment's own names.
-        seed: of the clustering; with the same log it gives the same vocabulary.
-        last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
-        reactions: of the agent, if it is told; None: nobody has asked it.
-
-    Raises:
-        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
-    """
-    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
-    top = best_windows(lessons.best, config, steps)
-    meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
-    mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
-    others = told_windows(lessons.others, config, steps)
-    contexts = np.array([episode.context for episode in lessons.best])
-    return Refresh(
-        frame=log.frames,
-        mapping=mapping,
-        spans=_learn_spans(lessons, config, task, seed, last, meant),
-        top=top,
-        others=top[:0] if others is None else others,
-        episodes_logged=lessons.logged,
-        episodes_counted=lessons.counted,
-        episodes_used=len(lessons.best),
-        episodes_by_context=_count(contexts, task.contexts),
-        windows_by_context=_count(contexts[top.episode], task.contexts),
-        windows_by_instruction=_count_instructions(top.instruction, task),
-        reactions=reactions,
-    )
-
-
-def _learn_spans(
-    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
-) -> dict[int, ClusterMapping]:
-    """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
-    found = {}
-    for n in sorted({*config.spans_steps} - {config.horizon_steps}):
-        with suppress(TooLittleDataError):
-            found[n] = fit_mapping(lessons.best, lessons.heard, config, task, seed, last.get(n), n, meant)
-    return found
-
-
-def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
-    return {name: int(np.sum(names == name)) for name in all_names}
-
-
-def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
-    """Windows by the value of the instruction; with several numbers each is counted under its own name."""
-    values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
-    columns = instructions.T
-    names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]
-    counts = [int(np.sum(np.isclose(column, value))) for column in columns for value in task.instruction_values]
-    return dict(zip(names, counts, strict=True))
 
 
 def save_refresh(

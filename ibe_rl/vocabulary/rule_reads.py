@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import rule_axes
+from ibe_rl.ibe.space import rule_axes
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 

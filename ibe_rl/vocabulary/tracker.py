@@ -12,26 +12,21 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig, TrainConfig
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, phrases_true_in
-from ibe_rl.ibe import ClusterMapping, Reactions, Windows, cut_windows, keep_identity
-from ibe_rl.metrics import (
-    OF_THE_MOMENTS,
-    SCORES,
-    Calibration,
-    mean_scores,
-    number_scores,
-    phrases_true,
-    policy_drift,
-    share_true,
-    vocabulary_drift,
-    wrong_signs,
-)
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, confidence_features, phrase_hits_in
+from ibe_rl.ibe.delta import Windows, cut_windows
+from ibe_rl.ibe.identity import keep_identity
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import policy_drift, vocabulary_drift
+from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES, mean_scores, number_scores, phrase_accuracy, phrase_hits
+from ibe_rl.metrics.verdict import wrong_signs
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
-from ibe_rl.vocabulary.fitting import check_mapping
+from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.probe import Probe, draw_probe
-from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, learn_vocabulary, save_refresh
+from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.training_episodes import find_steps, settled, steps_of
 
 JUDGED_EPISODES = 200
@@ -192,11 +187,11 @@ class Development:
         """The vocabulary that stands for a span of time, None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
 
-    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> Voice:
+    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
         """What the agent speaks with as it is now, after the first refresh."""
         assert self.mapping is not None
         steps, words = steps_of(self._config), self._task.phrases
-        return Voice(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
+        return ExplainerState(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
 
     def judge(
         self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int
@@ -214,16 +209,16 @@ class Development:
             the agent did not know, and how much would have gone as predicted by the vocabulary before.
         """
         new = said[::every_steps]
-        true = phrases_true(episode, said, refresh.standing, self._task.phrases)[::every_steps]
+        true = phrase_hits(episode, said, refresh.standing, self._task.phrases)[::every_steps]
         self._learn_confidence(new, true)
-        row = {"ibe/came_true": share_true(true), "ibe/unknown": float(np.mean([not one.known for one in new]))}
+        row = {"ibe/came_true": phrase_accuracy(true), "ibe/unknown": float(np.mean([not one.known for one in new]))}
         if refresh.change is not None:
-            stale = phrases_true_in(refresh.change.last, episode, said, self._task.phrases)
-            row["ibe/came_true_stale"] = share_true(stale[::every_steps])
+            stale = phrase_hits_in(refresh.change.last, episode, said, self._task.phrases)
+            row["ibe/came_true_stale"] = phrase_accuracy(stale[::every_steps])
         return row
 
     def _learn_confidence(self, new: Sequence[Explanation], true: Array) -> None:
-        """Learn from what was said with a known meaning; ``true`` is of ``phrases_true``."""
+        """Learn from what was said with a known meaning; ``true`` is of ``phrase_hits``."""
         meant = ~np.isnan(true)
         if meant.any():
             self._judged.append((confidence_features(new)[meant], true[meant] == 1))

@@ -8,16 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import (
-    TooLittleDataError,
-    Windows,
-    cut_windows,
-    find_horizon,
-    instruction_lasts,
-    leading_change,
-    rule_axes,
-    top_episodes,
-)
+from ibe_rl.ibe.delta import Windows, cut_windows, top_episodes
+from ibe_rl.ibe.horizon import find_horizon, instruction_lasts, leading_change
+from ibe_rl.ibe.space import TooLittleDataError, rule_axes
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode

@@ -17,13 +17,15 @@ from minari.data_collector import EpisodeBuffer
 from torch.utils import _pytree
 from typer.testing import CliRunner
 
-from ibe_rl.apps.external.study import guest_run_config, keep_run, open_study, study
-from ibe_rl.apps.minari import export_log, import_log, main
+from ibe_rl.apps.external.study import external_run_config, keep_run, open_study, study
+from ibe_rl.apps.minari import export_log, import_log, minari_command
 from ibe_rl.config.command_line import composed
 from ibe_rl.envs import LANDER_ID, LANDER_TASK, Instructed
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import create_run_folder
 from ibe_rl.types import ConfigError, Episode
+
+pytestmark = pytest.mark.slow
 
 QUICK = ["mapping.horizon_steps=10", "mapping.spans_steps=[5]", "viewer=off"]
 COLUMNS = ("states", "actions", "rewards", "instructions", "given")
@@ -59,7 +61,7 @@ def run(tmp_path: Path) -> Path:
     episodes = [made_up(number) for number in range(30)]
     cfg = composed("explain", ["mapping.top_fraction=1", *QUICK, f"run_dir={tmp_path / 'run'}"])
     folder = create_run_folder(tmp_path / "run")
-    keep_run(folder, guest_run_config(cfg, "a test", seed=0), episodes, sum(len(one) + 1 for one in episodes))
+    keep_run(folder, external_run_config(cfg, "a test", seed=0), episodes, sum(len(one) + 1 for one in episodes))
     return folder
 
 
@@ -141,7 +143,7 @@ def collected(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_a_dataset_of_others_comes_in_with_the_rule_of_the_environment(collected: Any, tmp_path: Path) -> None:
     collected("theirs/flights-v0", gymnasium.make(LANDER_ID))
     settings = [*QUICK, f"run_dir={tmp_path / 'rule'}"]
-    assert main(["import", "theirs/flights-v0", *settings]) == 0
+    assert minari_command(["import", "theirs/flights-v0", *settings]) == 0
     episodes, dataset = logged(tmp_path / "rule"), minari.load_dataset("theirs/flights-v0")
     assert len(episodes) == 8
     for episode, data in zip(episodes, dataset, strict=True):
@@ -219,9 +221,9 @@ def test_what_does_not_fit_is_refused_before_a_folder_is_made(tmp_path: Path) ->
 
 
 def test_what_cannot_be_exported_is_refused(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert main(["export", str(run), "mine/twice-v0", "--newest", "2"]) == 0
+    assert minari_command(["export", str(run), "mine/twice-v0", "--newest", "2"]) == 0
     with pytest.raises(SystemExit, match=r"error: dataset=mine/twice-v0: .*already exists"):
-        main(["export", str(run), "mine/twice-v0"])
+        minari_command(["export", str(run), "mine/twice-v0"])
     with pytest.raises(ConfigError, match="newest=0: allowed is at least 1"):
         export_log(run, "mine/other-v0", newest=0)
     with pytest.raises(ConfigError, match="not a run folder"):

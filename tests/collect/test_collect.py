@@ -18,22 +18,21 @@ from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.collect import collector as collect
 from ibe_rl.collect.collector import (
-    DENSE,
-    EVALUATION_SEED,
-    Every,
-    Rarer,
     batches,
     check_collect,
     env_of_worker,
     make_collector,
-    refresh_interval,
     steps_of,
 )
+from ibe_rl.collect.rollout import EVALUATION_SEED
+from ibe_rl.collect.schedule import DENSE, Every, Rarer, refresh_interval
 from ibe_rl.config.settings import MAX_SEED, CollectConfig, EnvConfig, InstructorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
+
+pytestmark = pytest.mark.slow
 
 ENV = EnvConfig(id=LANDER_ID)
 STEPS = 130

@@ -9,6 +9,8 @@ import pytest
 from ibe_rl.config.arguments import quoted
 from ibe_rl.config.command_line import output_folder, run_name, run_script
 
+pytestmark = pytest.mark.slow
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 

@@ -3,7 +3,9 @@
 import ast
 import math
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -59,6 +61,11 @@ LIMITS = {"low", "high", "choices"}
 
 
 def composed(root: str, *overrides: str) -> Any:
+    return deepcopy(_composed(root, *overrides))
+
+
+@cache
+def _composed(root: str, *overrides: str) -> Any:
     register()
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         values = OmegaConf.to_object(compose(root, list(overrides)))
@@ -253,6 +260,7 @@ def test_a_setting_that_is_none_is_refused():
         composed("train", "+mapping.colour=red")
 
 
+@cache
 def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]

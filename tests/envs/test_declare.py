@@ -10,8 +10,9 @@ import pytest
 from rules import WORDS, declared
 
 from ibe_rl.config.settings import EnvConfig, PhrasesConfig
-from ibe_rl.envs.declare import Declared, declare, load_function
+from ibe_rl.envs.declare import declare, load_function
 from ibe_rl.envs.make import drawn, join, make_game, make_gym, task_of
+from ibe_rl.envs.wrappers import Declared
 from ibe_rl.ibe import phrase
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.types import ConfigError

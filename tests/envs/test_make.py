@@ -13,7 +13,7 @@ from torchrl.envs.utils import check_env_specs, step_mdp
 
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed, join, make_env, make_gym, task_of
+from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed, join, make_gym, task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.partial_episode import UnderWay
 from ibe_rl.types import Array, ConfigError, observe
@@ -22,7 +22,9 @@ ROWS, STEPS, SEED = 3, 500, 110
 
 
 def make(kind: str = "oracle", rows: int = ROWS, **kwargs: Any) -> Any:
-    return make_env(LANDER_ID, kwargs, rows, make_instructor(InstructorConfig(kind), LANDER_TASK), SEED)
+    return join(
+        [make_gym(LANDER_ID, kwargs) for _ in range(rows)], make_instructor(InstructorConfig(kind), LANDER_TASK), SEED
+    )
 
 
 def pilot(tensordict: TensorDictBase) -> TensorDictBase:
@@ -131,7 +133,7 @@ class Noting:
 
 def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
     instructor = Noting()
-    env = make_env(LANDER_ID, {}, ROWS, instructor, SEED)
+    env = join([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     instructor.resets.clear()
     torch.manual_seed(0)
     data = env.rollout(200, break_when_any_done=False)
@@ -145,7 +147,7 @@ def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
 def test_each_row_is_asked_once_for_each_of_its_steps():
     """Neither again because another row begins anew, nor where the game is over."""
     instructor = Noting()
-    env = make_env(LANDER_ID, {}, ROWS, instructor, SEED)
+    env = join([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     torch.manual_seed(0)
     data = env.rollout(200, break_when_any_done=False)
     over = int(data["next", "terminated"][:, -1].sum())

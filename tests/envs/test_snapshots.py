@@ -9,7 +9,8 @@ from rules import declared
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.snapshots import Copied, MuJoCo, make_copy, repeats, stoppable
+from ibe_rl.envs.make import make_copy
+from ibe_rl.envs.snapshots import Copied, MuJoCo, repeats, stoppable
 from ibe_rl.types import ConfigError
 
 WAYS: dict[str, type] = {

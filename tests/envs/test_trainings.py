@@ -11,8 +11,9 @@ from processes import SMALL, call
 
 from ibe_rl.collect.rollout import watch
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.snapshots import make_copy
-from ibe_rl.evaluation import load_run
+from ibe_rl.envs.make import make_copy
+from ibe_rl.evaluation.narration import explainer_state
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import phrases_of
 from ibe_rl.instructors import make_instructor
@@ -45,5 +46,5 @@ def test_it_trains_learns_a_vocabulary_and_explains(name: str, tmp_path: Path):
     flight = watch(game, run.policy, instructor, seed=1)
     assert all(game.action_space.contains(action) for action in flight.episode.actions)
     simulator = Simulator(partial(make_copy, run.config.env), run.task.rule)
-    said = explain(flight.moments[:3], run.policy, simulator, run.voice)
+    said = explain(flight.moments[:3], run.policy, simulator, explainer_state(run))
     assert {one.phrase for one in said} <= set(phrases_of(run.mapping.expressions, run.task.phrases))

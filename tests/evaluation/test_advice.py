@@ -10,8 +10,8 @@ import pytest
 from lift import TASK, words
 
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.evaluation import TrainedRun
 from ibe_rl.evaluation.advice import ASK_FOR_IT, ECHO, advice, lines_of, text_of, verdict_of, verdicts_from
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.ibe import Meaning
 from ibe_rl.storage.run_folder import write_json
 

@@ -3,7 +3,7 @@
 import numpy as np
 from lift import TASK, moments, words
 
-from ibe_rl.evaluation.changing import METRICS, judge_ages
+from ibe_rl.evaluation.changing import AGE_METRICS, judge_ages
 
 CHANGE = [2, -2, 0, 2, -2, 0]
 HERE = moments(CHANGE, [[change] for change in CHANGE], [1, 1, 1, -1, -1, -1], [0, 0, 0, 1, 1, 1])
@@ -21,7 +21,7 @@ def test_the_own_age_against_earlier_ones():
     ]  # the wrong one calls what came the same wrong thing
     gains = [row["refreshed_minus_this"]["motion_auc"] for row in rows]
     assert gains == [{"value": 1, "low": 1, "high": 1}, *[{"value": 0, "low": 0, "high": 0}] * 2]
-    assert all(set(METRICS) == set(row["refreshed_minus_this"]) for row in rows)
+    assert all(set(AGE_METRICS) == set(row["refreshed_minus_this"]) for row in rows)
 
 
 def test_a_policy_from_before_the_first_vocabulary_has_no_rows():

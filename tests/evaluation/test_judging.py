@@ -7,9 +7,9 @@ import pytest
 from lift import TASK, moments, words
 
 from ibe_rl.evaluation.baselines import StateRegressor
+from ibe_rl.evaluation.judging import GOALS, Learnt, confidence_of, judge, paired_of, rows_of
 from ibe_rl.evaluation.moments import Moments
-from ibe_rl.evaluation.quality import GOALS, Judged, Learnt, confidence_of, judge, paired_of, rows_of
-from ibe_rl.evaluation.rows import METRICS
+from ibe_rl.evaluation.rows import ROW_METRICS, Judged
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.types import Array
 
@@ -62,8 +62,8 @@ def test_every_explainer_has_a_row_with_every_metric(judged: Judged):
     assert len(rows) == 1 + len(NAMES)
     for row in rows:
         assert row["horizon_steps"] == 5
-        assert set(METRICS) <= set(row)
-        for metric in METRICS:
+        assert set(ROW_METRICS) <= set(row)
+        for metric in ROW_METRICS:
             assert row[metric] is None or set(row[metric]) == {"value", "low", "high"}, (row["explainer"], metric)
 
 

@@ -13,16 +13,15 @@ from lift import TASK as LIFT
 from ibe_rl.evaluation import figures, tables
 from ibe_rl.evaluation.baselines import StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
+from ibe_rl.evaluation.judging import Learnt, judge, rows_of
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.observers import observe_all
-from ibe_rl.evaluation.quality import Judged, Learnt, judge, rows_of
 from ibe_rl.evaluation.report import write_moments
-from ibe_rl.evaluation.rows import EACH
+from ibe_rl.evaluation.rows import EACH, Judged
 from ibe_rl.ibe import ClusterMapping, Windows
 from ibe_rl.ibe.space import along
-from ibe_rl.metrics import vocabulary_scores
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.metrics.quality import mean_over_numbers
+from ibe_rl.metrics.quality import mean_over_numbers, vocabulary_scores
 from ibe_rl.types import Array
 
 SPEED = replace(WORDS, zero="as fast", negative="{degree}slower", positive="{degree}faster")
@@ -166,8 +165,8 @@ def test_moments_have_a_column_a_number(judged: Judged, tmp_path: Path):
 
 def test_tables_and_figures_show_each_number(judged: Judged, capsys: pytest.CaptureFixture[str]):
     rows = rows_of(judged)
-    tables.tell_rows(rows, "both")
-    tables.tell_observers({"episodes": 0, "rows": []}, rows)
+    tables.print_rows(rows, "both")
+    tables.print_observers({"episodes": 0, "rows": []}, rows)
     said = capsys.readouterr().out
     assert "Each number of the instruction by itself" in said
     assert "no simulated observer: it listens to one number, here there are 2" in said

@@ -1,6 +1,7 @@
 """Real flights of the demo's policy: which moments are taken, what followed, and what was predicted."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,12 @@ import pytest
 
 from ibe_rl.agents import make_agent
 from ibe_rl.agents.ppo import PPOConfig
-from ibe_rl.collect.collector import JUDGING_SEED
-from ibe_rl.collect.rollout import play
+from ibe_rl.collect.rollout import JUDGING_SEED, play
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
-from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan, gather
+from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan
+from ibe_rl.evaluation.rollouts import predict_futures, take_moments
 from ibe_rl.instructors import make_instructor
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.checkpoint import load, policies
@@ -37,8 +38,11 @@ def policy() -> Any:
 
 
 def flown(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
-    instructor = make_instructor(InstructorConfig(kind), LANDER_TASK)
-    return gather(make, LANDER_TASK, policy, instructor, Simulator(make, LANDER_TASK.rule), SEEDS, plan)
+    run: Any = SimpleNamespace(
+        make_env=make, task=LANDER_TASK, config=SimpleNamespace(instructor=InstructorConfig(kind))
+    )
+    taken = take_moments(run, policy, SEEDS, plan)
+    return predict_futures(taken, policy, Simulator(make, LANDER_TASK.rule), plan, "futures")
 
 
 @pytest.fixture(scope="module")

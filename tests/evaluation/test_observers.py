@@ -7,7 +7,7 @@ import pytest
 from lift import TASK, moments, words
 
 from ibe_rl.evaluation.controls import Flipped
-from ibe_rl.evaluation.observers import NOTHING, add_errors, observe_all
+from ibe_rl.evaluation.observers import NO_EXPLANATION, add_errors, observe_all
 
 OURS = "ibe:lift"
 HERE = moments(
@@ -30,10 +30,10 @@ def test_errors_are_in_percent_of_the_range():
     assert told[OURS] == told["baseline:true_future"] == 0  # +1 is read as two metres up
     assert told["baseline:flipped"] == pytest.approx(100 * 4 / 20)
     assert told["both"] == pytest.approx(100 * 2 / 20)
-    assert told[NOTHING] == pytest.approx(100 * (1 + 3) / 2 / 20)  # goes on for one metre up
+    assert told[NO_EXPLANATION] == pytest.approx(100 * (1 + 3) / 2 / 20)  # goes on for one metre up
     assert told["baseline:predicted_change"] == pytest.approx(100 * 1 / 2 / 20)
     less = next(row["minus_no_explanation"] for row in report["rows"] if row["explainer"] == OURS)
-    assert less["value"] == -told[NOTHING]
+    assert less["value"] == -told[NO_EXPLANATION]
     assert less["low"] <= less["value"] <= less["high"] < 0
     assert samples[OURS]["observer_error"].shape == (51,)
 

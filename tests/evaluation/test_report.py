@@ -9,12 +9,11 @@ import pytest
 from by_hand import WORDS
 from lift import TASK, moments, words
 
-from ibe_rl.evaluation.quality import Judged
 from ibe_rl.evaluation.report import calibration_report, make_folders, reliability, write_moments
-from ibe_rl.evaluation.rows import Truth
+from ibe_rl.evaluation.rows import Judged, Truth
 from ibe_rl.evaluation.verbalise import calibrate, speak
-from ibe_rl.metrics import Calibration
 from ibe_rl.metrics.bootstrap import episode_weights
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.types import ConfigError
 
 OURS = "ibe:lift"

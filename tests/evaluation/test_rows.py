@@ -8,19 +8,17 @@ from lift import TASK, moments, words
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.rows import (
     Truth,
-    as_json,
     balance,
     difference,
+    estimate_json,
     fixed,
     score_confidence,
     score_motion,
     score_words,
     spread_over,
-    weighted_f1,
 )
 from ibe_rl.evaluation.verbalise import speak
-from ibe_rl.metrics import instruction_f1
-from ibe_rl.metrics.bootstrap import Estimate, episode_weights
+from ibe_rl.metrics.bootstrap import episode_weights
 
 HERE = moments(
     realised=[2, -2, 0, 2],
@@ -51,17 +49,6 @@ def test_the_true_change_tells_the_motion_perfectly():
     assert scores["instruction_f1"][0] < 1
 
 
-def test_f1_is_that_of_the_metrics():
-    random = np.random.default_rng(3)
-    said, told = random.uniform(-1, 1, 60), random.integers(-1, 2, 60).astype(float)
-    weights = episode_weights(np.repeat(np.arange(10), 6), 5, 0)
-    found = weighted_f1(said, told, (-1.0, 0.0, 1.0), weights)
-    for row, value in zip(weights.astype(int), found, strict=True):
-        again = np.repeat(np.arange(60), row)
-        assert value == pytest.approx(instruction_f1(said[again], told[again], (-1.0, 0.0, 1.0)))
-    assert weighted_f1(told, told, (-1.0, 0.0, 1.0), weights)[0] == 1
-
-
 def test_words_and_confidence():
     spoken = speak(words(), HERE, 5, [WORDS])
     told = score_words(spoken, truth())
@@ -81,7 +68,7 @@ def test_balance_is_told_where_there_are_clusters():
 
 
 def test_values_for_a_report():
-    assert as_json(Estimate(0.123456789, float("nan"), 1.0)) == {"value": 0.12346, "low": None, "high": 1.0}
+    assert estimate_json(np.array([0.123456789])) == {"value": 0.12346, "low": None, "high": None}
     assert fixed(2) == {"value": 2.0, "low": None, "high": None}
     assert spread_over([float("nan"), 0.0, 1.0]) == {"value": 0.5, "low": 0.025, "high": 0.975}
     assert spread_over([float("nan")]) == {"value": None, "low": None, "high": None}

@@ -26,9 +26,10 @@ from ibe_rl.config.settings import (
     ViewerConfig,
 )
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.narration import explainer_state
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.ibe import ClusterMapping, Reactions
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.checkpoint import save_policy
 from ibe_rl.storage.run_folder import (
     CALIBRATION,
@@ -174,7 +175,6 @@ def intercept(folder: Path) -> float | None:
 
 def test_the_confidence_is_calibrated_as_the_refresh_was(folder: Path):
     assert load_run(folder).calibration is None
-    assert load_run(folder).voice.calibration is None
     write_mapping(folder, 950, mapping_of(-0.2), sure(1))
     assert intercept(folder) == 1
 
@@ -219,7 +219,7 @@ def test_a_damaged_calibration_is_refused(folder: Path, damage: dict[str, Any] |
 def test_a_run_speaks_with_all_that_it_learnt(folder: Path):
     write_mapping(folder, 950, mapping_of(-0.2), sure(1), n20=mapping_of(-0.5))
     run = load_run(folder)
-    voice = run.voice
+    voice = explainer_state(run)
     assert (voice.mapping, voice.horizon_steps, voice.words, voice.spans) == (
         run.mapping,
         40,

@@ -6,9 +6,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from ibe_rl.evaluation.rows import METRICS
+from ibe_rl.evaluation.rows import ROW_METRICS
 from ibe_rl.evaluation.tables import (
-    WIDTH,
+    TABLE_WIDTH,
     changing_table,
     console,
     horizons_table,
@@ -21,11 +21,11 @@ SOME = {"value": -0.98765, "low": -0.99999, "high": -0.91234}
 
 
 def row(name: str, horizon: int = 60, **told: Any) -> dict[str, Any]:
-    return {"explainer": name, "horizon_steps": horizon, **dict.fromkeys(METRICS, SOME), **told}
+    return {"explainer": name, "horizon_steps": horizon, **dict.fromkeys(ROW_METRICS, SOME), **told}
 
 
 def printed(table: Table) -> str:
-    shown = Console(width=WIDTH)
+    shown = Console(width=TABLE_WIDTH)
     with shown.capture() as text:
         shown.print(table)
     return text.get()
@@ -39,7 +39,7 @@ def test_the_widest_row_fits():
     assert "random_clusters (all) -.988 (-1.00 -.912)" in text
     assert "12/12" in text
     assert "12.35" in text
-    assert max(len(line) for line in text.splitlines()) <= WIDTH
+    assert max(len(line) for line in text.splitlines()) <= TABLE_WIDTH
 
 
 def test_what_is_null_stays_empty():
@@ -95,4 +95,4 @@ def test_who_helps_the_observer_most_comes_first():
 
 
 def test_the_console_is_wide_enough_without_a_terminal():
-    assert console().width >= WIDTH
+    assert console().width >= TABLE_WIDTH

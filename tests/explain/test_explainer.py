@@ -8,9 +8,17 @@ import pytest
 from by_hand import WORDS as OF_THE_LIFT
 from by_hand import on_a_line
 
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice, confidence_features, explain, hold, put_in_words, voted
+from ibe_rl.explain.explainer import (
+    CONFIDENCE_FEATURES,
+    ExplainerState,
+    confidence_features,
+    explain,
+    hold,
+    majority_phrases,
+    put_in_words,
+)
 from ibe_rl.ibe.space import along
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import DOES_NOT_KNOW, Array, Moment, Policy, Prediction
 
@@ -52,7 +60,7 @@ class Tenths:
         return np.abs(delta[:, 0]) / 10
 
 
-TENTHS = Voice(Tenths(), 4, WORDS)
+TENTHS = ExplainerState(Tenths(), 4, WORDS)
 
 
 def moments(*speeds: float) -> list[Moment]:
@@ -86,7 +94,7 @@ def test_without_moments_nothing_is_said():
 def test_in_between_the_last_explanation_holds(every_steps: int, heard: list[int]):
     mapping = Tenths()
     mapping.ids = np.arange(6)
-    new = explain(moments(1, 2, 3, 4, 5, 6)[::every_steps], stay, Straight(), Voice(mapping, 1, WORDS))
+    new = explain(moments(1, 2, 3, 4, 5, 6)[::every_steps], stay, Straight(), ExplainerState(mapping, 1, WORDS))
     assert [one.delta_state[0] for one in hold(new, every_steps, 6)] == heard
 
 
@@ -98,7 +106,7 @@ def test_predictions_can_be_put_into_the_words_of_another_vocabulary():
             return -super().express(delta)
 
     paths = Straight().rollout(moments(2, -0.25), stay, 4).paths
-    now, then = (put_in_words(paths[:, None], Voice(mapping, 4, WORDS)) for mapping in (Tenths(), Backwards()))
+    now, then = (put_in_words(paths[:, None], ExplainerState(mapping, 4, WORDS)) for mapping in (Tenths(), Backwards()))
     assert [(one.phrase, one.cluster) for one in now] == [("up", 5), ("a little down", 7)]
     assert [(one.phrase, one.cluster) for one in then] == [("down", 30), ("a little up", 10)]
     for one, other, path in zip(now, then, paths, strict=True):
@@ -110,7 +118,7 @@ def test_predictions_can_be_put_into_the_words_of_another_vocabulary():
 
 
 LINE = replace(on_a_line([-4, 0, 4], ids=[3, 5, 7]), purities=np.array([0.5, 0.75, 1]))
-LIFT = Voice(LINE, 4, [OF_THE_LIFT])
+LIFT = ExplainerState(LINE, 4, [OF_THE_LIFT])
 DOWN, STAY, UP = "going down", "staying", "going up"
 
 
@@ -150,13 +158,13 @@ def test_what_most_futures_are_called_is_said():
 def test_of_equally_frequent_phrases_the_first_one_is_said(
     futures: list[float], phrase: str, chosen: int, agreement: float
 ):
-    phrases, which, shares = voted(np.array(futures, float)[None, :, None], LINE, [OF_THE_LIFT])
+    phrases, which, shares = majority_phrases(np.array(futures, float)[None, :, None], LINE, [OF_THE_LIFT])
     assert (phrases, which.tolist(), shares.tolist()) == ([phrase], [chosen], [agreement])
 
 
 def test_clusters_of_one_name_vote_together():
     mapping = on_a_line([-4, 0, 2, 4], expressions=[-1, 0, 0.8, 1])
-    phrases, which, shares = voted(np.array([[[-4.0], [-4], [4], [2], [2]]]), mapping, [OF_THE_LIFT])
+    phrases, which, shares = majority_phrases(np.array([[[-4.0], [-4], [4], [2], [2]]]), mapping, [OF_THE_LIFT])
     assert (phrases, which.tolist(), shares.tolist()) == ([UP], [2], [3 / 5])
 
 
@@ -172,12 +180,12 @@ class Gusts(Straight):
 
 def test_as_many_futures_are_sampled_of_each_moment_as_asked_for():
     predictor, mapping = Gusts(), replace(on_a_line([-4, 0, 4]), space=along(np.eye(2)[:, :1]))
-    voice = Voice(mapping, 4, [OF_THE_LIFT], futures=3)
-    said = explain(moments(1, -3), stay, predictor, voice)
+    state = ExplainerState(mapping, 4, [OF_THE_LIFT], futures=3)
+    said = explain(moments(1, -3), stay, predictor, state)
     assert predictor.calls == [(6, stay, 4)]
     assert [one.futures[:, 0].tolist() for one in said] == [[4, 16, -28], [-12, 0, -44]]
     assert [(one.phrase, one.agreement) for one in said] == [(UP, 2 / 3), (DOWN, 2 / 3)]
-    alone = explain(moments(1, -3), stay, Straight(), replace(voice, futures=1))
+    alone = explain(moments(1, -3), stay, Straight(), replace(state, futures=1))
     assert [(one.phrase, one.agreement, one.futures.shape) for one in alone] == [(UP, 1, (1, 2)), (DOWN, 1, (1, 2))]
 
 
@@ -223,8 +231,8 @@ BY_PURITY = Calibration(
 def test_calibrated_confidence_is_a_probability_and_below_the_least_the_agent_does_not_know(
     minimum: float, known: list[bool]
 ):
-    voice = replace(LIFT, calibration=BY_PURITY, min_confidence=minimum)
-    said = put_in_words(ahead([-4, 4, -4], [0, 0, 0], [4, 4, -4]), voice)
+    state = replace(LIFT, calibration=BY_PURITY, min_confidence=minimum)
+    said = put_in_words(ahead([-4, 4, -4], [0, 0, 0], [4, 4, -4]), state)
     assert [one.confidence for one in said] == pytest.approx([0.5, 0.75, 0.9])
     assert [one.known for one in said] == known
     assert [one.phrase for one in said] == [DOWN, STAY, UP]  # what it would have said is still there
@@ -242,8 +250,8 @@ def test_it_is_silent_below_the_minimum_also_before_it_is_calibrated():
 
 def test_other_spans_are_spoken_of_whatever_the_calibration_says():
     """It is learnt from what came true of the horizon."""
-    voice = replace(LIFT, spans=SPANS, calibration=BY_PURITY, min_confidence=0.95)
-    [one] = put_in_words(ahead([7, 7], steps=8), voice)
+    state = replace(LIFT, spans=SPANS, calibration=BY_PURITY, min_confidence=0.95)
+    [one] = put_in_words(ahead([7, 7], steps=8), state)
     assert (one.known, one.confidence) == (False, pytest.approx(0.9))
     assert [(each.known, each.confidence, each.said) for each in one.spans] == [(True, 0.75, STAY), (True, 1, UP)]
     assert one.in_time() == f"within 2 steps {STAY}, within 4 steps {DOES_NOT_KNOW}, within 8 steps {UP}"
@@ -255,12 +263,12 @@ def test_what_the_predictor_does_not_stand_by_is_marked_and_lowers_the_confidenc
             whole = super().rollout(moments, policy, horizon_steps)
             return replace(whole, trusted_steps=np.resize([3, 4], len(moments)))
 
-    voice = replace(TENTHS, futures=2, spans={2: Tenths()})
-    [one] = explain(moments(2), stay, Parting(), voice)
+    state = replace(TENTHS, futures=2, spans={2: Tenths()})
+    [one] = explain(moments(2), stay, Parting(), state)
     assert (one.trusted_steps, one.trusted, one.agreement) == (3, False, 0.5)
     assert one.confidence == one.agreement * one.purity
     assert (one.spans[0].trusted_steps, one.spans[0].trusted, one.spans[0].agreement) == (2, True, 1)
     assert one.trusted_path[:, 0].tolist() == [100, 102, 104, 106, 106]
-    [sure] = explain(moments(2), stay, Straight(), voice)
+    [sure] = explain(moments(2), stay, Straight(), state)
     assert (sure.trusted_steps, sure.trusted, sure.agreement) == (4, True, 1)
     np.testing.assert_array_equal(sure.trusted_path, sure.path)

@@ -13,16 +13,15 @@ from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.evaluation import load_run
-from ibe_rl.evaluation.refit import open_log
-from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
+from ibe_rl.evaluation.trained_run import open_log
 from ibe_rl.instructors.recorded import read_lesson
+from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
-from ibe_rl.training.parts import begin, build
+from ibe_rl.training.build import make_parts
 from ibe_rl.training.resume import must_fit, read_state
-from ibe_rl.view import set_back
 from ibe_rl.view.overlay import Metrics
-from ibe_rl.view.recording_file import whole_messages
+from ibe_rl.view.recording_file import set_back, whole_messages
 from ibe_rl.view.viewer import Messages, run_names, runs_at
 
 
@@ -36,7 +35,7 @@ def explained(run: Path) -> None:
 
 def log(run: Path) -> None:
     """As explain.py task=compare does."""
-    opened = open_log(load_run(run))
+    opened = open_log(load_run(run).folder)
     opened.read(range(len(opened.index)))
     assert len(opened.context_names) == len(opened.index)
 
@@ -49,9 +48,10 @@ def resumed(run: Path) -> None:
     if state["recorder"]:
         with must_fit(run):
             set_back(run / RECORDING, state["recorder"]["recorder"]["bytes"])
-    with ExitStack() as owned, patch("ibe_rl.training.parts.run_name", lambda folder: folder.name):  # hydra's to know
-        parts = build(config, run, owned, state=state)
-        begin(parts, state)
+    with ExitStack() as owned, patch("ibe_rl.training.build.run_name", lambda folder: folder.name):  # hydra's to know
+        parts = make_parts(config, run, owned, StopRequest(), state)
+        with must_fit(run):
+            parts.random.load_state_dict(state["random"])
         parts.log.read(range(len(parts.log.index)))
 
 

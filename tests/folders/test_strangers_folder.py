@@ -19,7 +19,7 @@ from damage import refusal
 from opening import WAYS
 from processes import call
 
-from ibe_rl.view.viewer import main as open_viewer
+from ibe_rl.view.viewer import open_recordings
 
 
 class Trap:
@@ -189,7 +189,7 @@ def test_links_to_other_places_are_refused(run: Path, tmp_path: Path, name: str)
         with pytest.raises(SystemExit, match=re.escape(f"error: {run / name}: a link to another place")):
             call(script, f"{key}={run}")
     with pytest.raises(SystemExit):
-        open_viewer([str(run)])
+        open_recordings([str(run)])
     assert outside.read_text() == "precious"
 
 

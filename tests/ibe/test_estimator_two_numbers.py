@@ -8,7 +8,7 @@ from sklearn.metrics import pairwise_distances
 
 from ibe_rl.ibe import IBEMapping, keep_identity, phrase
 from ibe_rl.ibe.space import consequences, rule_axes
-from ibe_rl.metrics import vocabulary_drift
+from ibe_rl.metrics.drift import vocabulary_drift
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array
 

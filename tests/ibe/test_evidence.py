@@ -10,24 +10,24 @@ import pytest
 from masses import Agent, Rule, fly, ignores, obeys, opposes, planned, seen_as, to_the_middle
 
 from ibe_rl.ibe import Evidence
-from ibe_rl.ibe.evidence import _expectable, best, influence, influence_of_plan, pays, pays_at_once, satisfaction
-from ibe_rl.ibe.record import Record
+from ibe_rl.ibe.delta import LoggedSteps
+from ibe_rl.ibe.evidence import _regressors, compliance, influence, influence_of_plan, pays, pays_at_once, satisfaction
 from ibe_rl.types import Array, Episode
 
 RIGHT = np.array([1.0, 0.0])
 """Where +1 asks to go."""
 ALL = np.ones(40, bool)
-Source = Callable[[Record, Array], Evidence | None]
+Source = Callable[[LoggedSteps, Array], Evidence | None]
 SOURCES: dict[str, Source] = {
     "satisfaction": lambda record, axis: satisfaction(record, axis, 0, 0),
-    "best": lambda record, axis: best(record, axis, 0, np.ones(record.size, bool), 0),
+    "best": lambda record, axis: compliance(record, axis, 0, np.ones(record.episode_count, bool), 0),
     "pays": lambda record, axis: pays(record, axis, 0, 0),
     "influence": lambda record, axis: influence_of_plan(record, axis, 0, 0),
 }
 
 
-def record(agent: Agent = obeys, rule: Rule = to_the_middle, horizon_steps: int = 5, **settings: float) -> Record:
-    return Record.of(fly(agent, rule, **settings), horizon_steps)  # type: ignore[arg-type]
+def record(agent: Agent = obeys, rule: Rule = to_the_middle, horizon_steps: int = 5, **settings: float) -> LoggedSteps:
+    return LoggedSteps.of(fly(agent, rule, **settings), horizon_steps)  # type: ignore[arg-type]
 
 
 def sure(evidence: Evidence | None) -> int:
@@ -37,7 +37,7 @@ def sure(evidence: Evidence | None) -> int:
     return evidence.sign
 
 
-def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], horizon_steps: int = 1) -> Record:
+def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], horizon_steps: int = 1) -> LoggedSteps:
     """One number that moves."""
     like = fly(episodes=1, steps=1)[0]
     each = [
@@ -51,7 +51,7 @@ def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], 
         )
         for path, said in zip(places, told, strict=True)
     ]
-    return Record.of(each, horizon_steps)
+    return LoggedSteps.of(each, horizon_steps)
 
 
 # ---- what ends it
@@ -77,8 +77,8 @@ def only_right(state: Array, _step: int, _episode: int) -> float:
 def test_one_word_and_silence_are_enough() -> None:
     """Who never says 0 is silent where they ask for nothing."""
     spoken = [replace(one, given=one.instructions[:, 0] != 0) for one in fly(ignores, only_right)]
-    log = Record.of(spoken, 5)
-    assert set(log.told[log.given, 0]) == {1}
+    log = LoggedSteps.of(spoken, 5)
+    assert set(log.instruction[log.given, 0]) == {1}
     assert sure(satisfaction(log, RIGHT, 0, 0)) == 1
 
 
@@ -124,20 +124,20 @@ def test_an_instruction_that_never_ends_has_none() -> None:
 
 @pytest.mark.parametrize(("agent", "sign"), [(obeys, 1), (ignores, 0), (opposes, -1)])
 def test_the_best_moved_as_they_did(agent: Agent, sign: int) -> None:
-    assert sure(best(record(agent, planned), RIGHT, 0, ALL, 0)) == sign
+    assert sure(compliance(record(agent, planned), RIGHT, 0, ALL, 0)) == sign
 
 
 def test_only_those_that_count_do() -> None:
     episodes = fly(obeys, planned)[:20] + fly(opposes, planned, seed=1)[20:]
-    log, first = Record.of(episodes, 5), np.arange(40) < 20
-    assert [sure(best(log, RIGHT, 0, some, 0)) for some in (first, ~first)] == [1, -1]
-    assert best(log, RIGHT, 0, first & (np.arange(40) < 6), 0) is None  # too few
+    log, first = LoggedSteps.of(episodes, 5), np.arange(40) < 20
+    assert [sure(compliance(log, RIGHT, 0, some, 0)) for some in (first, ~first)] == [1, -1]
+    assert compliance(log, RIGHT, 0, first & (np.arange(40) < 6), 0) is None  # too few
 
 
 def test_it_is_the_mean_movement_that_was_told() -> None:
     """Told +1 it goes by 3, told -1 by -1, told nothing by 100, which does not count."""
     log = by_hand([[0, 3, 2, 102]] * 8, [[1, -1, 0]] * 8)
-    found = best(log, np.ones(1), 0, np.ones(8, bool), 0)
+    found = compliance(log, np.ones(1), 0, np.ones(8, bool), 0)
     assert found is not None
     assert found.effect == pytest.approx(2 / np.std(log.delta))
     assert found.low == found.high == pytest.approx(found.effect)  # all episodes are alike
@@ -145,8 +145,8 @@ def test_it_is_the_mean_movement_that_was_told() -> None:
 
 
 def test_who_was_told_nothing_did_nothing() -> None:
-    assert best(record(obeys, lambda *_: 0.0), RIGHT, 0, ALL, 0) is None
-    assert best(record(), RIGHT, 0, ~ALL, 0) is None
+    assert compliance(record(obeys, lambda *_: 0.0), RIGHT, 0, ALL, 0) is None
+    assert compliance(record(), RIGHT, 0, ~ALL, 0) is None
 
 
 # ---- what pays
@@ -162,7 +162,7 @@ def test_following_pays_or_does_not_whoever_does_it(agent: Agent, reward: float)
 
 def test_a_reward_for_something_else_says_nothing() -> None:
     chance = np.random.default_rng(0)
-    log = Record.of([replace(one, rewards=chance.normal(size=40)) for one in fly(ignores, planned)], 5)
+    log = LoggedSteps.of([replace(one, rewards=chance.normal(size=40)) for one in fly(ignores, planned)], 5)
     assert sure(pays_at_once(log, RIGHT, 0, 0)) == 0
 
 
@@ -176,8 +176,8 @@ def test_what_could_be_expected_of_the_place_is_no_merit() -> None:
         return float(-2 * state[0] - 3 * state[1])
 
     logged = [replace(one, rewards=one.states[:-1, 0]) for one in fly(pulled, lambda *_: 1.0)]
-    log = Record.of(logged, 5)
-    moved, earned = log.delta[log.whole, 0], log.earned[log.whole]
+    log = LoggedSteps.of(logged, 5)
+    moved, earned = log.delta[log.complete, 0], log.window_return[log.complete]
     assert np.corrcoef(moved, earned)[0, 1] < -0.5
     found = pays_at_once(log, RIGHT, 0, 0)
     assert found is None or found.sign == 0
@@ -190,10 +190,10 @@ def test_with_many_dimensions_what_is_expected_is_linear() -> None:
         replace(one, states=np.column_stack([one.states, chance.normal(size=(41, 11))]))
         for one in fly(ignores, planned, pays=1.0)
     ]
-    assert sure(pays_at_once(Record.of(crowd, 5), np.append(RIGHT, np.zeros(11)), 0, 0)) == 1
+    assert sure(pays_at_once(LoggedSteps.of(crowd, 5), np.append(RIGHT, np.zeros(11)), 0, 0)) == 1
     states, signs = chance.normal(size=(20, 13)), np.ones(20)
-    assert _expectable(states, signs).shape == (20, 2 * 14)
-    assert _expectable(states[:, :12], signs).shape == (20, 2 * 13 + 78)
+    assert _regressors(states, signs).shape == (20, 2 * 14)
+    assert _regressors(states[:, :12], signs).shape == (20, 2 * 13 + 78)
 
 
 def paid_at_the_end(agent: Agent, sign: float, count: int = 40, per_step: float = -1.0) -> list[Episode]:
@@ -210,7 +210,7 @@ def paid_at_the_end(agent: Agent, sign: float, count: int = 40, per_step: float 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_where_all_steps_earn_the_same_episodes_are_compared(sign: float) -> None:
-    log = Record.of(paid_at_the_end(ignores, sign), 5)
+    log = LoggedSteps.of(paid_at_the_end(ignores, sign), 5)
     assert pays_at_once(log, RIGHT, 0, 0) is None
     assert sure(pays(log, RIGHT, 0, 0)) == sign
 
@@ -225,10 +225,10 @@ def test_episodes_are_compared_within_their_context() -> None:
         """In the last step, that no whole window begins before."""
         return replace(one, rewards=np.append(np.zeros(len(one) - 1), much + chance.normal()))
 
-    def log(context: str) -> Record:
+    def log(context: str) -> LoggedSteps:
         good, bad = [paid(one, 100) for one in there], [paid(replace(one, context=context), 0) for one in here]
-        found = Record.of(good + bad, 30)
-        assert not found.whole.any()
+        found = LoggedSteps.of(good + bad, 30)
+        assert not found.complete.any()
         return found
 
     assert sure(pays(log("there"), RIGHT, 0, 0)) == 1
@@ -245,7 +245,7 @@ def test_a_movement_that_is_always_the_same_pays_nothing() -> None:
     """The rewards differ by chance; nothing moved more than usual."""
     log = by_hand([np.arange(8.0).tolist()] * 10, [[1.0] * 7] * 10)
     rewards = np.random.default_rng(0).normal(size=len(log))
-    assert pays_at_once(replace(log, earned=rewards), np.zeros(1), 0, 0) is None
+    assert pays_at_once(replace(log, window_return=rewards), np.zeros(1), 0, 0) is None
 
 
 def test_too_few_windows_with_an_instruction_pay_nothing() -> None:
@@ -260,7 +260,7 @@ def test_an_episode_that_was_hardly_told_anything_does_not_count() -> None:
     some = paid_at_the_end(ignores, 1.0)
     for windows, expected in ((4, False), (5, True)):
         told = [replace(one, instructions=np.where(np.arange(len(one)) < windows, 1.0, 0)[:, None]) for one in some]
-        assert (pays(Record.of(told, 5), RIGHT, 0, 0) is not None) == expected
+        assert (pays(LoggedSteps.of(told, 5), RIGHT, 0, 0) is not None) == expected
 
 
 # ---- what the agent does
@@ -305,7 +305,7 @@ def test_a_plan_is_read_from_every_other_episode() -> None:
     """From those that an axis has not been looked for in."""
     follow, oppose = fly(obeys, planned), fly(opposes, planned)
     odd = [follow[number] if number % 2 else oppose[number] for number in range(40)]
-    assert sure(influence_of_plan(Record.of(odd, 5), RIGHT, 0, 0)) == 1
+    assert sure(influence_of_plan(LoggedSteps.of(odd, 5), RIGHT, 0, 0)) == 1
 
 
 @pytest.mark.parametrize("only", [1.0, -1.0])
@@ -318,7 +318,7 @@ def test_a_plan_with_one_word_shows_nothing(only: float) -> None:
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_seven_episodes_are_too_few(source: str) -> None:
-    few, many = (Record.of(fly(obeys, planned, episodes=count, pays=1.0), 5) for count in (7, 40))
+    few, many = (LoggedSteps.of(fly(obeys, planned, episodes=count, pays=1.0), 5) for count in (7, 40))
     assert SOURCES[source](few, RIGHT) is None
     assert SOURCES[source](many, RIGHT) is not None
 
@@ -329,11 +329,11 @@ def test_it_is_the_same_in_other_coordinates(source: str, rule: Rule) -> None:
     """Mixed, scaled and shifted, with an axis that goes with them."""
     chance = np.random.default_rng(0)
     episodes = fly(obeys, rule, pays=1.0)
-    expected = SOURCES[source](Record.of(episodes, 5), RIGHT)
+    expected = SOURCES[source](LoggedSteps.of(episodes, 5), RIGHT)
     assert expected is not None
     for _ in range(3):
         mixing = chance.normal(size=(2, 2)) * 10.0 ** chance.uniform(-2, 2, 2)
-        log = Record.of(seen_as(episodes, mixing, chance.normal(size=2)), 5)
+        log = LoggedSteps.of(seen_as(episodes, mixing, chance.normal(size=2)), 5)
         found = SOURCES[source](log, np.linalg.solve(mixing, RIGHT))
         assert found is not None
         assert found.episodes == expected.episodes
@@ -350,7 +350,7 @@ def test_the_same_seed_gives_the_same(source: str) -> None:
 
 def test_another_seed_resamples_otherwise() -> None:
     log = record(obeys, planned)
-    one, other = (best(log, RIGHT, 0, ALL, seed) for seed in (0, 1))
+    one, other = (compliance(log, RIGHT, 0, ALL, seed) for seed in (0, 1))
     assert one is not None
     assert other is not None
     assert one.effect == other.effect

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ibe_rl.ibe import find_horizon, instruction_lasts, leading_change
-from ibe_rl.ibe.horizon import FEWEST_STEPS
+from ibe_rl.ibe.horizon import MIN_HORIZON_STEPS
 from ibe_rl.types import Array
 
 PLACE = np.array([[1.0], [0.0]])
@@ -94,7 +94,7 @@ def test_the_leading_change_is_what_goes_together():
 def test_an_instruction_lasts_until_another_one_is_given() -> None:
     """Eight steps right, then nothing, then four left: 8 to 1 and 4 to 1 steps are left, the median is 3.5."""
     one = np.array([1.0] * 8 + [0.0] * 5 + [-1.0] * 4)[:, None]
-    assert instruction_lasts([one, np.zeros((9, 1))]) == FEWEST_STEPS  # 3.5 is less than the fewest
+    assert instruction_lasts([one, np.zeros((9, 1))]) == MIN_HORIZON_STEPS  # 3.5 is less than the fewest
     assert instruction_lasts([np.ones((41, 1))]) == 21
     assert instruction_lasts([np.ones((41, 1)), -np.ones((41, 1))]) == 21
     assert instruction_lasts([np.column_stack([np.ones(41), np.repeat([1, -1], [21, 20])])]) == 11

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from by_hand import column, on_a_line, plain
 
-from ibe_rl.ibe import ClusterMapping, Transition, keep_identity
+from ibe_rl.ibe import ClusterMapping, ClusterTransition, keep_identity
 from ibe_rl.types import Array
 
 NEAR = column(1, 2, 3, 4, 8, 9)
 """With centres at 0 and 10 the first four are one cluster's, with centres at 0 and 30 all of them."""
 
 
-def continued(last: ClusterMapping, new: ClusterMapping, probe: Array, **settings: Any) -> tuple[Any, Transition]:
+def continued(
+    last: ClusterMapping, new: ClusterMapping, probe: Array, **settings: Any
+) -> tuple[Any, ClusterTransition]:
     mapping, transition = keep_identity(last, new, probe, int(last.ids.max()) + 1, **settings)
     return mapping.ids.tolist(), transition
 
@@ -23,7 +25,7 @@ def test_one_survives_one_vanishes_one_emerges():
     """The centres count too: 0, 0, 1, 2, 3, 4 of 0, 0, 1, 2, 3, 4, 8, 9, 10 stay together, and 30 of 8, 9, 10, 30."""
     ids, transition = continued(on_a_line([0, 10]), on_a_line([0, 30]), NEAR)
     assert ids == [0, 2]
-    assert transition == Transition({0: 6 / 9}, (1,), (2,))
+    assert transition == ClusterTransition({0: 6 / 9}, (1,), (2,))
 
 
 def test_an_id_is_never_given_twice():
@@ -44,7 +46,7 @@ def test_clusters_in_another_order_keep_their_names():
         new = on_a_line(np.array([0.0, 10, 20])[order])
         ids, transition = continued(last, new, column(1, 11, 19, 21))
         assert ids == np.array([5, 2, 9])[order].tolist()
-        assert transition == Transition({5: 1.0, 2: 1.0, 9: 1.0}, (), ())
+        assert transition == ClusterTransition({5: 1.0, 2: 1.0, 9: 1.0}, (), ())
 
 
 def test_a_cluster_that_the_probe_never_reaches_is_known_by_its_centre():
@@ -150,7 +152,7 @@ def test_a_mapping_continues_itself(seed: int):
 
 
 def test_a_transition_is_plain_values_for_a_file():
-    assert Transition({4: 0.75, 2: 0.5}, (1,), (5, 6)).to_dict() == {
+    assert ClusterTransition({4: 0.75, 2: 0.5}, (1,), (5, 6)).to_dict() == {
         "survived": [{"id": 4, "overlap": 0.75}, {"id": 2, "overlap": 0.5}],
         "vanished": [1],
         "emerged": [5, 6],

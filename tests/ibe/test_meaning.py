@@ -34,7 +34,7 @@ def test_one_word_is_enough_to_know_something(negative: bool, positive: bool, kn
 
 
 def test_what_is_unknown_has_a_reason() -> None:
-    assert Meaning.unknown("why", 7, (BEST,)) == Meaning(False, False, "why", (BEST,), 7)
+    assert Meaning.unknown("why", 7) == Meaning(False, False, "why", (), 7)
 
 
 def test_words_called_by_what_the_best_were_told_need_the_best_to_have_followed() -> None:

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from masses import fly, ignores, obeys, opposes, planned, seen_as, speed_up, to_the_middle
 
+from ibe_rl.ibe.delta import LoggedSteps
 from ibe_rl.ibe.rates import depends_on_state, integral, is_rate
-from ibe_rl.ibe.record import Record
 from ibe_rl.types import Array, Episode
 
 PLACE, SPEED = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
-def record(*given: object, **settings: object) -> Record:
-    return Record.of(fly(*given, **settings), 5)  # type: ignore[arg-type]
+def record(*given: object, **settings: object) -> LoggedSteps:
+    return LoggedSteps.of(fly(*given, **settings), 5)  # type: ignore[arg-type]
 
 
 def pendulum(episodes: int = 20, steps: int = 50, step_seconds: float = 0.05) -> list[Episode]:
@@ -44,14 +44,14 @@ def test_a_speed_is_a_rate_and_a_place_is_none(agent: object) -> None:
 def test_so_it_is_in_other_coordinates() -> None:
     """Mixed, scaled and shifted: the speed is no column any more."""
     mixing = np.array([[2.0, 300.0], [-1.0, 50.0]])
-    log = Record.of(seen_as(fly(), mixing, np.array([7.0, -9.0])), 5)
+    log = LoggedSteps.of(seen_as(fly(), mixing, np.array([7.0, -9.0])), 5)
     back = np.linalg.inv(mixing)
     assert is_rate(log, back @ SPEED, 0)
     assert not is_rate(log, back @ PLACE, 0)
 
 
 def test_the_turning_of_a_pendulum_is_a_rate_though_no_number_has_its_angle() -> None:
-    log = Record.of(pendulum(), 5)
+    log = LoggedSteps.of(pendulum(), 5)
     turning, height = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
     assert is_rate(log, turning, 0)
     assert not is_rate(log, height, 0)
@@ -60,7 +60,7 @@ def test_the_turning_of_a_pendulum_is_a_rate_though_no_number_has_its_angle() ->
 
 def test_what_never_changes_is_no_rate() -> None:
     log = record()
-    still = replace(log, states=np.ones_like(log.states), after=np.ones_like(log.after))
+    still = replace(log, states=np.ones_like(log.states), next_states=np.ones_like(log.next_states))
     assert not is_rate(still, PLACE, 0)
 
 
@@ -68,14 +68,14 @@ def test_with_many_dimensions_products_are_left_out() -> None:
     """The same pendulum beside 20 numbers that say nothing: only a linear fit is tried."""
     chance = np.random.default_rng(0)
     crowd = [replace(one, states=np.column_stack([one.states, chance.normal(size=(51, 20))])) for one in pendulum()]
-    assert not is_rate(Record.of(crowd, 5), np.eye(23)[2], 0)
+    assert not is_rate(LoggedSteps.of(crowd, 5), np.eye(23)[2], 0)
     beside = [replace(one, states=np.column_stack([one.states, chance.normal(size=(41, 20))])) for one in fly()]
-    assert is_rate(Record.of(beside, 5), np.eye(22)[1], 0)  # a linear one is enough for a speed
+    assert is_rate(LoggedSteps.of(beside, 5), np.eye(22)[1], 0)  # a linear one is enough for a speed
 
 
 @pytest.mark.parametrize("scale", [1.0, 1_000.0])
 def test_what_changes_by_a_speed_is_the_place(scale: float) -> None:
-    log = Record.of(seen_as(fly(), np.diag([scale, 1.0]), np.zeros(2)), 5)
+    log = LoggedSteps.of(seen_as(fly(), np.diag([scale, 1.0]), np.zeros(2)), 5)
     found = integral(log, SPEED)
     # the mean speed over a step is how far it went, less half of what the speed rose by
     np.testing.assert_allclose(found, [1 / scale, -0.5], rtol=1e-3)
@@ -83,7 +83,7 @@ def test_what_changes_by_a_speed_is_the_place(scale: float) -> None:
 
 def test_what_never_changes_is_the_place_of_nothing() -> None:
     log = record()
-    frozen = replace(log, states=log.states * [0, 1], after=log.after * [0, 1])
+    frozen = replace(log, states=log.states * [0, 1], next_states=log.next_states * [0, 1])
     assert integral(frozen, SPEED)[0] == 0
 
 

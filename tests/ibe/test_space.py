@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from ibe_rl.ibe import TooLittleDataError
-from ibe_rl.ibe.space import Space, along, information, lasso_axes, network, rule_axes, scaled, signed_power
+from ibe_rl.ibe.space import (
+    Space,
+    along,
+    information,
+    lasso_axes,
+    movement_of_one,
+    network,
+    rule_axes,
+    scaled,
+    signed_power,
+)
 from ibe_rl.types import Array
 
 X, GOAL = 2, 4
@@ -230,3 +240,30 @@ def test_an_axis_on_which_nothing_moves_is_not_taken():
     assert not rule_axes(seen, told, 0)[:2].any()
     axes = rule_axes(seen, told, 0, np.array([True, True, False]))
     assert np.abs(axes[0, 0]) > 0
+
+
+NOT_KNOWN = np.array([False])
+
+
+def test_a_typical_movement_is_what_one_unit_of_instruction_brought_about():
+    """Told 1 and -1 it went 2 and -4 (3 on average), told 0 anywhere; along the second axis against it."""
+    places, told = np.array([[2.0, -1], [-4, 1], [9, 9]]), np.array([[1.0, 1], [-1, -1], [0, 0]])
+    np.testing.assert_allclose(movement_of_one(places, told, np.ones(3), NOT_KNOWN), [3, -1])
+    np.testing.assert_allclose(movement_of_one(places, told, np.array([3, 1, 1]), NOT_KNOWN), [2.5, -1])
+    half = np.array([[0.5], [-0.5]])
+    np.testing.assert_allclose(movement_of_one(half, half, np.ones(2), NOT_KNOWN), [1])
+
+
+@pytest.mark.parametrize(("moved", "told"), [(1.0, 0.0), (0.0, 1.0)])
+def test_if_no_instruction_moved_anything_nothing_is_typical(moved: float, told: float):
+    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything yet"):
+        movement_of_one(np.full((3, 1), moved), np.full((3, 1), told), np.ones(3), NOT_KNOWN)
+
+
+def test_where_the_meaning_is_known_one_is_a_movement_that_way_however_little_was_followed():
+    """Told 1 it mostly went down by 2: 1 is half of the mean movement, upwards; unknown it stays what the best did."""
+    places, told = np.array([[-2.0], [-2], [-2], [2]]), np.ones((4, 1))
+    known = np.array([True])
+    assert movement_of_one(places, told, np.ones(4), NOT_KNOWN).tolist() == [-1]
+    assert movement_of_one(places, told, np.ones(4), known).tolist() == [1]
+    assert movement_of_one(-places, told, np.array([1.0, 1, 1, 0]), known).tolist() == [2]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from ibe_rl.envs import LANDER_TASK
-from ibe_rl.ibe import NORMALISATIONS, normalise, phrase
+from ibe_rl.ibe import normalise, phrase
+from ibe_rl.ibe.vocabulary import NORMALISATIONS
 from ibe_rl.task import Phrases
 
 

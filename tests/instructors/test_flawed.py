@@ -18,7 +18,7 @@ class Reads:
     def reset(self, rows: Array) -> None:
         """Nothing to forget."""
 
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:  # noqa: ARG002 - the protocol's
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         given = states[:, -1:].astype(np.float32)
         return states[:, :-1].astype(np.float32) * given, given
 

@@ -58,7 +58,7 @@ class Person:
         assert rows.tolist() == [True]
         self._step = 0
 
-    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:  # noqa: ARG002 - the protocol's
+    def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         said, given = SCRIPT[self._step % len(SCRIPT)]
         self._step += int(rows[0])
         return np.array([[said]], np.float32), np.array([[given]], np.float32)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ibe_rl.metrics import left_right, size_cv, size_max
+from ibe_rl.metrics.balance import left_right, size_cv, size_max
 
 
 @pytest.mark.parametrize(

@@ -5,21 +5,19 @@ import json
 import numpy as np
 import pytest
 from scipy.stats import spearmanr
-from sklearn.metrics import roc_auc_score
+from sklearn.metrics import f1_score, roc_auc_score
 
-from ibe_rl.metrics import (
+from ibe_rl.metrics import bootstrap
+from ibe_rl.metrics.bootstrap import (
     Estimate,
-    bootstrap,
     episode_weights,
     estimate,
-    motion_auc,
-    motion_scores,
-    motion_spearman,
     weighted_auc,
+    weighted_f1,
     weighted_mean,
     weighted_spearman,
-    went,
 )
+from ibe_rl.metrics.quality import direction, motion_auc, motion_scores, motion_spearman
 from ibe_rl.types import Array
 
 NAN = float("nan")
@@ -138,6 +136,13 @@ def test_spearman_knows_what_is_constant_under_any_weights():
     assert np.isnan(weighted_spearman(np.array([1, 1, 1, 0, 2, 3, 4, 5, 6]), np.arange(9), rows)).all()
 
 
+def test_f1_is_scikit_learns_of_moments_really_repeated(weights: Array, random: np.random.Generator):
+    said, real = (random.integers(0, 4, len(EPISODE)) for _ in range(2))
+    found = weighted_f1(said, real, 5, weights)  # class 4 never occurs
+    again = zip(repeated(real, weights), repeated(said, weights), strict=True)
+    assert found.tolist() == [f1_score(*both, average="macro") for both in again]
+
+
 def test_an_estimate_is_row_0_with_the_percentiles_of_the_others():
     rows = np.append(1000.0, np.random.default_rng(0).permutation(101))
     assert estimate(rows) == Estimate(1000.0, pytest.approx(2.5), pytest.approx(97.5))
@@ -165,7 +170,7 @@ def test_an_estimate_is_made_of_plain_numbers():
 
 
 def test_a_change_just_as_large_as_the_band_went_nowhere():
-    assert went(np.array([-2, -0.5, -0.1, 0, 0.5, 0.6]), 0.5).tolist() == [-1, 0, 0, 0, 0, 1]
+    assert direction(np.array([-2, -0.5, -0.1, 0, 0.5, 0.6]), 0.5).tolist() == [-1, 0, 0, 0, 0, 1]
 
 
 @pytest.fixture
@@ -174,7 +179,7 @@ def flown(random: np.random.Generator) -> dict[str, Array]:
     return {
         "expression": np.round(change + random.normal(size=len(EPISODE)), 1),
         "change": change,
-        "told": random.choice([-1.0, 0, 1], len(EPISODE)),
+        "instruction": random.choice([-1.0, 0, 1], len(EPISODE)),
         "hard": random.random(len(EPISODE)) < 0.6,
     }
 

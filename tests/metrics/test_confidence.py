@@ -8,7 +8,8 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import brier_score_loss
 
-from ibe_rl.metrics import Calibration, brier, ece, episode_weights, risk_at, risk_coverage
+from ibe_rl.metrics.bootstrap import episode_weights
+from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at, risk_coverage
 from ibe_rl.types import Array
 
 NAN = float("nan")

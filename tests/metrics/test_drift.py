@@ -7,7 +7,7 @@ import pytest
 from by_hand import WORDS, column, on_a_line, plain
 
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.metrics import VocabularyDrift, policy_drift, vocabulary_drift
+from ibe_rl.metrics.drift import VocabularyDrift, policy_drift, vocabulary_drift
 from ibe_rl.task import Phrases
 
 PROBE = column(-9, -8, -7, -1, 0, 0.5, 1, 8, 9, 10)

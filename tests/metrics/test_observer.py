@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ibe_rl.metrics import Observer, calibrate_observer, carries_on, observer_errors
+from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 
 
 def test_the_typical_movement_is_that_of_the_moments_that_moved():

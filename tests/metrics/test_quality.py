@@ -7,18 +7,18 @@ import pytest
 from by_hand import TASK, on_a_line
 
 from ibe_rl.ibe import Windows
-from ibe_rl.metrics import (
+from ibe_rl.metrics.quality import (
     SCORES,
     episode_scores,
-    happened,
     instruction_f1,
     mean_scores,
     motion_auc,
     motion_spearman,
     number_scores,
     outcomes,
-    phrases_true,
-    share_true,
+    phrase_accuracy,
+    phrase_hits,
+    realised_phrases,
     vocabulary_scores,
 )
 from ibe_rl.task import Phrases
@@ -65,24 +65,24 @@ def episode() -> Episode:
     ],
 )
 def test_each_phrase_is_judged_at_its_own_moment(episode: Episode, said: list[str], true: list[bool]):
-    assert happened(episode, 2, Sign(), WORDS) == ["up", "still", "down", "down"]
-    assert phrases_true(episode, [spoken(phrase) for phrase in said], Sign(), WORDS).tolist() == true
+    assert realised_phrases(episode, 2, Sign(), WORDS) == ["up", "still", "down", "down"]
+    assert phrase_hits(episode, [spoken(phrase) for phrase in said], Sign(), WORDS).tolist() == true
 
 
 def test_a_phrase_that_was_not_sure_enough_to_be_said_is_judged_too(episode: Episode):
     said = [replace(spoken(phrase), known=False) for phrase in ("up", "up", "down", "up")]
-    assert phrases_true(episode, said, Sign(), WORDS).tolist() == [True, False, True, False]
+    assert phrase_hits(episode, said, Sign(), WORDS).tolist() == [True, False, True, False]
 
 
 def test_the_horizon_is_the_explanations_own(episode: Episode):
     """Over one step: up, up, down, down."""
     said = [spoken(phrase, horizon_steps=1) for phrase in ("up", "up", "down", "down")]
-    assert phrases_true(episode, said, Sign(), WORDS).all()
+    assert phrase_hits(episode, said, Sign(), WORDS).all()
 
 
 def test_there_is_an_explanation_for_every_step(episode: Episode):
     with pytest.raises(ValueError, match="zip"):
-        phrases_true(episode, [spoken("up")] * 3, Sign(), WORDS)
+        phrase_hits(episode, [spoken("up")] * 3, Sign(), WORDS)
 
 
 class Second:
@@ -163,11 +163,11 @@ def test_motion_spearman_is_the_correlation_of_the_ranks():
 
 
 def test_instruction_f1_takes_the_nearest_value():
-    values, told = (-1.0, 0.0, 1.0), np.array([-1.0, 0, 0, 1])
-    assert instruction_f1(told, told, values) == 1
-    assert instruction_f1(np.array([-0.6, 0.4, -0.4, 0.51]), told, values) == 1
-    assert instruction_f1(np.zeros(4), told, values) == pytest.approx((0 + 2 * 0.5 * 1 / 1.5 + 0) / 3)
-    assert instruction_f1(-told, told, values) == pytest.approx(1 / 3)
+    values, told, once = (-1.0, 0.0, 1.0), np.array([-1.0, 0, 0, 1]), np.ones((1, 4))
+    assert instruction_f1(told, told, values, once) == 1
+    assert instruction_f1(np.array([-0.6, 0.4, -0.4, 0.51]), told, values, once) == 1
+    assert instruction_f1(np.zeros(4), told, values, once) == pytest.approx((0 + 2 * 0.5 * 1 / 1.5 + 0) / 3)
+    assert instruction_f1(-told, told, values, once) == pytest.approx(1 / 3)
 
 
 def test_a_vocabulary_is_scored_by_what_really_happened():
@@ -204,10 +204,10 @@ def test_what_has_no_known_meaning_says_nothing(episode: Episode):
     """It neither goes as predicted nor otherwise, however well its phrase fits."""
     pairs = (("up", False), ("up", True), ("down", True), ("up", False))
     said = [replace(spoken(phrase), meant=meant) for phrase, meant in pairs]
-    true = phrases_true(episode, said, Sign(), WORDS)
+    true = phrase_hits(episode, said, Sign(), WORDS)
     np.testing.assert_array_equal(true, [np.nan, 0, 1, np.nan])
-    assert share_true(true) == 0.5
-    assert np.isnan(share_true(true[[0, 3]]))
+    assert phrase_accuracy(true) == 0.5
+    assert np.isnan(phrase_accuracy(true[[0, 3]]))
 
 
 class OneWay(Sign):
@@ -219,7 +219,7 @@ class OneWay(Sign):
 
 def test_to_people_what_happened_is_told_in_known_words_only(episode: Episode):
     assert outcomes(episode, 2, OneWay(), WORDS) == [CANNOT_TELL, "still", "down", "down"]
-    assert outcomes(episode, 2, Sign(), WORDS) == happened(episode, 2, Sign(), WORDS)
+    assert outcomes(episode, 2, Sign(), WORDS) == realised_phrases(episode, 2, Sign(), WORDS)
 
 
 def test_the_echo_is_scored_beside_the_words():

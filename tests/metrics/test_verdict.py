@@ -9,8 +9,23 @@ import pytest
 from by_hand import TASK, WORDS
 
 from ibe_rl.ibe import Meaning
-from ibe_rl.metrics import Verdict, in_one_line, verdict, verdicts_of, worst, wrong_signs
-from ibe_rl.metrics.verdict import AN_ECHO, GOOD, NO_BETTER, NO_MEANING, NOT_TOLD, REVERSED, UNKNOWN, WEAK, short_number
+from ibe_rl.metrics.verdict import (
+    AN_ECHO,
+    GOOD,
+    NO_BETTER,
+    NO_MEANING,
+    NOT_TOLD,
+    REVERSED,
+    UNKNOWN,
+    WEAK,
+    Verdict,
+    in_one_line,
+    short_number,
+    verdict,
+    verdicts_of,
+    worst,
+    wrong_signs,
+)
 
 NAN = math.nan
 TWO = replace(

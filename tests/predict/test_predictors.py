@@ -13,8 +13,7 @@ from gymnasium import spaces
 from ibe_rl.collect.rollout import watch
 from ibe_rl.config.settings import EnvConfig, InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_game
-from ibe_rl.envs.snapshots import make_copy
+from ibe_rl.envs.make import make_copy, make_game
 from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor

@@ -21,6 +21,8 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import Array, Moment, Policy, Predictor
 
+pytestmark = pytest.mark.slow
+
 LEGS = slice(6, 8)
 RULE = LANDER_TASK.rule
 STEADY = SimpleNamespace(unwrapped=SimpleNamespace(continuous=False))
@@ -82,8 +84,8 @@ def test_several_processes_predict_the_same():
     for _ in range(2):
         with closing(Simulator.make(settings, make_copy=make_one, rule=RULE, seed=3)) as spread:
             found.append([spread.rollout(several, policy, 30).paths for _ in range(2)])
-            assert len(spread._workers) == 2
-        assert not spread._workers
+            assert len(spread._pool._workers) == 2
+        assert spread._pool is None
     np.testing.assert_array_equal(*found)
     alone = Simulator.make(PredictorConfig(moments_at_once=4), make_copy=make_one, rule=RULE, seed=3)
     for paths in found[0]:
@@ -99,17 +101,17 @@ def test_a_process_that_is_killed_is_done_without():
         Simulator.make(PredictorConfig(moments_at_once=4, processes=2), make_copy=make_one, rule=RULE, seed=3)
     ) as spread:
         whole = spread.rollout(several, policy, 30).paths
-        [process] = spread._workers[1]._processes.values()
+        [process] = spread._pool._workers[1]._processes.values()
         process.kill()
         assert spread.rollout(several, policy, 30).paths.shape == whole.shape
-        assert spread._workers == []
+        assert spread._pool is None
 
 
 def test_few_moments_start_no_process():
     _, moments = flown()
     simulator = Simulator(make_one, RULE, processes=2)
     simulator.rollout(moments[:3], pilot, 2)
-    assert simulator._workers == []
+    assert simulator._pool is None
 
 
 def test_nobody_knows_the_noise_of_the_future():

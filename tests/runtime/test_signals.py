@@ -112,7 +112,7 @@ def test_processes_started_so_do_not_run_the_script(tmp_path: Path):
     script.write_text("""
 import multiprocessing, sys
 from contextlib import nullcontext
-from ibe_rl.signals import script_stays_here
+from ibe_rl.runtime.signals import script_stays_here
 print("imported", flush=True)
 if __name__ == "__main__":
     for context in (nullcontext(), script_stays_here()):

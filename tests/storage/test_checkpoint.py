@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 import torch
 
-from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED, LATEST, load, policies, save_latest, save_policy
+from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, load, policies, save_policy, save_state
+from ibe_rl.storage.run_folder import CHECKPOINTS
 from ibe_rl.types import ConfigError
 
 STATE = {"weight": torch.arange(6.0).reshape(2, 3), "n_averaged": torch.tensor(3)}
@@ -31,7 +32,7 @@ def test_a_policy_comes_back(tmp_path: Path):
 
 def test_policies_are_kept_side_by_side_in_rising_order(tmp_path: Path):
     paths = {frames: save_policy(tmp_path, frames, STATE) for frames in (900, 10_000, 2_000)}
-    save_latest(tmp_path, {})
+    (tmp_path / LATEST).touch()
     (tmp_path / "policy_x.pt").touch()
     (tmp_path / "policy_5.pt.partial").touch()
     assert list(policies(tmp_path).items()) == sorted(paths.items())
@@ -47,10 +48,13 @@ def test_policies_kept_between_evaluations_are_only_seen_by_who_asks_for_them(tm
 
 
 def test_the_full_state_replaces_the_one_before(tmp_path: Path):
-    for frames in (1, 2):
-        save_latest(tmp_path, {"agent": {"loss": STATE}, "frames": frames})
-    assert [path.name for path in tmp_path.iterdir()] == [LATEST]
-    assert load(tmp_path / LATEST)["frames"] == 2
+    folder = tmp_path / CHECKPOINTS
+    folder.mkdir()
+    for frames in (1, 2, 3):
+        save_state(tmp_path, {"agent": {"loss": STATE}, "frames": frames, "counts": {"best_frames": 2}})
+    assert {path.name for path in folder.iterdir()} == {LATEST, BEST}
+    assert load(folder / LATEST)["frames"] == 3
+    assert load(folder / BEST)["frames"] == 2
 
 
 @pytest.mark.parametrize("write", [torch.save, lambda state, path: path.write_bytes(pickle.dumps(state, 2))])

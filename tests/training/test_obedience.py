@@ -15,14 +15,19 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_env, make_gym
+from ibe_rl.envs.make import join, make_gym
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import Judge, Obedience, check_obedience, make_obedience, meant
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.tracker import Development
 
 ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000)
+
+
+def made(cfg: TrainConfig, development: Development, task: Task = TASK) -> Obedience:
+    return make_obedience(cfg, task, lambda: development.horizons_steps, development.mapping_of)
 
 
 def way(delta: Array) -> Array:
@@ -176,7 +181,7 @@ def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
     """Over the shortest of its spans of time, with the mapping that stands."""
     cfg, log = settings("mapping"), TrajectoryLog(tmp_path, 10_000, TASK.contexts)
     development = Development(cfg.mapping, TASK, seed=0)
-    obedience = make_obedience(cfg, TASK, development)
+    obedience = made(cfg, development)
     size = (1, 6, 3)
     batch = TensorDict({"state": torch.arange(18.0).reshape(size), "instruction": torch.ones(1, 6, 1)}, size[:2])
     batch["instruction_given"] = torch.ones(1, 6, 1)
@@ -198,7 +203,7 @@ def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
 
 
 def test_without_a_judge_nothing_is_added():
-    obedience, batch = make_obedience(settings("none"), TASK, Development(config(), TASK, 0)), climbing([1, 1])
+    obedience, batch = made(settings("none"), Development(config(), TASK, 0)), climbing([1, 1])
     assert obedience.add(batch, 0) == {}
     assert set(batch["next"].keys()) == {"state", "done"}
 
@@ -217,7 +222,7 @@ def test_what_is_meant_is_the_way_it_went():
 def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path: Path):
     """Then it begins with the steps that follow."""
     development = Development(config(horizon_steps=None), TASK, 0)
-    obedience, batch = make_obedience(settings(judge), TASK, development), climbing([1] * 6)
+    obedience, batch = made(settings(judge), development), climbing([1] * 6)
     told = obedience.add(batch, 0)
     assert np.isnan(told["obeyed"])
     assert told["extra_reward"] == 0
@@ -231,7 +236,7 @@ def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path:
 
 
 def test_the_oracle_judges_over_the_shortest_span():
-    obedience = make_obedience(settings("oracle"), TASK, Development(config(spans_steps=[3, 4]), TASK, 0))
+    obedience = made(settings("oracle"), Development(config(spans_steps=[3, 4]), TASK, 0))
     assert judged(obedience, climbing([1, 1, 1, -1, 0, 0])) == [0, 0, 0.5, 0.5, 0.5, -0.5]
 
 
@@ -271,14 +276,14 @@ def learner() -> Agent:
 
 
 def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
-    env = make_env(LANDER_ID, {}, 4, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0)
+    env = join([make_gym(LANDER_ID, {}) for _ in range(4)], make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0)
     flown = env.rollout(64, learner().policy, break_when_any_done=False)
 
     def learnt(judge: str | None) -> Array:
         agent, batch, seen = learner(), flown.clone(), np.random.default_rng(0).normal(size=(50, 11))
         if judge:
             cfg = settings(judge)
-            make_obedience(cfg, LANDER_TASK, Development(cfg.mapping, LANDER_TASK, 0)).add(batch, 0)
+            made(cfg, Development(cfg.mapping, LANDER_TASK, 0), LANDER_TASK).add(batch, 0)
         agent.update(batch)
         agent.publish()
         return agent.policy.network(torch.from_numpy(seen).float()).detach().numpy()

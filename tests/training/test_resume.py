@@ -50,7 +50,7 @@ AGENTS = {
 SLOW = [name if name != "continuous" else pytest.param(name, marks=pytest.mark.soak) for name in AGENTS]
 KILL = """
 import os, signal
-from ibe_rl.run_folder import MetricsTable
+from ibe_rl.storage.run_folder import MetricsTable
 write = MetricsTable.write
 def write_and_die(self, row):
     write(self, row)
@@ -118,6 +118,12 @@ def test_every_number_is_that_of_the_uninterrupted_run(folders: Folders) -> None
     whole, _, resumed = folders
     assert rows(resumed) == rows(whole)
     assert len(rows(whole)) == 24
+
+
+def test_dqn_learns(sittings: Callable[[str], Folders]) -> None:
+    whole = sittings("dqn")[0]
+    assert float(rows(whole)[-1]["train/q_loss"]) > 0
+    assert json.loads((whole / "summary.json").read_text())["agent"] == "dqn"
 
 
 def test_every_refresh_is_that_of_the_uninterrupted_run(folders: Folders) -> None:

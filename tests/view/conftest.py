@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from view_data import TASK, Rows, read, record
 
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,9 @@ from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
 from ibe_rl.metrics.histogram import bin_edges, densities
-from ibe_rl.view import Recorder, picture
 from ibe_rl.view import palette as colours
+from ibe_rl.view import picture
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.vocabulary.refresh import Refresh
 
 

@@ -22,8 +22,9 @@ from view_data import (
 from ibe_rl.ibe import phrase
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
-from ibe_rl.view import Recorder, picture, sentences
+from ibe_rl.view import picture, sentences, wording
 from ibe_rl.view.film import SILENCE
+from ibe_rl.view.recorder import Recorder
 
 
 def test_the_predicted_path_is_the_explanations_path_in_the_scene(rows: Rows) -> None:
@@ -52,7 +53,7 @@ def test_at_the_end_of_each_window_it_is_judged(rows: Rows) -> None:
     assert len(begun) > 0
     verdicts = rows["/scene/verdict"]
     labels = [labels for [labels] in column(verdicts, "Points2D:labels")][: len(begun)]
-    assert labels == [sentences.judged(HORIZON_STEPS, said[i].phrase, happened[i]) for i in begun]
+    assert labels == [wording.verdict_line(HORIZON_STEPS, said[i].phrase, happened[i]) for i in begun]
     assert {label.rsplit(": ", 1)[1] == "it did" for label in labels} == {True, False}
     placed = [row["frames"] for row in verdicts if row.get("Points2D:labels") is not None]
     assert placed[: len(begun)] == (100_000 + HORIZON_STEPS + begun).tolist()
@@ -144,7 +145,7 @@ def test_now_says_whether_what_was_said_before_came_true(rows: Rows) -> None:
     assert len(at) > 3
     for frame, text in at:
         then = frame - refresh.frame - HORIZON_STEPS
-        assert sentences.judged(HORIZON_STEPS, said[then].phrase, happened[then]) in text
+        assert wording.verdict_line(HORIZON_STEPS, said[then].phrase, happened[then]) in text
 
 
 def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_path: Path) -> None:
@@ -215,7 +216,7 @@ def test_an_agent_that_never_knows_is_not_judged_at_all(tmp_path: Path) -> None:
 
 def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> None:
     said, happened, rows = spoken_in_time(tmp_path)
-    shorten = sentences.shortener(TASK.phrases)
+    shorten = wording.shortener(TASK.phrases)
     assert said[0].in_time() == f"now falling far left, later {said[0].phrase}"
     assert said[10].in_time() == f"now falling far left, later {DOES_NOT_KNOW}"
     labels = [label for [label] in column(rows["/scene/says"], "Points2D:labels")]

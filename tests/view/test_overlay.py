@@ -12,7 +12,8 @@ from view_data import Rows, column, frames, read
 
 from ibe_rl.storage.run_folder import MetricsTable
 from ibe_rl.types import ConfigError
-from ibe_rl.view.overlay import PALETTE, PLOTS, Overlay, blueprint
+from ibe_rl.view.overlay import PLOTS, Overlay, curves_blueprint
+from ibe_rl.view.palette import RUN_COLOURS
 
 LATER = ("eval/return_mean", "eval/success_rate", "ibe/came_true", "ibe/skipped")
 NAMES = ("seed=0", "seed=1")
@@ -83,7 +84,7 @@ def test_a_run_has_one_colour_in_all_plots_and_its_name_in_the_legend(tmp_path: 
         assert style(rows, "eval/return_mean", name, "SeriesPoints:names") == [f"{name}, greedy"]
     first, second = (style(rows, "ibe/came_true", name, "SeriesLines:colors") for name in NAMES)
     assert first != second
-    assert len(set(PALETTE)) == len(PALETTE) == 8
+    assert len(set(RUN_COLOURS)) == len(RUN_COLOURS) == 8
 
 
 def test_more_runs_than_colours_are_all_shown(tmp_path: Path, tables: dict[str, Path]) -> None:
@@ -98,7 +99,7 @@ def test_only_plots_with_a_value_are_laid_out(tmp_path: Path, tables: dict[str, 
     written(tmp_path, tables)
     assert plots(tmp_path / "overlay.rrd") == {"Return per episode", "Success, greedy", "Share that went as predicted"}
     every = {metric for metrics in PLOTS.values() for metric in metrics}
-    assert [view.name for view in blueprint(every).root_container.contents] == list(PLOTS)
+    assert [view.name for view in curves_blueprint(every).root_container.contents] == list(PLOTS)
 
 
 def test_what_a_run_adds_is_followed(tmp_path: Path, tables: dict[str, Path]) -> None:

@@ -8,10 +8,9 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, WATCHED, Rows, column, developed, explain, flights, frames, read, real, refreshed
 
-from ibe_rl.view import NoRecorder, Recorder, picture, sentences
+from ibe_rl.view import picture, sentences, wording
 from ibe_rl.view import recorder as module
-from ibe_rl.view.recorder import INTRO_STEPS
-from ibe_rl.view.run_recorder import RunRecorder
+from ibe_rl.view.recorder import INTRO_STEPS, Recorder
 
 
 def test_the_curves_hold_every_value_at_its_frame(rows: Rows) -> None:
@@ -105,7 +104,7 @@ def test_the_log_says_changes_only_and_why_a_refresh_was_skipped(recorder: Recor
     recorder.watched(5000, watched, said, real(watched, refresh))
     recorder.close()
     lines = [line for [line] in column(read(tmp_path / "recording.rrd")["/log"], "TextLog:text")]
-    short = sentences.short([one.phrase for one in said], TASK.phrases)
+    short = wording.short([one.phrase for one in said], TASK.phrases)
     spoken = [f"+{i}  {short[i]}" for i in picture.changes(short)]
     assert lines[0] == "1,000 frames: no new vocabulary, no episode has ended yet"
     assert lines[1] == "5,000 frames: vocabulary learnt anew"
@@ -162,16 +161,3 @@ def test_two_runs_are_two_recordings(tmp_path: Path) -> None:
         Recorder(tmp_path / name, TASK, "the same name").close()
         ids |= {store.recording_id for store in RrdReader(str(tmp_path / name)).recordings()}
     assert len(ids) == 2
-
-
-def test_no_recorder_takes_the_same_and_writes_nothing(tmp_path: Path) -> None:
-    nothing, watched = NoRecorder(), flights()[WATCHED[1]]
-    nothing.batch(0, {"train/return_mean": 1.0})
-    nothing.refresh(refreshed())
-    nothing.skipped(0, "reason")
-    nothing.watched(0, watched, [], [])
-    assert nothing.news() == []
-    nothing.close()
-    assert not list(tmp_path.iterdir())
-    public = {name for name in vars(RunRecorder) if not name.startswith("_")}
-    assert public == {name for name in vars(NoRecorder) if not name.startswith("_")}

@@ -9,7 +9,7 @@ import pytest
 from rerun.chunk import RrdReader
 from view_data import TASK, eventually, record
 
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.recording_file import RecordingFile, whole_messages
 
 HEADER = b"RRF2" + bytes(8)
@@ -90,7 +90,7 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 from view_data import TASK, filmed, refreshed
-from ibe_rl.stream import Recorder
+from ibe_rl.view.recorder import Recorder
 recorder = Recorder(Path(sys.argv[1]), TASK, "run")
 size = recorder.size() + 100_000
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))

@@ -10,12 +10,22 @@ from processes import assert_whole
 from rerun.chunk import RrdReader
 from view_data import TASK, filmed, refreshed
 
-from ibe_rl.view import run_recorder, set_back
-from ibe_rl.view.recording_file import earlier
+from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.view import run_recorder
+from ibe_rl.view.recording_file import earlier, set_back
 from ibe_rl.view.run_recorder import RunRecorder
+from ibe_rl.vocabulary.listener import Refreshed
 
 ROW = {"train/return_mean": 1.0, "train/success_rate": 0.5}
 RARE = ROW | {"ibe/came_true": 0.5}
+
+
+def event(frames: int) -> Refreshed:
+    """A refresh with the episode explained after it."""
+    watched, said, real = filmed()
+    refresh = replace(refreshed(), frame=frames)
+    voice = ExplainerState(refresh.mapping, 20, TASK.phrases)
+    return Refreshed(frames, 1, refresh, watched, said, real, voice, came_true=1.0)
 
 
 def columns(path: Path, entity: str, name: str = "frames") -> list[Any]:
@@ -34,8 +44,7 @@ def train(recorder: RunRecorder, refreshes: int, rows: int = 10, every: int = 10
         for row in range(rows):
             recorder.batch(number * every + row, ROW)
         frame = (number + 1) * every
-        recorder.refresh(replace(refreshed(), frame=frame))
-        recorder.watched(frame, *filmed())
+        recorder.refreshed(event(frame))
         recorder.batch(frame, RARE)
         said += recorder.news()
     recorder.close()
@@ -93,8 +102,8 @@ def test_rows_alone_stay_below_the_limit_too(tmp_path: Path, monkeypatch: pytest
 def test_an_episode_larger_than_the_limit_is_left_out(tmp_path: Path) -> None:
     recorder = RunRecorder(tmp_path / "a", TASK, "run", max_mb=1)
     watched, said, real = filmed()
-    recorder.refresh(refreshed())
-    recorder.watched(60_000, replace(watched, moments=[*watched.moments] * 10), said * 10, real * 10)
+    long = replace(watched, moments=[*watched.moments] * 10)
+    recorder.refreshed(replace(event(60_000), rollout=long, said=said * 10, real=real * 10))
     assert "what does not fit is left out" in recorder.news()[0]
     recorder.close()
     assert_whole(tmp_path / "a")
@@ -125,8 +134,7 @@ def test_nothing_piles_up_in_memory(tmp_path: Path) -> None:
     recorder = RunRecorder(tmp_path / "a", TASK, "run", max_mb=1)
     for number in range(30):
         recorder.batch(number, ROW)
-        recorder.refresh(replace(refreshed(), frame=number))
-        recorder.watched(number, *filmed())
+        recorder.refreshed(event(number))
         assert len(recorder._newest) <= 2
         assert len(recorder._newest_row) <= 1
     recorder.close()
@@ -149,9 +157,9 @@ def test_a_folder_that_is_gone_is_said_once(tmp_path: Path) -> None:
 
 FAILING: dict[str, Callable[[RunRecorder], None]] = {
     "batch": lambda recorder: recorder.batch(0, ROW),
-    "refresh": lambda recorder: recorder.refresh(refreshed()),
+    "refresh": lambda recorder: recorder.refreshed(event(0)),
     "skipped": lambda recorder: recorder.skipped(0, "why"),
-    "watched": lambda recorder: recorder.watched(0, *filmed()),
+    "watched": lambda recorder: recorder.refreshed(event(0)),
     "close": lambda recorder: recorder.close(),
 }
 
@@ -197,8 +205,7 @@ def go_on(path: Path, refreshes: int, state: dict[str, Any] | None = None) -> tu
     first = state["refreshes"] if state else 0
     for number in range(first, first + refreshes):
         recorder.batch(number * 1_000 + 500, ROW)
-        recorder.refresh(replace(refreshed(), frame=(number + 1) * 1_000))
-        recorder.watched((number + 1) * 1_000, *filmed())
+        recorder.refreshed(event((number + 1) * 1_000))
         recorder.batch((number + 1) * 1_000, RARE)
     return recorder, recorder.state_dict()
 
@@ -211,7 +218,7 @@ def test_a_recording_goes_on_where_its_state_was_taken(tmp_path: Path) -> None:
         if state:
             set_back(path, state["recorder"]["bytes"])
         recorder, state = go_on(path, 2, state)
-        recorder.refresh(replace(refreshed(), frame=50_000))  # is cut off, or else of no importance
+        recorder.refreshed(event(50_000))  # is cut off, or else of no importance
     recorder, _ = go_on(set_back_again(path, state), 0, state)
     recorder.close()
     assert_whole(path)

@@ -8,16 +8,16 @@ from ibe_rl.ibe import Meaning
 from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
 from ibe_rl.task import Phrases
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW
-from ibe_rl.view import sentences
+from ibe_rl.view import sentences, wording
 from ibe_rl.vocabulary.refresh import Refresh
 
 
 def test_words_that_all_phrases_begin_with_are_left_out() -> None:
     words = TASK.phrases
-    assert sentences.short(["falling straight down", "falling far left"], words) == ["straight down", "far left"]
+    assert wording.short(["falling straight down", "falling far left"], words) == ["straight down", "far left"]
     [falling] = words
     other = replace(falling, zero="standing still")
-    assert sentences.short(["standing still"], [other]) == ["standing still"]
+    assert wording.short(["standing still"], [other]) == ["standing still"]
 
 
 def test_the_table_names_clusters_by_their_ids_and_says_what_they_were_called() -> None:
@@ -26,7 +26,7 @@ def test_the_table_names_clusters_by_their_ids_and_says_what_they_were_called() 
     lines = sentences.vocabulary_table(refresh, TASK.phrases, spoken=int(refresh.mapping.ids[2])).splitlines()
     assert len(lines) == 2 + 8
     before = sentences.phrases_before(refresh, TASK.phrases)
-    now = sentences.phrases_of(refresh.mapping, TASK.phrases)
+    now = sentences.cluster_phrases(refresh.mapping, TASK.phrases)
     for row, name in enumerate(refresh.mapping.ids.tolist()):
         cells = [cell.strip(" *") for cell in lines[2 + row].strip("|").split("|")]
         assert cells[0] == (f"→ #{name}" if row == 2 else f"#{name}")
@@ -57,8 +57,8 @@ def test_each_cluster_that_changed_has_its_line() -> None:
 
 
 def test_a_verdict_says_what_happened_where_it_was_not_what_was_said() -> None:
-    assert sentences.judged(60, "going up", "going up") == "said 60 steps ago: going up: it did"
-    assert sentences.judged(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
+    assert wording.verdict_line(60, "going up", "going up") == "said 60 steps ago: going up: it did"
+    assert wording.verdict_line(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
 
 
 def test_what_cannot_be_told_is_not_a_number_in_words() -> None:
@@ -77,9 +77,9 @@ def test_a_vocabulary_that_stays_is_not_said_to_stand_on_what_the_other_one_woul
 def test_that_the_agent_does_not_know_is_said_in_full() -> None:
     """Also where all phrases begin with as many words as it has."""
     words = [Phrases("it is going to stay", "it is going to go {degree}down", "it is going to go up", ((0.2, ""),))]
-    assert sentences.shared_words(words) == 4
+    assert wording.shared_words(words) == 4
     said = ["it is going to stay", DOES_NOT_KNOW, CANNOT_TELL]
-    assert sentences.short(said, words) == ["stay", DOES_NOT_KNOW, CANNOT_TELL]
+    assert wording.short(said, words) == ["stay", DOES_NOT_KNOW, CANNOT_TELL]
 
 
 def unknown(refresh: Refresh, **known: bool) -> Refresh:
@@ -111,11 +111,11 @@ def test_a_vocabulary_says_what_it_is_worth() -> None:
 def test_neither_a_number_without_a_meaning_nor_a_confidence_that_is_none_is_shown() -> None:
     one = explain(flights()[1], refreshed())[0]
     number = f"({one.expression[0]:+.2f})"
-    assert sentences.said_lines("up", one).endswith(f"{number}, confidence {one.confidence:.0%}")
-    assert sentences.said_lines("up", replace(one, calibrated=False)).endswith(number)
-    assert sentences.said_lines("up", replace(one, meant=False, known=False)).endswith(f"Agent: **{CANNOT_TELL}**")
+    assert wording.said_lines("up", one).endswith(f"{number}, confidence {one.confidence:.0%}")
+    assert wording.said_lines("up", replace(one, calibrated=False)).endswith(number)
+    assert wording.said_lines("up", replace(one, meant=False, known=False)).endswith(f"Agent: **{CANNOT_TELL}**")
 
 
 def test_what_it_could_not_tell_is_not_judged() -> None:
-    assert sentences.judged(60, CANNOT_TELL, "going up") == "60 steps ago it could not tell"
-    assert "no known word for" in sentences.judged(60, "going up", CANNOT_TELL)
+    assert wording.verdict_line(60, CANNOT_TELL, "going up") == "60 steps ago it could not tell"
+    assert "no known word for" in wording.verdict_line(60, "going up", CANNOT_TELL)

@@ -10,19 +10,19 @@ import pytest
 from view_data import eventually
 
 from ibe_rl.view import server as module
-from ibe_rl.view.server import Server
+from ibe_rl.view.server import ViewerServer
 
 READS = "import sys; sys.stdin.buffer.read(); sys.exit(3)"
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    made = Server([sys.executable, "-c", READS])
+def server() -> Iterator[ViewerServer]:
+    made = ViewerServer([sys.executable, "-c", READS])
     yield made
     made.stop()
 
 
-def test_one_that_reads_does_not_hang(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_reads_does_not_hang(server: ViewerServer, monkeypatch: pytest.MonkeyPatch) -> None:
     assert server.feed(b"some") == b""
     assert not server.hangs()
     monkeypatch.setattr(module, "HANG_S", 0.0)
@@ -30,7 +30,7 @@ def test_one_that_reads_does_not_hang(server: Server, monkeypatch: pytest.Monkey
 
 
 def test_one_that_leaves_a_little_in_the_pipe_hangs_and_may_recover(
-    server: Server, monkeypatch: pytest.MonkeyPatch
+    server: ViewerServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert eventually(lambda: server.feed(b"it runs") == b"" and not _waits(server))
     monkeypatch.setattr(module, "HANG_S", 0.2)
@@ -43,22 +43,22 @@ def test_one_that_leaves_a_little_in_the_pipe_hangs_and_may_recover(
     assert eventually(lambda: not server.hangs())
 
 
-def _state(server: Server) -> str:
+def _state(server: ViewerServer) -> str:
     return Path(f"/proc/{server._process.pid}/stat").read_text().rpartition(")")[2].split()[0]
 
 
-def _waits(server: Server) -> bool:
+def _waits(server: ViewerServer) -> bool:
     server.hangs()
     return server._given > server._taken
 
 
-def test_how_it_ended_is_known(server: Server) -> None:
+def test_how_it_ended_is_known(server: ViewerServer) -> None:
     os.close(server._pipe)
     assert eventually(lambda: not server.alive())
     assert server.ending() == "exit status 3"
 
 
-def test_one_that_has_died_takes_nothing(server: Server) -> None:
+def test_one_that_has_died_takes_nothing(server: ViewerServer) -> None:
     os.kill(server._process.pid, signal.SIGKILL)
     assert eventually(lambda: not server.alive())
     assert server.feed(b"some") == b"some"

@@ -13,7 +13,7 @@ from viewers import BROWSER_FLAGS, FILLED, colours, new_share, opened, panels, p
 from viewers import viewer as viewer  # a fixture
 
 from ibe_rl.runtime.ports import is_free
-from ibe_rl.view import Recorder
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Relay
 from ibe_rl.view.relay import page as page_of_relay
 

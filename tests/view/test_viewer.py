@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -24,14 +25,15 @@ from viewers import BROWSER_FLAGS, FILLED, new_share, opened, panels
 from viewers import viewer as viewer  # a fixture
 
 from ibe_rl.runtime.ports import is_free
-from ibe_rl.storage.run_folder import MetricsTable
+from ibe_rl.storage.run_folder import METRICS, MetricsTable, read_json, read_rows
 from ibe_rl.types import ConfigError
-from ibe_rl.view import Recorder
 from ibe_rl.view import relay as relay_module
-from ibe_rl.view.overlay import APPLICATION, COLUMNS, PALETTE, PLOTS, Overlay, blueprint
+from ibe_rl.view.overlay import OVERLAY_APPLICATION, PLOT_COLUMNS, PLOTS, Overlay, curves_blueprint
+from ibe_rl.view.palette import RUN_COLOURS
 from ibe_rl.view.recorder import APPLICATION as RUN_APPLICATION
+from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import rerun_binary
-from ibe_rl.view.viewer import Messages, gather, main, run_names, runs_at, with_curves
+from ibe_rl.view.viewer import Messages, append_new_messages, open_recordings, run_names, runs_at, with_curves
 
 SHOWN = {"train/return_mean", "eval/return_mean", "train/success_rate", "eval/success_rate", "ibe/came_true"}
 
@@ -119,19 +121,19 @@ def test_recordings_that_grow_are_gathered_into_one(tmp_path: Path) -> None:
     paths = {name: tmp_path / f"{name}.rrd" for name in ("a", "b")}
     with (tmp_path / "shown.rrd").open("wb") as shown:
         parts = [Messages(path) for path in paths.values()]
-        gather(parts, shown)  # neither is there yet
+        append_new_messages(parts, shown)  # neither is there yet
         assert shown.tell() == 0
         recorders = {name: Recorder(path, TASK, name) for name, path in paths.items()}
         for frame in (1, 2, 3):
             for name, recorder in recorders.items():
                 recorder.batch(frame, {f"train/{name}": 1.0})
                 recorder.flush()
-            gather(parts, shown)
+            append_new_messages(parts, shown)
             assert frames_in(tmp_path / "shown.rrd") == {name: list(range(1, frame + 1)) for name in paths}
         for recorder in recorders.values():
             recorder.close()
-        gather(parts, shown)
-        gather(parts, shown)
+        append_new_messages(parts, shown)
+        append_new_messages(parts, shown)
     assert len(RrdReader(str(tmp_path / "shown.rrd")).recordings()) == 2
     assert frames_in(tmp_path / "shown.rrd") == {"a": [1, 2, 3], "b": [1, 2, 3]}
 
@@ -143,7 +145,7 @@ def test_a_half_written_message_waits_for_its_end(tmp_path: Path) -> None:
     with (tmp_path / "shown.rrd").open("wb") as shown:
         for end in [*range(0, len(whole), 97), len(whole)]:
             growing.write_bytes(whole[:end])
-            gather([part], shown)
+            append_new_messages([part], shown)
             assert whole[:end].startswith((tmp_path / "shown.rrd").read_bytes())
             sizes.append(shown.tell())
     assert len(set(sizes)) > 10  # it came bit by bit
@@ -161,7 +163,7 @@ def gathered_rows(path: Path) -> int:
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """The one line of error that a command line ends in."""
     with pytest.raises(SystemExit) as stopped:
-        main(arguments)
+        open_recordings(arguments)
     assert stopped.value.code == 2
     return capsys.readouterr().err.splitlines()[-1]
 
@@ -190,12 +192,18 @@ def test_what_cannot_be_opened_is_refused_in_one_line(
     assert "rerun viewer is not installed" in refused(run)
 
 
-def viewing(*arguments: str | Path, temporary: Path) -> subprocess.Popen[str]:
-    """Start the viewer as a user does; it has printed its address when this returns."""
+@contextmanager
+def viewing(*arguments: str | Path, temporary: Path) -> Iterator[subprocess.Popen[str]]:
+    """The viewer as a user starts it; killed at the end if it has not ended by then."""
     command = [sys.executable, "-m", "ibe_rl.viewer", *map(str, arguments)]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"TMPDIR": str(temporary)}
-    )
+    environment = os.environ | {"TMPDIR": str(temporary)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def said(process: subprocess.Popen[str]) -> str:
@@ -225,7 +233,7 @@ def test_runs_are_served_until_they_are_closed(number: signal.Signals, tmp_path:
         server = server_of(relay)
         assert len(list((tmp_path / "tmp").iterdir())) == 1
         process.send_signal(number)
-        assert process.wait(60) == 0
+        assert process.wait(120) == 0
         assert process.stderr is not None
         assert process.stderr.read() == ""
     assert gone(relay)
@@ -239,18 +247,41 @@ def test_a_server_that_dies_ends_it(tmp_path: Path) -> None:
     with viewing(run, temporary=tmp_path) as process:
         said(process)
         os.kill(server_of(children(process.pid)[0]), signal.SIGKILL)
-        assert process.wait(60) == 1
+        assert process.wait(120) == 1
         assert process.stderr is not None
         assert "the server has ended" in process.stderr.read()
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Two trainings, and what was printed."""
     folder = tmp_path_factory.mktemp("viewer") / "sweep"
     script = start("train.py", "-m", "seed=0,1", *SMALL, f"run_dir={folder}", "viewer=file")
-    output, _ = script.communicate(timeout=200)
+    output, _ = script.communicate(timeout=240)
     assert script.returncode == 0, output
-    return folder
+    return folder, output
+
+
+@pytest.fixture(scope="module")
+def sweep(swept: tuple[Path, str]) -> Path:
+    return swept[0]
+
+
+def test_a_sweep_makes_a_folder_a_run(swept: tuple[Path, str]) -> None:
+    folder, output = swept
+    runs = sorted(path.parent for path in folder.glob("*/summary.json"))
+    assert [read_json(run / "summary.json")["seed"] for run in runs] == [0, 1]
+    assert len({read_rows(run / METRICS)[-1]["train/return_mean"] for run in runs}) == 2
+    assert [name_of(run / "recording.rrd") for run in runs] == ["seed=0", "seed=1"]
+    assert f"-m ibe_rl.viewer {folder}\n" in output
+
+
+def name_of(recording: Path) -> str:
+    chunks = [chunk.to_record_batch() for chunk in RrdReader(str(recording)).stream()]
+    [name] = [
+        chunk["RecordingInfo:name"][0].as_py()[0] for chunk in chunks if "RecordingInfo:name" in chunk.schema.names
+    ]
+    return str(name)
 
 
 @pytest.fixture(scope="module")
@@ -263,6 +294,7 @@ def address(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[s
             yield page
         finally:
             process.send_signal(signal.SIGINT)
+            process.wait(120)
 
 
 def data_of(page: str) -> str:
@@ -288,7 +320,7 @@ def drawn_in(path: Path) -> set[str]:
     """Metrics with a curve for both runs, in a file that may be cut in the middle of a message."""
     try:
         reader = RrdReader(str(path))
-        overlays = [one for one in reader.recordings() if one.application_id == APPLICATION]
+        overlays = [one for one in reader.recordings() if one.application_id == OVERLAY_APPLICATION]
         chunks = [chunk for one in overlays for chunk in reader.stream(store=one)]
     except (RuntimeError, ValueError, OSError):
         return set()
@@ -298,7 +330,7 @@ def drawn_in(path: Path) -> set[str]:
 
 def test_all_recordings_arrive(heard: Path) -> None:
     applications = [one.application_id for one in RrdReader(str(heard)).recordings()]
-    assert sorted(applications) == [RUN_APPLICATION, RUN_APPLICATION, APPLICATION]
+    assert sorted(applications) == [RUN_APPLICATION, RUN_APPLICATION, OVERLAY_APPLICATION]
 
 
 def plots_of(viewer: ViewerClient, shot: Path) -> dict[str, np.ndarray]:
@@ -315,9 +347,12 @@ def test_every_plot_of_the_overlay_is_filled(viewer: ViewerClient, tmp_path: Pat
     for path in tables.values():
         with MetricsTable(path) as table:
             for at in range(20):
-                table.write({"frames": 1000 * at} | dict(zip(COLUMNS, random.uniform(0, 1, len(COLUMNS)), strict=True)))
-    with rr.RecordingStream(APPLICATION) as empty:
-        empty.set_sinks(rr.FileSink(tmp_path / "empty.rrd"), default_blueprint=blueprint(set(COLUMNS)))
+                table.write(
+                    {"frames": 1000 * at}
+                    | dict(zip(PLOT_COLUMNS, random.uniform(0, 1, len(PLOT_COLUMNS)), strict=True))
+                )
+    with rr.RecordingStream(OVERLAY_APPLICATION) as empty:
+        empty.set_sinks(rr.FileSink(tmp_path / "empty.rrd"), default_blueprint=curves_blueprint(set(PLOT_COLUMNS)))
         empty.flush()
     opened(viewer, tmp_path / "empty.rrd")
     shot = tmp_path / "shot.png"
@@ -352,7 +387,7 @@ def test_the_page_opens_on_the_curves_of_both_runs(address: str, tmp_path: Path)
             page.screenshot(path=shot)
             with Image.open(shot) as image:
                 picture = np.asarray(image.convert("RGB")).astype(int)
-            counts[:] = [int((np.abs(picture - colour).max(axis=-1) < 12).sum()) for colour in PALETTE[:3]]
+            counts[:] = [int((np.abs(picture - colour).max(axis=-1) < 12).sum()) for colour in RUN_COLOURS[:3]]
             return min(counts[:2]) > 300 and counts[2] < 30  # there is no third run
 
         assert eventually(drawn), counts

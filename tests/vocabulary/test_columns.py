@@ -4,7 +4,7 @@ import pytest
 from by_hand import TASK, config, defy, obey, race, stay
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.metrics import OF_THE_MOMENTS, SCORES
+from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary.tracker import FIGURES, Development, figures
 

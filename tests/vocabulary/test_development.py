@@ -11,12 +11,14 @@ import pytest
 from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import Meaning, TooLittleDataError, Transition
-from ibe_rl.metrics import SCORES, VocabularyDrift
+from ibe_rl.ibe import ClusterTransition, Meaning, TooLittleDataError
+from ibe_rl.metrics.drift import VocabularyDrift
+from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array
 from ibe_rl.vocabulary import tracker as module
-from ibe_rl.vocabulary.refresh import Refresh, learn_vocabulary, load_refresh, save_refresh
+from ibe_rl.vocabulary.fitting import learn_vocabulary
+from ibe_rl.vocabulary.refresh import Refresh, load_refresh, save_refresh
 from ibe_rl.vocabulary.tracker import Development, figures
 
 
@@ -50,7 +52,7 @@ def test_nothing_moves_while_nothing_new_happens(log: TrajectoryLog):
         refresh = development.refresh(log, stay)
         assert refresh.change is not None
         assert refresh.change.since_frame == since_frame
-        assert refresh.change.transition == Transition({0: 1.0, 1: 1.0, 2: 1.0}, (), ())
+        assert refresh.change.transition == ClusterTransition({0: 1.0, 1: 1.0, 2: 1.0}, (), ())
         assert refresh.change.drift == VocabularyDrift(0.0, 0.0, 1.0)
         assert refresh.change.policy_drift == refresh.change.staleness == 0
         assert refresh.change.last_scores == pytest.approx(refresh.scores, nan_ok=True)
@@ -214,7 +216,7 @@ def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: 
         given.append(sorted(names(refresh)))
     assert given == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
     assert refresh.change is not None
-    assert refresh.change.transition == Transition({}, (3, 4, 5), (6, 7, 8))
+    assert refresh.change.transition == ClusterTransition({}, (3, 4, 5), (6, 7, 8))
 
 
 def test_names_of_a_vocabulary_that_was_not_taken_are_free(log: TrajectoryLog):

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from by_hand import TASK, WORDS, config, obey, on_a_line, plain, stay
 
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, Voice, put_in_words
-from ibe_rl.ibe import ClusterMapping, Meaning, Transition
-from ibe_rl.metrics import Calibration, VocabularyDrift
+from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, put_in_words
+from ibe_rl.ibe import ClusterMapping, ClusterTransition, Meaning
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode, Explanation
 from ibe_rl.vocabulary import tracker as module
-from ibe_rl.vocabulary.refresh import Change, Refresh, learn_vocabulary, load_refresh
+from ibe_rl.vocabulary.fitting import learn_vocabulary
+from ibe_rl.vocabulary.refresh import Change, Refresh, load_refresh
 from ibe_rl.vocabulary.tracker import Development
 
 
@@ -32,7 +34,7 @@ def refreshed(
     if last is None:
         return refresh
     nothing = VocabularyDrift(0.0, 0.0, 1.0)
-    return replace(refresh, change=Change(last, 0, Transition({}, (), ()), nothing, 0.0, {}, 0.0))
+    return replace(refresh, change=Change(last, 0, ClusterTransition({}, (), ()), nothing, 0.0, {}, 0.0))
 
 
 def predicted(ways: Iterable[float | Sequence[float]], mapping: ClusterMapping) -> list[Explanation]:
@@ -44,7 +46,7 @@ def predicted(ways: Iterable[float | Sequence[float]], mapping: ClusterMapping) 
     most = max(np.size(way) for way in ways)
     futures = np.array([np.resize(way, most) for way in ways])
     ahead = np.multiply.outer(futures, np.arange(6))
-    return put_in_words(np.stack([ahead, 0 * ahead, 0 * ahead], axis=3), Voice(mapping, 5, [WORDS]))
+    return put_in_words(np.stack([ahead, 0 * ahead, 0 * ahead], axis=3), ExplainerState(mapping, 5, [WORDS]))
 
 
 def upwards(steps: int) -> Episode:
@@ -184,7 +186,7 @@ def test_the_agent_speaks_with_what_stands(log: TrajectoryLog):
     ours = Development(config(spans_steps=[2]), TASK, seed=0)
     obey(log)
     refresh = ours.refresh(log, stay)
-    assert ours.voice() == Voice(refresh.mapping, 5, TASK.phrases, refresh.spans)
+    assert ours.voice() == ExplainerState(refresh.mapping, 5, TASK.phrases, refresh.spans)
     assert list(ours.voice().spans) == [2]
     ours.judge(refresh, upwards(8), predicted([UP] * 8, refresh.standing), every_steps=1)
     obey(log)

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, WORDS, better_half, obey, two_floors
 
-from ibe_rl.ibe import Reactions, Transition
-from ibe_rl.metrics import Calibration, VocabularyDrift
+from ibe_rl.ibe import ClusterTransition, Reactions
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary import refresh as module
-from ibe_rl.vocabulary.refresh import Change, Refresh, learn_vocabulary, load_refresh, save_refresh
+from ibe_rl.vocabulary.fitting import learn_vocabulary
+from ibe_rl.vocabulary.refresh import Change, Refresh, load_refresh, save_refresh
 
 
 @pytest.fixture
@@ -78,7 +80,7 @@ def changed(last: Refresh, refresh: Refresh, taken: bool, staleness: float = 0.2
     change = Change(
         last=last.mapping,
         since_frame=48,
-        transition=Transition({0: 0.75, 2: 0.5}, (1,), (3,)),
+        transition=ClusterTransition({0: 0.75, 2: 0.5}, (1,), (3,)),
         drift=VocabularyDrift(0.125, 0.5, 0.375),
         policy_drift=0.0625,
         last_scores={"motion_auc": 0.5, "motion_auc_disobeyed": float("nan")},

@@ -12,21 +12,22 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from ibe_rl.agents.guest import GuestConfig
+from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.config.command_line import composed, write_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.ibe import Reactions, TooLittleDataError
+from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import REFRESHES, SUMMARY, TRAJECTORIES, write_json
 from ibe_rl.types import ConfigError, Episode
-from ibe_rl.vocabulary.fitting import check_mapping
-from ibe_rl.vocabulary.refresh import Refresh, learn_vocabulary, save_refresh
+from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
+from ibe_rl.vocabulary.refresh import Refresh, save_refresh
 from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_told, settled, steps_of
 
 
-def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
+def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
     """The config of the run folder of an agent, or of a log, that comes from elsewhere.
 
     Raises:
@@ -39,7 +40,7 @@ def guest_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConf
     return replace(
         config,
         run_dir=cfg.run_dir,
-        agent=GuestConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
+        agent=ExternalPolicyConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
         mapping=replace(config.mapping, newest_frames=None),  # all episodes are of one agent
         predictor=cfg.predictor,
         viewer=cfg.viewer,
@@ -57,7 +58,7 @@ def keep_run(
 
     Args:
         folder: from ``create_run_folder``.
-        config: from ``guest_run_config``.
+        config: from ``external_run_config``.
         episodes: read once.
         rows: states in all of them, the last ones included.
         react: by the horizon in steps, what the agent does if it is told otherwise; None: nobody can ask it.

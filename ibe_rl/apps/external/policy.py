@@ -10,7 +10,6 @@ import json
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
-from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -39,7 +38,7 @@ ALLOWED = "a .zip of stable-baselines3, or MODULE:NAME of a policy that Python c
 
 
 @dataclass(frozen=True)
-class GuestPolicy:
+class ExternalPolicy:
     """The policy that a guest's agent comes down to; see ``ibe_rl.types.Policy``.
 
     Attributes:
@@ -116,7 +115,7 @@ class _ReadsTensorDicts:
 
 def as_policy(
     agent: Any, task: Task, actions: gymnasium.Space[Any], sees_instruction: bool | None, examples: Array
-) -> GuestPolicy:
+) -> ExternalPolicy:
     """Turn an agent into a policy, as it is now, and try it.
 
     Args:
@@ -133,12 +132,12 @@ def as_policy(
     if not isinstance(actions, Discrete) and not (isinstance(actions, Box) and len(actions.shape) == 1):
         raise ConfigError(f"env: its actions are {actions}; allowed are Discrete or a Box of one dimension")
     seen = _seen(agent, task, sees_instruction)
-    check_actions("agent", agent, actions)
+    check_same_actions("agent", agent, actions)
     act = _act(agent, actions)
     tried = np.ascontiguousarray(examples[:, :seen])
     if not _is_batched(agent, act, actions, tried):
         act = _OneByOne(act)
-    policy = GuestPolicy(act, seen, actions)
+    policy = ExternalPolicy(act, seen, actions)
     try:
         policy(examples)
     except ConfigError:
@@ -179,7 +178,7 @@ def _seen(agent: Any, task: Task, sees_instruction: bool | None) -> int:
     return whole if sees else state
 
 
-def check_actions(whose: str, declares: Any, actions: gymnasium.Space[Any]) -> None:
+def check_same_actions(whose: str, declares: Any, actions: gymnasium.Space[Any]) -> None:
     """Hold what declares an ``action_space`` against the environment's actions; what declares none is let pass.
 
     Raises:
@@ -252,16 +251,7 @@ def _load_sb3(path: Path) -> Any:
         raise ConfigError(f"agent={path}: {kind} cannot load it ({' '.join(str(error).split())[:200]})") from None
 
 
-def crosses_processes(policy: Policy) -> bool:
-    """True if other processes can be given the policy."""
-    try:
-        sent = bytes(ForkingPickler.dumps(policy))
-        return b"__main__" not in sent  # what the script defines is not there in another process
-    except Exception:  # pickle and what it calls raise a dozen types
-        return False
-
-
-class Wandering:
+class EpsilonGreedy:
     """A policy that now and then does something at random, so that its episodes are good and bad.
 
     Args:

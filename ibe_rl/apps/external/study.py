@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -16,36 +15,40 @@ import numpy as np
 import torch
 from rich.console import Console
 
-from ibe_rl.agents.guest import GuestConfig
-from ibe_rl.apps.external.folder import guest_run_config, keep_run
-from ibe_rl.apps.external.policy import Wandering, as_policy, find_agent
+from ibe_rl.agents.guest import ExternalPolicyConfig
+from ibe_rl.apps.external.folder import external_run_config, keep_run
+from ibe_rl.apps.external.policy import EpsilonGreedy, as_policy, find_agent
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.command_line import composed, named_settings, settings_at_hand
+from ibe_rl.config.command_line import composed, settings_at_hand
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.make import episode_seed, make_game, task_of
-from ibe_rl.envs.snapshots import make_copy
-from ibe_rl.evaluation import TrainedRun, load_run
-from ibe_rl.evaluation.calibrating import first_calibration
+from ibe_rl.envs.make import episode_seed, make_copy, make_game, task_of
 from ibe_rl.evaluation.evaluate import evaluate
-from ibe_rl.evaluation.narration import check_context, fly, tell
-from ibe_rl.ibe import Reactions
+from ibe_rl.evaluation.moments import Plan
+from ibe_rl.evaluation.narration import check_context, explain_rollout, print_narration
+from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
+from ibe_rl.evaluation.run_predictor import predictor_of, with_processes
+from ibe_rl.evaluation.runs import OF_A_NEW_FOLDER, load_run, open_run, settings_named
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.verbalise import calibrate, speak
+from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.instructors import make_instructor
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
-from ibe_rl.storage.run_folder import EVALUATION, REFRESHES, create_run_folder, find_run, read_json
+from ibe_rl.storage.run_folder import EVALUATION, REFRESHES, create_run_folder, read_json
 from ibe_rl.task import Watched
 from ibe_rl.types import ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.vocabulary.refresh import save_refresh
 
-AT_ONCE, EXAMPLES = 16, 3
-FOR_GUESTS = ("episode", "evaluate", "compare")
-FOR_NEW_ONES = {"env", "mapping", "episodes", "random_actions", "run_dir"}
-"""Settings that make a folder for an agent, and say nothing about one that is there."""
+ENVS_AT_ONCE, EXAMPLES = 16, 3
+TASKS = ("episode", "evaluate", "compare")
+CALIBRATION_EPISODES, CALIBRATION_STRIDE_STEPS = 12, 12
+"""A few hundred moments."""
 
 
 @dataclass(frozen=True)
-class Told:
+class Narration:
     """An explained episode; printed, it is a table.
 
     Attributes:
@@ -60,7 +63,7 @@ class Told:
 
     def __str__(self) -> str:
         stream = io.StringIO()
-        tell(self.run, self.watched, self.said, Console(file=stream, highlight=False))
+        print_narration(self.run, self.watched, self.said, Console(file=stream, highlight=False))
         return stream.getvalue()
 
 
@@ -76,7 +79,7 @@ class Study:
     run: TrainedRun
     config: ExplainConfig
 
-    def explain(self, seed: int = 0, context: str | None = None) -> Told:
+    def explain(self, seed: int = 0, context: str | None = None) -> Narration:
         """Let the agent act once more and say at each step what it is about to do.
 
         Args:
@@ -88,7 +91,7 @@ class Study:
         """
         check_context(context, self.run)
         torch.set_num_threads(1)
-        return Told(self.run, *fly(self.run, replace(self.config, seed=seed, context=context)))
+        return Narration(self.run, *explain_rollout(self.run, replace(self.config, seed=seed, context=context)))
 
     def evaluate(self) -> Any:
         """Is what it says true? As ``task=evaluate``: prints tables, writes ``evaluation/`` and ``figures/``.
@@ -97,7 +100,7 @@ class Study:
             the contents of ``evaluation/quality.json``.
         """
         with settings_at_hand():
-            evaluate(self.config, self.run)
+            evaluate(self.run, self.config)
         return read_json(self.run.folder / EVALUATION / "quality.json")
 
 
@@ -157,47 +160,31 @@ def open_study(run: str | Path, agent: Any, settings: Sequence[str] = ()) -> Stu
     return Study(_open(agent, config), config)
 
 
-def open_guest(cfg: ExplainConfig) -> TrainedRun:
-    """What ``explain.py agent=…`` is about: a folder that is there already, or one that is made now.
+def open_external(cfg: ExplainConfig) -> TrainedRun:
+    """The run of ``explain.py agent=…``: of the folder that is named, or of one that is made now.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if cfg.task not in FOR_GUESTS:
-        raise ConfigError(
-            f"task={cfg.task} with agent=: allowed is {', '.join(FOR_GUESTS)}; it needs a run of train.py"
-        )
+    if cfg.task not in TASKS:
+        raise ConfigError(f"task={cfg.task} with agent=: allowed is {', '.join(TASKS)}; it needs a run of train.py")
     if cfg.run is None:
         return _study(cfg.agent_file, cfg, seed=0)
-    if superfluous := sorted(FOR_NEW_ONES & _named(cfg)):
+    if superfluous := sorted(OF_A_NEW_FOLDER & settings_named(cfg)):
         raise ConfigError(f"{superfluous[0]}= with run={cfg.run}: allowed only without run=, for a new folder")
     return _open(cfg.agent_file, cfg)
-
-
-def refuse_guest_settings(cfg: ExplainConfig) -> None:
-    """Refuse settings that only an agent trained elsewhere has.
-
-    Raises:
-        ConfigError: naming the key.
-    """
-    if superfluous := sorted((FOR_NEW_ONES | {"agent_sees_instruction"}) & _named(cfg)):
-        raise ConfigError(f"{superfluous[0]}= without agent=: allowed only beside it, for an agent trained elsewhere")
-
-
-def _named(cfg: ExplainConfig) -> set[str]:
-    return named_settings() | {re.split("[.=]", one)[0] for one in cfg.guest_settings}
 
 
 def _open(agent: Any, cfg: ExplainConfig) -> TrainedRun:
     torch.set_num_threads(1)
     found = _found(agent)
 
-    def guest(config: TrainConfig) -> Policy:
+    def make_policy(config: TrainConfig) -> Policy:
         sees = cfg.agent_sees_instruction
-        known = config.agent.sees_instruction if isinstance(config.agent, GuestConfig) else None
+        known = config.agent.sees_instruction if isinstance(config.agent, ExternalPolicyConfig) else None
         return _policy(found, config, known if sees is None else sees)
 
-    return load_run(find_run(cfg.run, Path("runs")), guest)
+    return open_run(cfg.run, make_policy)
 
 
 def _found(agent: Any) -> Any:
@@ -215,7 +202,7 @@ def _policy(agent: Any, config: TrainConfig, sees_instruction: bool | None) -> P
 def _study(agent: Any, cfg: ExplainConfig, seed: int) -> TrainedRun:
     torch.set_num_threads(1)
     found = _found(agent)
-    config = guest_run_config(cfg, agent if isinstance(agent, str | Path) else type(agent).__name__, seed)
+    config = external_run_config(cfg, agent if isinstance(agent, str | Path) else type(agent).__name__, seed)
     policy = _policy(found, config, cfg.agent_sees_instruction)
     folder = create_run_folder(Path(cfg.run_dir))
     episodes = _act(policy, config, cfg)
@@ -225,6 +212,31 @@ def _study(agent: Any, cfg: ExplainConfig, seed: int) -> TrainedRun:
     run = replace(run, calibration=first_calibration(run, cfg))
     save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
     return run
+
+
+def first_calibration(run: TrainedRun, cfg: ExplainConfig) -> Calibration | None:
+    """Calibrate the confidence on a few episodes that the vocabulary was not learnt from.
+
+    It stands until ``task=evaluate``, which takes more episodes.
+
+    Returns:
+        None where the future cannot be predicted exactly, or nothing was ever said.
+    """
+    if is_learnt(cfg.predictor) or not _can_be_copied(run):
+        return None
+    plan, seed = Plan(CALIBRATION_STRIDE_STEPS, cfg.predictor.futures, (run.horizon_steps,)), cfg.evaluate.seed
+    taken = take_moments(run, run.policy, seeds_for("held_out", seed, CALIBRATION_EPISODES), plan)
+    with predictor_of(run, with_processes(cfg.predictor, 1), seed) as predictor:
+        moments = predict_futures(taken, run.policy, predictor, plan, "how sure it can be").judged()
+    return calibrate(speak(run.mapping, moments, run.horizon_steps, run.task.phrases)) if len(moments) else None
+
+
+def _can_be_copied(run: TrainedRun) -> bool:
+    try:
+        make_copy(run.config.env)
+    except ConfigError:
+        return False
+    return True
 
 
 def _reactions(
@@ -243,7 +255,9 @@ def _reactions(
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:
     """Let the agent act, while the instructor's rule is heard beside it."""
-    envs = [make_game(config.env) for _ in range(min(AT_ONCE, cfg.episodes))]
-    acting = Wandering(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
+    envs = [make_game(config.env) for _ in range(min(ENVS_AT_ONCE, cfg.episodes))]
+    acting = (
+        EpsilonGreedy(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
+    )
     instructor = make_instructor(config.instructor, task_of(envs[0]), config.seed)
     return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])

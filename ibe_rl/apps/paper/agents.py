@@ -13,23 +13,21 @@ from ibe_rl.types import Episode, Policy
 
 PAPER_SUCCESS = {"A": 19 / 30, "B": 25 / 30}
 """Of the paper's agents: 63.3 % and 83.3 %."""
-NEAR = 0.08
+NEAR_SUCCESS = 0.08
 COARSE = 40
-"""How many policies fly in the first round, evenly spaced."""
-EPISODES = (20, 60, 80, 200, 500)
+"""How many policies run in the first round, evenly spaced."""
+ROUND_EPISODES = (20, 60, 80, 200, 500)
 STAYING = (14, 3, 5, 3, 1)
-"""How many episodes a policy has flown after each round, and how many policies then stay in the race for an agent."""
+"""How many episodes a policy has run after each round, and how many policies then stay in the race for an agent."""
 WIDENED = 2
 """Before this round all policies around those that are left join."""
 
-Fly = Callable[[Policy, Sequence[int]], list[Episode]]
-"""Flies a whole greedy episode for each seed."""
-FlyAll = Callable[..., Iterable[list[Episode]]]
-"""Calls such a function for many policies and their seeds, as ``map`` does."""
+RunAll = Callable[[Sequence[Policy], Sequence[Sequence[int]]], Iterable[list[Episode]]]
+"""Runs a whole greedy episode for each seed of each policy; it may use other processes."""
 
 
 @dataclass(frozen=True)
-class Skilled:
+class PaperAgent:
     """One of the agents.
 
     Attributes:
@@ -37,7 +35,7 @@ class Skilled:
         wanted: its success in the paper; None for C.
         frame: training frames when its policy was kept.
         policy: greedy.
-        episodes: flown again, on seeds that it was not chosen by.
+        episodes: run again, on seeds that it was not chosen by.
     """
 
     name: str
@@ -54,74 +52,63 @@ class Skilled:
     @property
     def near(self) -> bool:
         """Whether it is as good as the paper's, up to 8 points; C always is."""
-        return self.wanted is None or round(abs(self.success.value - self.wanted), 9) <= NEAR
+        return self.wanted is None or round(abs(self.success.value - self.wanted), 9) <= NEAR_SUCCESS
 
 
 def screen(
-    policies: dict[int, Policy],
-    fly: Fly,
-    seeds: Sequence[int],
-    step: Callable[[], None] = lambda: None,
-    fly_all: FlyAll = map,
+    policies: dict[int, Policy], run_all: RunAll, seeds: Sequence[int], step: Callable[[], None] = lambda: None
 ) -> tuple[dict[str, int], dict[int, list[bool]]]:
     """Find the policies whose success is nearest to that of the paper's agents.
 
-    Some evenly spaced ones fly a few episodes, the nearest of them and all around these some more, and so on with
+    Some evenly spaced ones run a few episodes, the nearest of them and all around these some more, and so on with
     fewer and fewer.
 
     Args:
         policies: training frames to policies, in rising order.
-        fly: flies them.
-        seeds: at least as many as the last round asks for. Each policy flies others, as far as there are enough: were
+        run_all: runs their episodes.
+        seeds: at least as many as the last round asks for. Each policy has others, as far as there are enough: were
             they the same for all and a little harder than most, then all would be found less skilled than they are.
-        step: called after each flight.
-        fly_all: calls ``fly`` for many policies and their seeds; it may use other processes.
+        step: called after each policy of each round.
 
     Returns:
         Names of agents to frames, the earliest of equals; and for each policy which of its episodes succeeded.
     """
-    race = _Race(policies, fly, seeds, step, fly_all)
+    race = _Race(policies, run_all, seeds, step)
     frames, stride, chosen = list(policies), _stride(len(policies)), {}
     for name, wanted in PAPER_SUCCESS.items():
         left = frames[::stride]
-        for number in range(len(EPISODES)):
+        for number in range(len(ROUND_EPISODES)):
             if number == WIDENED:
                 left = [*{near_by for frame in left for near_by in _around(frames, frame, stride - 1)}]
             left = race.run(left, number, wanted)
         [chosen[name]] = left
-    return chosen, {frame: flown for frame, flown in race.tried.items() if flown}
+    return chosen, {frame: successes for frame, successes in race.tried.items() if successes}
 
 
 class _Race:
-    """What each policy has flown so far; the arguments are those of ``screen``."""
+    """Which episodes of each policy have succeeded so far; the arguments are those of ``screen``."""
 
     def __init__(
-        self,
-        policies: dict[int, Policy],
-        fly: Fly,
-        seeds: Sequence[int],
-        step: Callable[[], None],
-        fly_all: FlyAll,
-    ):
-        self._policies, self._fly, self._seeds, self._step, self._fly_all = policies, fly, seeds, step, fly_all
-        spare = len(seeds) - EPISODES[-1] + 1
-        self._first = {frame: place * EPISODES[-1] % spare for place, frame in enumerate(policies)}
+        self, policies: dict[int, Policy], run_all: RunAll, seeds: Sequence[int], step: Callable[[], None]
+    ) -> None:
+        self._policies, self._run_all, self._seeds, self._step = policies, run_all, seeds, step
+        spare = len(seeds) - ROUND_EPISODES[-1] + 1
+        self._first = {frame: place * ROUND_EPISODES[-1] % spare for place, frame in enumerate(policies)}
         self.tried: dict[int, list[bool]] = {frame: [] for frame in policies}
 
     def run(self, entered: Sequence[int], number: int, wanted: float) -> list[int]:
-        """Let policies fly as much as they have to in a round; returns those that stay, the nearest first."""
-        due = [frame for frame in sorted(entered) if len(self.tried[frame]) < EPISODES[number]]
-        flights = self._fly_all(
-            self._fly, [self._policies[frame] for frame in due], [self._more(frame, EPISODES[number]) for frame in due]
-        )
-        for frame, flown in zip(due, flights, strict=True):
-            self.tried[frame] += [episode.success for episode in flown]
+        """Run what is due in a round; returns the policies that stay, the nearest first."""
+        due = [frame for frame in sorted(entered) if len(self.tried[frame]) < ROUND_EPISODES[number]]
+        seeds = [self._more(frame, ROUND_EPISODES[number]) for frame in due]
+        results = self._run_all([self._policies[frame] for frame in due], seeds)
+        for frame, episodes in zip(due, results, strict=True):
+            self.tried[frame] += [episode.success for episode in episodes]
             self._step()
         nearest = sorted(sorted(entered), key=lambda frame: abs(float(np.mean(self.tried[frame])) - wanted))
         return nearest[: STAYING[number]]
 
     def _more(self, frame: int, episodes: int) -> Sequence[int]:
-        """The seeds that a policy has not flown yet."""
+        """The seeds that a policy has not had yet."""
         first = self._first[frame]
         return self._seeds[first + len(self.tried[frame]) : first + episodes]
 
@@ -135,7 +122,7 @@ def _around(frames: Sequence[int], frame: int, reach: int) -> Sequence[int]:
     return frames[max(0, place - reach) : place + reach + 1]
 
 
-def most_flights(policies: int) -> int:
-    """How often ``screen`` calls ``fly`` at most."""
+def most_runs(policies: int) -> int:
+    """How often ``screen`` runs a policy at most."""
     around = 2 * _stride(policies) * STAYING[WIDENED - 1]
     return min(policies, COARSE) + len(PAPER_SUCCESS) * (around + sum(STAYING))

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from ibe_rl.apps.paper.foretelling import CONTACT, END, NOTHING, SHUFFLED, STAYS
-from ibe_rl.apps.paper.words import MINMAX, OURS, PAPER, SIGNS
+from ibe_rl.apps.paper.names import (
+    AT_CONTACT,
+    AT_END,
+    CUT_NAMES,
+    DEFAULT,
+    NO_WORDS,
+    PAPERS,
+    SHUFFLED,
+    SIGNS_KEPT,
+    SPLIT_MINMAX,
+    STRAIGHT,
+)
 
-CUT_NAMES = {END: "cut at the end", CONTACT: "cut at first contact"}
 SURE = 0.05
 """A corrected p below this is called significant."""
 SMALL_PART = 0.03
@@ -18,15 +27,15 @@ CLAIMED = {
     0.0: "“follow the instruction more often”; seen, not tested",
 }
 TESTED = {
-    END: "of 20 episodes one significantly better, one significantly worse; the others not told",
-    CONTACT: "not done",
+    AT_END: "of 20 episodes one significantly better, one significantly worse; the others not told",
+    AT_CONTACT: "not done",
 }
 """What the paper says."""
 MIXED = {
-    PAPER: "the paper's vocabulary",
-    SIGNS: "its split, signs kept instead of min-max",
-    MINMAX: "our split with mean instructions and min-max",
-    OURS: "our default",
+    PAPERS: "the paper's vocabulary",
+    SIGNS_KEPT: "its split, signs kept instead of min-max",
+    SPLIT_MINMAX: "our split with mean instructions and min-max",
+    DEFAULT: "our default",
 }
 
 
@@ -76,14 +85,14 @@ def _words_row(told: dict[str, Any]) -> tuple[str, str, str]:
 
 
 def _small_row(told: dict[str, Any]) -> tuple[str, str, str]:
-    here = "; ".join(f"{_name(name)} {_percent(told['rates'][name]['straight_left'])}" for name in (PAPER, OURS))
+    here = "; ".join(f"{_name(name)} {_percent(told['rates'][name]['straight_left'])}" for name in (PAPERS, DEFAULT))
     return f"Small movements to the left called straight (agent {told['agent']})", "one episode, seen", here
 
 
 def _foretold_row(agent: dict[str, Any], cut: str) -> tuple[str, str, str]:
     told = agent["cuts"][cut]
     what = f"Does the explanation help? (agent {agent['agent']}, {CUT_NAMES[cut]})"
-    return what, TESTED[cut], f"{_versus(told, PAPER)}; {_versus(told, OURS)}"
+    return what, TESTED[cut], f"{_versus(told, PAPERS)}; {_versus(told, DEFAULT)}"
 
 
 def _agents(found: dict[str, Any]) -> str:
@@ -165,7 +174,7 @@ def _small(told: dict[str, Any]) -> str:
         f"{MIXED[name]} {100 * left:.0f} and {100 * right:.0f} %" for name, (left, right) in missed.items()
     )
     total = {name: sum(sides) / 2 for name, sides in missed.items()}
-    minmax, split = total[PAPER] - total[SIGNS], total[SIGNS] - total[OURS]
+    minmax, split = total[PAPERS] - total[SIGNS_KEPT], total[SIGNS_KEPT] - total[DEFAULT]
     return (
         f"Small movements of agent {told['agent']} to the left and to the right that are not called so: {parts}. "
         f"Of all of them min-max {_causes(minmax)}, the paper's split {_causes(split)} to be missed."
@@ -185,17 +194,17 @@ def _missed(rate: dict[str, Any], side: str) -> Any:
 
 def _foretold(agent: dict[str, Any], cut: str) -> str:
     told = agent["cuts"][cut]
-    error = {name: each["value"] for name, each in told["error"].items()}
+    error = {name: f"{each['value']:.1f} %" for name, each in told["error"].items()}
     return (
-        f"Simulated observers of agent {agent['agent']}, {CUT_NAMES[cut]}, are {error[NOTHING]:.1f} % of the width off "
-        f"without explanation ({error[STAYS]:.1f} % if they expect it straight down), {error[PAPER]:.1f} % with the "
-        f"paper's vocabulary, {error[OURS]:.1f} % with the default, {error[SHUFFLED]:.1f} % if instructions were "
-        f"shuffled. Beside none {_versus(told, PAPER)}; {_versus(told, OURS)}."
+        f"Simulated observers of agent {agent['agent']}, {CUT_NAMES[cut]}, are {error[NO_WORDS]} of the width off "
+        f"without explanation ({error[STRAIGHT]} if they expect it straight down), {error[PAPERS]} with the "
+        f"paper's vocabulary, {error[DEFAULT]} with the default, {error[SHUFFLED]} if instructions were shuffled. "
+        f"Beside none {_versus(told, PAPERS)}; {_versus(told, DEFAULT)}."
     )
 
 
 def _versus(told: dict[str, Any], name: str) -> str:
-    test = next(each for each in told["tests"] if (each["explainer"], each["minus"]) == (name, NOTHING))
+    test = next(each for each in told["tests"] if (each["explainer"], each["minus"]) == (name, NO_WORDS))
     better = "better" if test["difference"]["value"] < 0 else "worse"
     count = test["better_episodes"] + test["worse_episodes"]
     verdict = f"significantly {better}" if test["p_corrected"] < SURE else f"{better}, not significantly"
@@ -206,7 +215,7 @@ def _versus(told: dict[str, Any], name: str) -> str:
 
 
 def _name(name: str) -> str:
-    return {PAPER: "the paper's vocabulary", OURS: "the default"}.get(name, name)
+    return {PAPERS: "the paper's vocabulary", DEFAULT: "the default"}.get(name, name)
 
 
 def _percent(told: dict[str, Any]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -12,82 +11,94 @@ import numpy as np
 import torch
 from rich.console import Console
 
-from ibe_rl.apps.paper import moves, words
-from ibe_rl.apps.paper.agents import Skilled
+from ibe_rl.apps.paper import movements, vocabularies
+from ibe_rl.apps.paper.agents import PaperAgent
 from ibe_rl.apps.paper.answers import headlines
-from ibe_rl.apps.paper.foretelling import CONTACT, END, Shown, judged, listen, most_telling, pick
+from ibe_rl.apps.paper.names import AT_CONTACT, AT_END, DEFAULT, PAPERS
 from ibe_rl.apps.paper.page import write_report
-from ibe_rl.apps.paper.report_context import Lab, find_agents, protocol
-from ibe_rl.apps.paper.strips import Told
-from ibe_rl.apps.paper.words import OURS, PAPER
+from ibe_rl.apps.paper.prediction_task import (
+    ObservedEpisodes,
+    ShownEpisode,
+    ask_observers,
+    error_tests,
+    most_telling,
+    pick_episodes,
+)
+from ibe_rl.apps.paper.report_context import ReportContext, find_agents, report_protocol
 from ibe_rl.config.settings import ExplainConfig, FiguresConfig
 from ibe_rl.envs.make import make_game
-from ibe_rl.evaluation import load_run, tables
+from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.evaluation.progress_bar import waiting
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import fit_shuffled
 from ibe_rl.evaluation.report import make_folders
-from ibe_rl.evaluation.rollouts import PROCESSES
-from ibe_rl.evaluation.run_predictor import predictor_of, with_processes
-from ibe_rl.ibe import ClusterMapping, TooLittleDataError, cut_windows, phrase
+from ibe_rl.evaluation.run_predictor import PROCESSES, predictor_of, with_processes
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.ibe.delta import cut_windows
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.effect import corrected
 from ibe_rl.metrics.observer import Observer, calibrate_observer
-from ibe_rl.storage.run_folder import EVALUATION, FIGURES, find_run, write_json
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
 from ibe_rl.types import Array, ConfigError, Episode, Mapping
 
-TRIES = 10
+ByAgentAndCut = dict[str, dict[str, ObservedEpisodes]]
+TRIES_EACH = 10
 """How many episodes are flown at most for each that observers foretell."""
 
 
-def reproduce(cfg: ExplainConfig) -> None:
-    """Find agents A, B and C, do the paper's experiments with them, write numbers, figures and the report.
+def reproduce(run: TrainedRun, cfg: ExplainConfig) -> None:
+    """Find agents A, B and C of a run, do the paper's experiments with them, write numbers, figures and the report.
 
     Raises:
         ConfigError: if the run lacks what is needed, or its episodes teach no vocabulary.
     """
     torch.set_num_threads(1)
-    lab = Lab(load_run(find_run(cfg.run, Path("runs"))), cfg)
-    make_folders(lab.run.folder)
+    context = ReportContext(run, cfg)
+    make_folders(context.run.folder)
     say = Console(highlight=False, soft_wrap=True).print
-    found, told = experiment(lab, say)
-    write_json(lab.run.folder / EVALUATION / "paper.json", found)
+    found, observed = experiment(context, say)
+    write_json(context.run.folder / EVALUATION / "paper.json", found)
     say("drawing")
-    pictures, page = write_report(lab.run.folder / FIGURES, found, told)
+    pictures, page = write_report(context.run.folder / FIGURES, found, observed)
     console = tables.console()
     for line in headlines(found):
         console.print(f"- {line}")
-    console.print(f"numbers: {lab.run.folder / EVALUATION}/paper.json", soft_wrap=True)
-    console.print(f"figures: {len(pictures)} PNG files in {page.parent}", soft_wrap=True)
-    console.print(f"report:  {page}", soft_wrap=True)
+    say(f"numbers: {context.run.folder / EVALUATION}/paper.json")
+    say(f"figures: {len(pictures)} PNG files in {page.parent}")
+    say(f"report:  {page}")
 
 
-def experiment(lab: Lab, say: Callable[[str], None]) -> tuple[dict[str, Any], dict[str, dict[str, Told]]]:
-    """Do them all; returns what paper.json holds, and the episodes of the prediction task by agent and cut."""
-    agents, screened = find_agents(lab)
+def experiment(context: ReportContext, say: Callable[[str], None]) -> tuple[dict[str, Any], ByAgentAndCut]:
+    """Do them all; returns what paper.json holds, and the episodes of the prediction task."""
+    agents, screened = find_agents(context)
     say(", ".join(f"{one.name}: {100 * one.success.value:.1f} % after {one.frame:,} frames" for one in agents))
-    name, unit = lab.task.state_names[lab.task.explained[0]], lab.task.state_units[lab.task.explained[0]]
+    task = context.task
+    name, unit = task.state_names[task.explained[0]], task.state_units[task.explained[0]]
     found: dict[str, Any] = {
-        "protocol": protocol(lab),
-        "phrases": {str(value): phrase(np.array([value]), lab.task.phrases) for value in lab.task.instruction_values},
+        "protocol": report_protocol(context),
+        "phrases": {str(value): phrase(np.array([value]), task.phrases) for value in task.instruction_values},
         "change_label": f"change of {name} ({unit})",
         "screened": screened,
         "agents": [agent_json(one) for one in agents],
-        "preliminary": [preliminary(lab, one) for one in agents],
+        "preliminary": [preliminary(context, one) for one in agents],
         **{part: [] for part in ("expressions", "straight", "prediction")},
     }
-    told = {}
+    observed: ByAgentAndCut = {}
     for agent in agents[1:]:
-        say(f"agent {agent.name}: vocabularies, and {lab.config.prediction_episodes} episodes to be foretold")
-        taught, checked = teach(lab, agent), lab.fly(agent.policy, lab.seeds("checked", lab.config.checked_episodes))
-        told[agent.name] = foretell(lab, agent, taught[0], checked)
-        found["expressions"].append(expressions(lab, agent, taught[0]))
-        found["straight"].append(straight(lab, agent, taught, checked))
-        found["prediction"].append(prediction(agent, told[agent.name], lab.config))
+        say(f"agent {agent.name}: vocabularies, and {context.config.prediction_episodes} episodes to be foretold")
+        taught, seeds = teach(context, agent), context.seeds("checked", context.config.checked_episodes)
+        checked = context.runner.run(agent.policy, seeds)
+        observed[agent.name] = foretell(context, agent, taught[0], checked)
+        found["expressions"].append(expressions_of(context, agent, taught[0]))
+        found["straight"].append(called_straight(context, agent, taught, checked))
+        found["prediction"].append(prediction(agent, observed[agent.name], context.config))
     correct(found["prediction"])
-    return found, told
+    return found, observed
 
 
-def agent_json(agent: Skilled) -> dict[str, Any]:
+def agent_json(agent: PaperAgent) -> dict[str, Any]:
     """Which policy it is and how good it is."""
     return {
         "name": agent.name,
@@ -101,92 +112,109 @@ def agent_json(agent: Skilled) -> dict[str, Any]:
     }
 
 
-def preliminary(lab: Lab, agent: Skilled) -> dict[str, Any]:
+def preliminary(context: ReportContext, agent: PaperAgent) -> dict[str, Any]:
     """The histograms, and the claim tested, for each instruction."""
-    fraction = lab.mappings[PAPER].top_fraction
-    made = moves.moves_of(agent.episodes, lab.task, lab.horizon_steps, fraction)
+    fraction = context.mappings[PAPERS].top_fraction
+    made = movements.movements_of(agent.episodes, context.task, context.horizon_steps, fraction)
     told = {}
-    for value in lab.task.instruction_values:
-        claims = moves.claim(made, value, lab.config.resamples, lab.config.seed)
-        told[str(value)] = moves.histogram(made, value) | {
-            "claim": {over: moves.as_json(one) for over, one in claims.items()}
+    for value in context.task.instruction_values:
+        claims = movements.claim_effects(made, value, context.config.resamples, context.config.seed)
+        told[str(value)] = movements.histogram(made, value) | {
+            "claim": {over: movements.effect_json(one) for over, one in claims.items()}
         }
     return {"agent": agent.name, "told": told}
 
 
-def teach(lab: Lab, agent: Skilled) -> list[dict[str, ClusterMapping]]:
+def teach(context: ReportContext, agent: PaperAgent) -> list[dict[str, ClusterMapping]]:
     """Learn all vocabularies from the agent's episodes, again and again with other starts of the clustering.
 
     Raises:
         ConfigError: if the episodes are too few.
     """
     found = []
-    with waiting(f"vocabularies of agent {agent.name}", lab.config.clusterings) as step:
-        for number in range(lab.config.clusterings):
+    with progress_bar(f"vocabularies of agent {agent.name}", context.config.clusterings) as step:
+        for number in range(context.config.clusterings):
             try:
-                seed = lab.config.seed + number
-                found.append(words.learn(agent.episodes, lab.mappings, lab.task, lab.horizon_steps, seed))
+                seed = context.config.seed + number
+                found.append(
+                    vocabularies.learn_variants(
+                        agent.episodes, context.mappings, context.task, context.horizon_steps, seed
+                    )
+                )
             except TooLittleDataError as error:
                 raise ConfigError(
-                    f"figures.episodes={lab.config.episodes}: agent {agent.name}'s teach no vocabulary ({error}); "
+                    f"figures.episodes={context.config.episodes}: agent {agent.name}'s teach no vocabulary ({error}); "
                     "allowed are more of them, or a run that learnt more"
                 ) from None
             step()
     return found
 
 
-def expressions(lab: Lab, agent: Skilled, taught: dict[str, ClusterMapping]) -> dict[str, Any]:
+def expressions_of(context: ReportContext, agent: PaperAgent, taught: dict[str, ClusterMapping]) -> dict[str, Any]:
     """The clusters of the paper's and of our vocabulary."""
-    limit = {"straight_below": words.straight_below(lab.task.phrases[0])}
-    told = {name: words.vocabulary_json(taught[name]) | limit for name in (PAPER, OURS)}
+    limit = {"straight_below": vocabularies.straight_below(context.task.phrases[0])}
+    told = {name: vocabularies.vocabulary_json(taught[name]) | limit for name in (PAPERS, DEFAULT)}
     return {"agent": agent.name, "vocabularies": told}
 
 
-def straight(
-    lab: Lab, agent: Skilled, taught: Sequence[dict[str, ClusterMapping]], checked: Sequence[Episode]
+def called_straight(
+    context: ReportContext, agent: PaperAgent, taught: Sequence[dict[str, ClusterMapping]], checked: Sequence[Episode]
 ) -> dict[str, Any]:
     """When movements are called straight, in all vocabularies and on episodes that none was learnt from."""
-    tested = words.call(checked, taught, lab.task, lab.horizon_steps, lab.config.resamples, lab.config.seed)
-    skews = {name: [words.skew(learnt[name]) for learnt in taught] for name in taught[0]}
+    tested = vocabularies.call(
+        checked, taught, context.task, context.horizon_steps, context.config.resamples, context.config.seed
+    )
+    skews = {name: [vocabularies.skew(learnt[name]) for learnt in taught] for name in taught[0]}
     return {
         "agent": agent.name,
         "clusterings": len(taught),
-        "small": [[bands * tested.band for bands in words.SMALL]],
-        "by_movement": {name: words.rates_by_movement(tested, name) for name in (PAPER, OURS)},
-        "rates": words.small_rates(tested),
+        "small": [[bands * tested.band for bands in vocabularies.SMALL]],
+        "by_movement": {name: vocabularies.rates_by_movement(tested, name) for name in (PAPERS, DEFAULT)},
+        "rates": vocabularies.small_rates(tested),
         "skews": skews,
     }
 
 
 def foretell(
-    lab: Lab, agent: Skilled, taught: dict[str, ClusterMapping], checked: Sequence[Episode]
-) -> dict[str, Told]:
+    context: ReportContext, agent: PaperAgent, taught: dict[str, ClusterMapping], checked: Sequence[Episode]
+) -> dict[str, ObservedEpisodes]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
-    env, predictor_config = lab.run.config.env, lab.cfg.predictor
-    hidden = replace(env, kwargs={**env.kwargs, **lab.task.hidden_goal})
-    vocabularies = {name: taught[name] for name in (PAPER, OURS)}
-    told_by = vocabularies, learn_shuffled(lab, agent), typical(lab, agent, checked)
-    shown = hidden_flights(lab, agent, make_game(hidden))
-    workers = with_processes(predictor_config, PROCESSES)
-    horizon_steps, told = lab.horizon_steps, {}
-    with predictor_of(lab.run, workers, lab.config.seed, hidden) as predictor:
-        for cut in (END, CONTACT):
-            about = shown, cut, agent.policy, predictor
-            listened = listen(*about, *told_by, lab.task, horizon_steps, predictor_config.futures)
-            told[cut] = Told(shown, cut, listened, vocabularies, lab.task, horizon_steps)
-    return told
+    env, predictor_config = context.run.config.env, context.cfg.predictor
+    hidden = replace(env, kwargs={**env.kwargs, **context.task.hidden_goal})
+    known = {name: taught[name] for name in (PAPERS, DEFAULT)}
+    shuffled, observer = learn_shuffled(context, agent), typical(context, agent, checked)
+    shown = hidden_episodes(context, agent, make_game(hidden))
+    futures, found = predictor_config.futures, {}
+    with predictor_of(
+        context.run, with_processes(predictor_config, PROCESSES), context.config.seed, hidden
+    ) as predictor:
+        for cut in (AT_END, AT_CONTACT):
+            guesses = ask_observers(
+                shown,
+                cut,
+                agent.policy,
+                predictor,
+                known,
+                shuffled=shuffled,
+                observer=observer,
+                task=context.task,
+                horizon_steps=context.horizon_steps,
+                futures=futures,
+            )
+            found[cut] = ObservedEpisodes(shown, cut, guesses, known, context.task, context.horizon_steps)
+    return found
 
 
-def learn_shuffled(lab: Lab, agent: Skilled) -> list[Mapping]:
+def learn_shuffled(context: ReportContext, agent: PaperAgent) -> list[Mapping]:
     """Vocabularies that cannot be right.
 
     Raises:
         ConfigError: if none can be learnt.
     """
-    ours, config = lab.mappings[OURS], lab.config
-    best = words.best_of(agent.episodes, ours)
-    with waiting("vocabularies of shuffled instructions", config.shuffles) as step:
-        settings = ours, lab.task, config.seed, lab.horizon_steps, config.shuffles
+    ours, config = context.mappings[DEFAULT], context.config
+    best = vocabularies.best_of(agent.episodes, ours)
+    with progress_bar("vocabularies of shuffled instructions", config.shuffles) as step:
+        settings = ours, context.task, config.seed, context.horizon_steps, config.shuffles
         found = fit_shuffled(best, agent.episodes, *settings, step)
     if not found:
         raise ConfigError(
@@ -195,46 +223,46 @@ def learn_shuffled(lab: Lab, agent: Skilled) -> list[Mapping]:
     return found
 
 
-def hidden_flights(lab: Lab, agent: Skilled, env: gymnasium.Env[Any, Any]) -> list[Shown]:
+def hidden_episodes(context: ReportContext, agent: PaperAgent, env: gymnasium.Env[Any, Any]) -> list[ShownEpisode]:
     """Episodes in which the goal cannot be seen.
 
     Raises:
         ConfigError: if the agent hardly ever comes down.
     """
-    count, steps = lab.config.prediction_episodes, lab.horizon_steps
-    with waiting(f"agent {agent.name} flies where the goal is hidden", count) as step:
-        seeds = lab.seeds("foretold", TRIES * count)
-        shown = pick(env, lab.task, agent.policy, lab.instructor, seeds, count, steps, step)
+    count, steps = context.config.prediction_episodes, context.horizon_steps
+    with progress_bar(f"agent {agent.name} flies where the goal is hidden", count) as step:
+        seeds = context.seeds("foretold", TRIES_EACH * count)
+        shown = pick_episodes(env, context.task, agent.policy, context.instructor, seeds, count, steps, step)
     if len(shown) < 2:
         raise ConfigError(
-            f"run={lab.run.folder}: agent {agent.name} hardly ever comes down after at least {SEEN_STEPS + steps} "
+            f"run={context.run.folder}: agent {agent.name} hardly ever comes down after at least {SEEN_STEPS + steps} "
             "steps; allowed is a run that learnt more"
         )
     return shown
 
 
-def typical(lab: Lab, agent: Skilled, checked: Sequence[Episode]) -> Observer:
+def typical(context: ReportContext, agent: PaperAgent, checked: Sequence[Episode]) -> Observer:
     """An observer that knows how far the agent typically goes.
 
     Raises:
         ConfigError: if it never goes anywhere.
     """
-    change = cut_windows(checked, lab.horizon_steps, "clamp").delta[:, lab.task.explained[0]]
-    observer = calibrate_observer(change.astype(float), lab.task.explained_band[0])
+    change = cut_windows(checked, context.horizon_steps, "clamp").delta[:, context.task.explained[0]]
+    observer = calibrate_observer(change.astype(float), context.task.explained_band[0])
     if np.isnan(observer.typical):
         raise ConfigError(
-            f"run={lab.run.folder}: agent {agent.name} never goes to a side within {lab.horizon_steps} steps; "
+            f"run={context.run.folder}: agent {agent.name} never goes to a side within {context.horizon_steps} steps; "
             "allowed is a run that does, or one with a longer mapping.horizon_steps"
         )
     return observer
 
 
-def prediction(agent: Skilled, told: dict[str, Told], config: FiguresConfig) -> dict[str, Any]:
+def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: FiguresConfig) -> dict[str, Any]:
     """How far off the observers are, over all episodes and in each."""
     cuts = {}
     for cut, one in told.items():
-        errors = one.listened.errors(one.task.explained_range[0])
-        means, tests = judged(errors, config.resamples, config.seed)
+        errors = one.guesses.errors(one.task.explained_range[0])
+        means, tests = error_tests(errors, config.resamples, config.seed)
         cuts[cut] = {
             "error": {name: each.to_dict() for name, each in means.items()},
             "tests": tests,
@@ -244,18 +272,18 @@ def prediction(agent: Skilled, told: dict[str, Told], config: FiguresConfig) -> 
     return {"agent": agent.name, "cuts": cuts}
 
 
-def episode_json(told: Told, row: int, errors: dict[str, Array]) -> dict[str, Any]:
+def episode_json(told: ObservedEpisodes, row: int, errors: dict[str, Array]) -> dict[str, Any]:
     """One episode of the prediction task."""
-    shown, listened = told.shown[row], told.listened
+    shown, guesses = told.shown[row], told.guesses
     return {
         "seed": shown.seed,
         "context": shown.watched.episode.context,
         "success": shown.watched.episode.success,
         "foretold_at_step": told.last_seen(row),
-        "position": float(listened.position[row]),
-        "end": float(listened.end[row]),
-        "said": {name: said[row].tolist() for name, said in listened.said.items()},
-        "expected": {name: float(np.mean(each[:, row])) for name, each in listened.expected.items()},
+        "position": float(guesses.position[row]),
+        "end": float(guesses.end[row]),
+        "said": {name: said[row].tolist() for name, said in guesses.said.items()},
+        "expected": {name: float(np.mean(each[:, row])) for name, each in guesses.expected.items()},
         "errors": {name: float(each[row]) for name, each in errors.items()},
     }
 

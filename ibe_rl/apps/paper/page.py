@@ -2,97 +2,85 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from ibe_rl.apps.paper import charts, strips
-from ibe_rl.apps.paper.answers import CUT_NAMES, answers, headlines, table
-from ibe_rl.apps.paper.charts import NAMES
-from ibe_rl.apps.paper.foretelling import CONTACT, END, NOTHING
-from ibe_rl.apps.paper.plot_style import LABELS, VARIANTS
-from ibe_rl.apps.paper.strips import Told
-from ibe_rl.apps.paper.words import OURS, PAPER
-from ibe_rl.evaluation.figures import save
-from ibe_rl.evaluation.progress_bar import waiting
-from ibe_rl.storage.run_folder import write_atomically
+from ibe_rl.apps.paper.answers import answers, headlines, table
+from ibe_rl.apps.paper.names import (
+    AT_CONTACT,
+    CUT_NAMES,
+    DEFAULT,
+    NO_WORDS,
+    OBSERVER_LABELS,
+    PAPERS,
+    VARIANT_LABELS,
+    VOCABULARY_NAMES,
+)
+from ibe_rl.apps.paper.prediction_task import ObservedEpisodes
+from ibe_rl.apps.report_page import write_page
 
-CUTS = (END, CONTACT)
 
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure of the page.
-
-    Attributes:
-        file: name of the PNG file.
-        caption: below it.
-        draw: makes it.
-    """
+class PageFigure(NamedTuple):
+    """A figure of the page: its PNG file, the caption below it, and what draws it."""
 
     file: str
     caption: str
     draw: Callable[[], Figure]
 
 
-def pictures(found: dict[str, Any], told: dict[str, dict[str, Told]]) -> dict[str, list[Picture]]:
+CHARTS = {
+    "agents": [("agents.png", "Every policy that was tried out, and the three that fly on.", charts.policies_chart)],
+    "preliminary": [
+        ("moves.png", "The paper's histograms; it shows the first two columns, for A and B.", charts.movements_chart),
+        ("claim.png", "The claim, tested with each episode counted once.", charts.claim_chart),
+    ],
+    "words": [("expressions.png", "The paper's figure of m^i, and ours.", charts.expressions_chart)],
+    "straight": [
+        (
+            "straight.png",
+            "Left: share of movements of each size called straight; shaded: the small ones. Right: the small ones, in "
+            "vocabularies that exchange one half at a time.",
+            charts.straight_chart,
+        )
+    ],
+    "prediction": [
+        ("observers.png", "Every observer; all listen in the same fixed way.", charts.errors_chart),
+        ("episodes.png", "The same, episode by episode.", charts.episodes_chart),
+    ],
+}
+"""File, caption and function of the figures that are drawn from numbers alone, by section of the page."""
+
+
+def page_figures(
+    found: dict[str, Any], observed: dict[str, dict[str, ObservedEpisodes]]
+) -> dict[str, list[PageFigure]]:
     """All figures, by the section of the page that they belong to."""
-    return {
-        "agents": [
-            Picture(
-                "agents.png",
-                "Every policy that was tried out, and the three that fly on.",
-                partial(charts.agents, found),
-            )
-        ],
-        "preliminary": [
-            Picture(
-                "moves.png",
-                "The paper's histograms; it shows the first two columns, for A and B.",
-                partial(charts.moves, found),
-            ),
-            Picture("claim.png", "The claim, tested with each episode counted once.", partial(charts.claim, found)),
-        ],
-        "words": [
-            Picture("expressions.png", "The paper's figure of m^i, and ours.", partial(charts.expressions, found))
-        ],
-        "straight": [
-            Picture(
-                "straight.png",
-                "Left: share of movements of each size called straight; shaded: the small ones. Right: the small ones, "
-                "in vocabularies that exchange one half at a time.",
-                partial(charts.straight, found),
-            )
-        ],
-        "prediction": [
-            Picture(
-                "observers.png", "Every observer; all listen in the same fixed way.", partial(charts.errors, found)
-            ),
-            Picture("episodes.png", "The same, episode by episode.", partial(charts.by_episode, found)),
-        ],
-        **{
-            f"strips_{name}": [one for cut in CUTS for one in _strips(found, name, cuts[cut])]
-            for name, cuts in told.items()
-        },
+    drawn = {
+        section: [PageFigure(file, caption, partial(draw, found)) for file, caption, draw in several]
+        for section, several in CHARTS.items()
     }
+    for agent in found["prediction"]:
+        cuts = observed[agent["agent"]]
+        drawn[f"strips_{agent['agent']}"] = [one for cut in CUT_NAMES for one in _strips(agent, cuts[cut])]
+    return drawn
 
 
-def _strips(found: dict[str, Any], name: str, told: Told) -> list[Picture]:
+def _strips(agent: dict[str, Any], observed: ObservedEpisodes) -> list[PageFigure]:
     """The episodes in which an explanation helps and misleads most, for both vocabularies; then all episodes."""
-    [agent] = [each for each in found["prediction"] if each["agent"] == name]
-    cut = CUT_NAMES[told.cut]
+    of = f"Agent {agent['agent']}, {CUT_NAMES[observed.cut]}"
     drawn = []
-    for row, told_of_it in _most_telling(agent["cuts"][told.cut]).items():
-        title = f"Agent {name}, {cut}, episode {row + 1}: here {' and '.join(told_of_it)}"
-        drawn.append(Picture(strip_file(name, told.cut, row), f"{title}.", partial(strips.strip, told, row, title)))
-    title = f"Agent {name}, {cut}: all {len(told.shown)} episodes"
-    return [*drawn, Picture(f"gallery_{name}_{told.cut}.png", f"{title}.", partial(strips.gallery, told, title))]
+    for row, extremes in _most_telling(agent["cuts"][observed.cut]).items():
+        title = f"{of}, episode {row + 1}: here {' and '.join(extremes)}"
+        file = strip_file(agent["agent"], observed.cut, row)
+        drawn.append(PageFigure(file, f"{title}.", partial(strips.episode_strip, observed, row, title)))
+    title = f"{of}: all {len(observed.shown)} episodes"
+    draw = partial(strips.gallery, observed, title)
+    return [*drawn, PageFigure(f"gallery_{agent['agent']}_{observed.cut}.png", f"{title}.", draw)]
 
 
 def strip_file(agent: str, cut: str, row: int) -> str:
@@ -100,74 +88,49 @@ def strip_file(agent: str, cut: str, row: int) -> str:
     return f"strip_{agent}_{cut}_{row + 1:02d}.png"
 
 
-def _most_telling(judged: dict[str, Any]) -> dict[int, list[str]]:
+def _most_telling(results: dict[str, Any]) -> dict[int, list[str]]:
     """Episodes to what they are the extreme of."""
     found: dict[int, list[str]] = {}
-    for vocabulary in (OURS, PAPER):
-        best, worst = judged["most_telling"][vocabulary]
+    for vocabulary in (DEFAULT, PAPERS):
+        best, worst = results["most_telling"][vocabulary]
         for row, much, little in ((best, "helps most", "misleads least"), (worst, "helps least", "misleads most")):
-            errors = judged["episodes"][row]["errors"]
-            helps = errors[vocabulary] < errors[NOTHING]
-            found.setdefault(row, []).append(f"{NAMES[vocabulary]} {much if helps else little}")
+            errors = results["episodes"][row]["errors"]
+            helps = errors[vocabulary] < errors[NO_WORDS]
+            found.setdefault(row, []).append(f"{VOCABULARY_NAMES[vocabulary]} {much if helps else little}")
     return found
 
 
-def write_report(folder: Path, found: dict[str, Any], told: dict[str, dict[str, Told]]) -> tuple[list[Path], Path]:
+def write_report(
+    folder: Path, found: dict[str, Any], observed: dict[str, dict[str, ObservedEpisodes]]
+) -> tuple[list[Path], Path]:
     """Draw all figures and write the page that holds them.
 
     Args:
         folder: where they go.
         found: what paper.json holds.
-        told: the episodes of the prediction task, by agent and cut.
+        observed: the episodes of the prediction observed, by agent and cut.
 
     Returns:
         The PNG files and the page.
     """
-    sections = pictures(found, told)
-    every = [picture for section in sections.values() for picture in section]
+    sections = page_figures(found, observed)
+    every = {figure.file: figure for section in sections.values() for figure in section}
     agent = found["prediction"][0]
-    first = strip_file(agent["agent"], CONTACT, agent["cuts"][CONTACT]["most_telling"][OURS][0])
-    with waiting("figures", len(every)) as step:
-        files = []
-        for picture in every:
-            files.append(save(picture.draw(), folder / picture.file))
-            step()
-    for old in {*folder.glob("strip_*.png")} - {*files}:  # of a report before, with other episodes
-        old.unlink()
-    encoded = {path.name: base64.b64encode(path.read_bytes()).decode() for path in files}
-    page = template("ibe_rl.apps.paper").render(
+    first = strip_file(agent["agent"], AT_CONTACT, agent["cuts"][AT_CONTACT]["most_telling"][DEFAULT][0])
+    files, page = write_page(
+        "ibe_rl.apps.paper",
+        folder,
+        {name: figure.draw for name, figure in every.items()},
         found=found,
-        first=next(picture for picture in every if picture.file == first),
+        first=every[first],
         headlines=headlines(found),
         answers=answers(found),
         table=table(found),
         sections=sections,
-        encoded=encoded,
-        labels=LABELS,
-        variants=VARIANTS,
+        labels=OBSERVER_LABELS,
+        variants=VARIANT_LABELS,
         cuts=CUT_NAMES,
     )
-    write_atomically(folder / "report.html", lambda stream: stream.write(page.encode()))
-    return files, folder / "report.html"
-
-
-def template(package: str) -> Any:
-    """The page ``report.html.jinja`` of a package; it may include what lies beside this file."""
-    environment = Environment(
-        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader("ibe_rl.apps.paper", ".")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = number
-    return environment.get_template("report.html.jinja")
-
-
-def number(told: dict[str, Any] | None, digits: int = 2, sign: bool = False) -> str:
-    """A value with its interval."""
-    if told is None or told["value"] is None:
-        return "-"
-    plus = "+" if sign else ""
-    text = f"{told['value']:{plus}.{digits}f}"
-    return text if told["low"] is None else f"{text} [{told['low']:{plus}.{digits}f}, {told['high']:{plus}.{digits}f}]"
+    for old in {*folder.glob("strip_*.png")} - {*files}:  # of a report before, with other episodes
+        old.unlink()
+    return files, page

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
-from threadpoolctl import threadpool_limits
 
-from ibe_rl.apps.paper.agents import PAPER_SUCCESS, Fly, FlyAll, Skilled, most_flights, screen
-from ibe_rl.apps.paper.words import PAPER, variants
+from ibe_rl.apps.paper.agents import PAPER_SUCCESS, PaperAgent, RunAll, most_runs, screen
+from ibe_rl.apps.paper.names import PAPERS
+from ibe_rl.apps.paper.vocabularies import variants
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_game, task_of
-from ibe_rl.evaluation import TrainedRun
-from ibe_rl.evaluation.moments import AT_ONCE, SEEN_STEPS
-from ibe_rl.evaluation.progress_bar import waiting
-from ibe_rl.evaluation.rollouts import PROCESSES, SEEDS_EACH, seeds_for
+from ibe_rl.evaluation.moments import SEEN_STEPS
+from ibe_rl.evaluation.progress_bar import progress_bar
+from ibe_rl.evaluation.rollouts import EPISODES_AT_ONCE, SEEDS_EACH, seeds_for
+from ibe_rl.evaluation.run_predictor import PROCESSES
 from ibe_rl.evaluation.runs import kept_policies
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.instructors import make_instructor, speaks, stand_in
-from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
+from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, Instructor, Policy
@@ -66,60 +65,38 @@ def check_report(cfg: TrainConfig, task: Task) -> None:
         raise ConfigError(f"report=true with {key}: allowed is a training that learns a vocabulary")
 
 
-class Airfield:
-    """Environments to fly in, made when they are first needed; it can be sent to other processes.
+class EpisodeRunner:
+    """Runs greedy episodes in environments that are made when first needed; it can be sent to other processes.
 
     Args:
         env: which environments.
         instructor: who instructs there.
     """
 
-    def __init__(self, env: EnvConfig, instructor: InstructorConfig):
+    def __init__(self, env: EnvConfig, instructor: InstructorConfig) -> None:
         self._env, self._instructor = env, instructor
         self._envs: list[gymnasium.Env[Any, Any]] = []
 
-    def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
-        """Fly a greedy episode for each seed."""
-        while len(self._envs) < min(AT_ONCE, len(seeds)):
+    def run(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
+        """Run an episode for each seed."""
+        torch.set_num_threads(1)
+        while len(self._envs) < min(EPISODES_AT_ONCE, len(seeds)):
             self._envs.append(make_game(self._env))
         return play(self._envs, policy, make_instructor(self._instructor, task_of(self._envs[0])), seeds)
 
 
 @contextmanager
-def flying_together(airfield: Airfield, processes: int) -> Iterator[tuple[Fly, FlyAll]]:
-    """What ``screen`` flies with, in this process or shared between others."""
+def shared_between(runner: EpisodeRunner, processes: int) -> Iterator[RunAll]:
+    """What ``screen`` runs episodes with, in this process or shared between others."""
     if processes == 1:
-        yield airfield.fly, map
+        yield partial(map, runner.run)
         return
-
-    def fly_all(*each: Any) -> Iterator[list[Episode]]:
-        with interrupts_stay_here(), script_stays_here():
-            return workers.map(*each)
-
-    spawn = multiprocessing.get_context("spawn")
-    workers = ProcessPoolExecutor(processes, spawn, _keep, (airfield,))
-    try:
-        yield _fly, fly_all
-    finally:
-        workers.shutdown(cancel_futures=True)  # at Ctrl-C nobody waits for flights that have not begun
-
-
-_kept: list[Airfield] = []
-"""The airfield of a process that flies for another one."""
-
-
-def _keep(airfield: Airfield) -> None:
-    threadpool_limits(1)
-    torch.set_num_threads(1)
-    _kept[:] = [airfield]
-
-
-def _fly(policy: Policy, seeds: Sequence[int]) -> list[Episode]:
-    return _kept[0].fly(policy, seeds)
+    with closing(ProcessPool(runner, processes)) as pool:
+        yield lambda policies, seeds: pool.map("run", zip(policies, seeds, strict=True))
 
 
 @dataclass(frozen=True)
-class Lab:
+class ReportContext:
     """A run and the settings of its experiments.
 
     Raises:
@@ -154,9 +131,9 @@ class Lab:
         return variants(known["paper"], known[DEFAULT_MAPPING] if own.kind == "paper" else own)
 
     @cached_property
-    def airfield(self) -> Airfield:
-        """Where whole episodes are flown."""
-        return Airfield(self.run.config.env, stand_in(self.run.config.instructor))
+    def runner(self) -> EpisodeRunner:
+        """Runs whole episodes."""
+        return EpisodeRunner(self.run.config.env, stand_in(self.run.config.instructor))
 
     @property
     def instructor(self) -> Instructor:
@@ -167,48 +144,46 @@ class Lab:
         """Of episodes that are flown for nothing else."""
         return seeds_for(purpose, self.config.seed, count)
 
-    def fly(self, policy: Policy, seeds: Sequence[int]) -> list[Episode]:
-        """Fly a greedy episode for each seed."""
-        return self.airfield.fly(policy, seeds)
 
-
-def find_agents(lab: Lab) -> tuple[list[Skilled], list[dict[str, Any]]]:
-    """The agents, flown again on fresh seeds; and how good all policies were that they were chosen from."""
-    policies: dict[int, Policy] = dict(kept_policies(lab.run, EVALUATED, BETWEEN))
-    title, most = f"looking for A and B among {len(policies)} policies", most_flights(len(policies))
-    processes = lab.cfg.predictor.processes or PROCESSES
-    with waiting(title, most) as step, flying_together(lab.airfield, processes) as (fly, fly_all):
-        chosen, tried = screen(policies, fly, lab.seeds("screened", SEEDS_EACH), step, fly_all)
-    chosen["C"] = lab.run.policy_frame
-    agents, seeds = [], lab.seeds("flown", lab.config.episodes)
-    with waiting("A, B and C fly again", len(chosen)) as step:
+def find_agents(context: ReportContext) -> tuple[list[PaperAgent], list[dict[str, Any]]]:
+    """The agents, run again on fresh seeds; and how good all policies were that they were chosen from."""
+    policies: dict[int, Policy] = dict(kept_policies(context.run, EVALUATED, BETWEEN))
+    title, most = f"looking for A and B among {len(policies)} policies", most_runs(len(policies))
+    processes = context.cfg.predictor.processes or PROCESSES
+    with progress_bar(title, most) as step, shared_between(context.runner, processes) as run_all:
+        chosen, tried = screen(policies, run_all, context.seeds("screened", SEEDS_EACH), step)
+    chosen["C"] = context.run.policy_frame
+    agents, seeds = [], context.seeds("flown", context.config.episodes)
+    with progress_bar("A, B and C fly again", len(chosen)) as step:
         for name, frame in chosen.items():
-            episodes = lab.fly(policies[frame], seeds)
-            agents.append(Skilled(name, PAPER_SUCCESS.get(name), frame, policies[frame], episodes))
+            episodes = context.runner.run(policies[frame], seeds)
+            agents.append(PaperAgent(name, PAPER_SUCCESS.get(name), frame, policies[frame], episodes))
             step()
-    rates = [(frame, len(flown), float(np.mean(flown))) for frame, flown in sorted(tried.items())]
+    rates = [(frame, len(successes), float(np.mean(successes))) for frame, successes in sorted(tried.items())]
     return agents, [{"frame": frame, "episodes": count, "success": rate} for frame, count, rate in rates]
 
 
-def protocol(lab: Lab) -> dict[str, Any]:
+def report_protocol(context: ReportContext) -> dict[str, Any]:
     """What the numbers stand on."""
-    config, run = lab.config, lab.run
+    config, run = context.config, context.run
     counts = {"screened": SEEDS_EACH, "flown": config.episodes, "checked": config.checked_episodes}
     return {
         "run": run.folder.name,
         "agent": run.config.agent.kind,
-        "environment": lab.task.name,
+        "environment": context.task.name,
         "actions": "greedy",
-        "horizon_steps": lab.horizon_steps,
+        "horizon_steps": context.horizon_steps,
         "n_clusters": run.config.mapping.n_clusters,
-        "top_fraction": lab.mappings[PAPER].top_fraction,
-        "default_mapping": next(reversed(lab.mappings.values())).kind,
+        "top_fraction": context.mappings[PAPERS].top_fraction,
+        "default_mapping": next(reversed(context.mappings.values())).kind,
         "seen_steps": SEEN_STEPS,
-        "futures": lab.cfg.predictor.futures,
-        "band": lab.task.explained_band[0],
-        "context": lab.task.context_option,
+        "futures": context.cfg.predictor.futures,
+        "band": context.task.explained_band[0],
+        "context": context.task.context_option,
         "seed": config.seed,
-        "seeds": {name: [seeds[0], seeds[-1]] for name, count in counts.items() if (seeds := lab.seeds(name, count))},
+        "seeds": {
+            name: [seeds[0], seeds[-1]] for name, count in counts.items() if (seeds := context.seeds(name, count))
+        },
         "clusterings": config.clusterings,
         "shuffles": config.shuffles,
         "resamples": config.resamples,

@@ -44,13 +44,7 @@ def check_ray(config: CollectConfig) -> None:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if config.engine == "ray":
-        check_installed("collect.engine=ray", "processes")
-    if config.engine != "ray" and config.address is not None:
-        raise ConfigError(
-            f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
-            "or collect.engine=ray, without which nobody connects to it"
-        )
+    check_installed("collect.engine=ray", "processes")
     if config.address is not None:
         check_address("collect.address", config.address)
 

@@ -1,1 +1,9 @@
-"""Many runs of train.py: started side by side, taken up again, and told about in one report."""
+"""Many runs of train.py: side by side, taken up again, in one report.
+
+In: the overrides of each run from hydra's launcher, and the folders of the runs.
+Out: a folder with the folders of all runs; ``figures/report.html`` and ``figures/sweep.csv`` in it.
+Imports: ``view``, ``evaluation`` and the rooms below them, ``apps.ray`` to run elsewhere, ``apps.report_page``.
+
+``launch`` plans the runs (``jobs``), runs them (``processes``) and shows how they come along (``board``). ``report``
+reads what they left (``records``), computes intervals over the runs (``intervals``) and draws (``figures``).
+"""

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from rich.table import Table
 
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, OUTPUT, Job, Outcome, read_summary
+from ibe_rl.config.command_line import installed
 from ibe_rl.storage.run_folder import METRICS
 
 TAIL_BYTES = 20_000
@@ -114,7 +115,7 @@ def newest_row(path: Path) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=False) if value}
 
 
-def closing_table(outcomes: Sequence[Outcome]) -> Table:
+def outcomes_table(outcomes: Sequence[Outcome]) -> Table:
     """What became of every run, with its score."""
     table = Table("run", "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
     for outcome in outcomes:
@@ -131,3 +132,8 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
         for one in outcomes
         if one.became == FAILED
     ]
+
+
+def viewer_command(sweep: Path) -> str:
+    """The command that shows all runs of a sweep."""
+    return f"{installed('python')} -m ibe_rl.viewer {sweep}"

@@ -9,41 +9,19 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ibe_rl.apps.paper.plot_style import DARK, FAINT, grid, hexed
-from ibe_rl.view.overlay import PALETTE
+from ibe_rl.apps.plot_style import DARK, FAINT, grid, hexed, interval
+from ibe_rl.apps.sweep.records import COLUMN_LABELS
+from ibe_rl.view.palette import RUN_COLOURS
 
-LEARNING = {
-    "train/return_mean": "return of the newest 100 episodes",
-    "train/success_rate": "success of the newest 100 episodes",
-    "eval/return_mean": "return, greedy, unseen episodes",
-    "eval/success_rate": "success, greedy, unseen episodes",
-}
-TRUTH = {
-    "ibe/motion_auc": "motion told from what is said (AUC)",
-    "ibe/motion_auc_disobeyed": "the same where it did not do as told (AUC)",
-    "ibe/instruction_f1": "instruction told from what is said (F1)",
-    "ibe/came_true": "share of what was said that went as predicted",
-    "ibe/unknown": "share in which it says that it does not know",
-    "ibe/vocabulary_drift": "drift of the vocabulary at a refresh",
-}
-JUDGED = {
-    "quality/motion_auc": "judged: motion AUC",
-    "quality/motion_auc_disobeyed": "judged: where it did not do as told",
-    "quality/vocabulary_loss": "judged: lost by the vocabulary (AUC)",
-    "quality/came_true": "judged: share that went as predicted",
-    "quality/observer_error": "judged: error of a listener (% of the width)",
-}
-LABELS = LEARNING | TRUTH | JUDGED
-"""Columns of metrics.csv, and of quality.json, to what they are called."""
-LINES = ("-", "--", ":")
-MARKED_POINTS = 15
+_LINES = ("-", "--", ":")
+_MARKED_POINTS = 15
 
 
-def style(number: int) -> dict[str, Any]:
+def _style(number: int) -> dict[str, Any]:
     """Colour and line of a condition."""
     return {
-        "color": hexed(PALETTE[number % len(PALETTE)]),
-        "linestyle": LINES[number // len(PALETTE) % len(LINES)],
+        "color": hexed(RUN_COLOURS[number % len(RUN_COLOURS)]),
+        "linestyle": _LINES[number // len(RUN_COLOURS) % len(_LINES)],
     }
 
 
@@ -64,17 +42,17 @@ def curves(conditions: list[dict[str, Any]], columns: dict[str, str]) -> Figure:
     for axis in panels[len(shown) :]:
         axis.set_visible(False)
     for number, one in enumerate(conditions):
-        panels[0].plot([], [], label=_label(one), **style(number))
+        panels[0].plot([], [], label=_label(one), **_style(number))
     figure.legend(loc="outside lower center", ncols=2 if len(conditions) < 9 else 3)
     return figure
 
 
 def _curve(axis: Axes, told: dict[str, list[float]], number: int, several: bool) -> None:
     frames = np.array(told["frames"]) / 1000
-    marker = "o" if len(frames) <= MARKED_POINTS else ""
-    axis.plot(frames, told["value"], linewidth=1.6, marker=marker, markersize=4, **style(number))
+    marker = "o" if len(frames) <= _MARKED_POINTS else ""
+    axis.plot(frames, told["value"], linewidth=1.6, marker=marker, markersize=4, **_style(number))
     if several:
-        axis.fill_between(frames, told["low"], told["high"], color=style(number)["color"], alpha=0.18, linewidth=0)
+        axis.fill_between(frames, told["low"], told["high"], color=_style(number)["color"], alpha=0.18, linewidth=0)
 
 
 def _label(condition: dict[str, Any]) -> str:
@@ -89,18 +67,15 @@ def ends(conditions: list[dict[str, Any]], columns: list[str]) -> Figure:
         for row, one in enumerate(conditions):
             if column in one["ends"]:
                 _end(axis, one["ends"][column], row)
-        axis.set_title(_broken(LABELS[column]), fontsize=9)
+        axis.set_title(_broken(COLUMN_LABELS[column]), fontsize=9)
     axes[0][0].set_yticks(range(len(conditions)), [_label(one) for one in conditions])
     axes[0][0].set_ylim(len(conditions) - 0.5, -0.5)
     return figure
 
 
 def _end(axis: Axes, told: dict[str, Any], row: int) -> None:
-    colour = style(row)["color"]
     axis.plot(told["each"], [row + 0.22] * len(told["each"]), ".", color=FAINT, markersize=5)
-    if told["low"] is not None:
-        axis.plot([told["low"], told["high"]], [row, row], color=colour, linewidth=2.2)
-    axis.plot([told["value"]], [row], "o", color=colour, markersize=7)
+    interval(axis, told, row, _style(row)["color"], alpha=1.0)
 
 
 def _broken(title: str) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from ibe_rl.apps.ray.workers import check_address, check_installed
-from ibe_rl.apps.sweep.board import Board, closing_table, failures
+from ibe_rl.apps.sweep.board import Board, failures, outcomes_table, viewer_command
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.apps.sweep.processes import cores, run_all
 from ibe_rl.config.arguments import quoted
@@ -50,13 +50,13 @@ def launch(
     at_once = how_many(settings)
     console.print(f"{len(jobs)} runs, {at_once} at once, each in a folder of its own below {sweep}", markup=False)
     if recorded:
-        console.print(f"  they are recorded, not served; to watch them: {viewer(sweep)}", markup=False)
+        console.print(f"  they are recorded, not served; to watch them: {viewer_command(sweep)}", markup=False)
     front = elsewhere(settings)
     outcomes = run_all(
         jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
     )
-    console.print(closing_table(outcomes))
-    for line in [*failures(outcomes), *how_to_open(sweep)]:
+    console.print(outcomes_table(outcomes))
+    for line in [*failures(outcomes), *sweep_hints(sweep)]:
         console.print(line, markup=False)
     became = {outcome.became for outcome in outcomes}
     if not became <= {DONE, DONE_BEFORE, FAILED}:
@@ -80,7 +80,9 @@ def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
             f"the folder of the sweep (now {sweep}): it goes on with all its runs"
         )
     if cfg.viewer.mode == "live" and any(key_of(one) in VIEWER for one in overrides):
-        raise ConfigError(f"viewer=live in a sweep: allowed is file or off; `{viewer(sweep)}` shows all of its runs")
+        raise ConfigError(
+            f"viewer=live in a sweep: allowed is file or off; `{viewer_command(sweep)}` shows all of its runs"
+        )
     if cfg.runs_on is not None:
         check_installed(f"runs_on={cfg.runs_on}", "null")
         check_address("runs_on", cfg.runs_on)
@@ -117,15 +119,10 @@ def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str])
     return [sys.executable, sys.argv[0], *flags, *asked, *single]
 
 
-def viewer(sweep: Path) -> str:
-    """The command that shows all runs of a sweep."""
-    return f"{installed('python')} -m ibe_rl.viewer {sweep}"
-
-
-def how_to_open(sweep: Path) -> list[str]:
+def sweep_hints(sweep: Path) -> list[str]:
     """How to look at the runs together."""
     return [
         f"the runs are in {sweep}",
-        f"  look at all of them:   {viewer(sweep)}",
+        f"  look at all of them:   {viewer_command(sweep)}",
         f"  a report of the sweep: {installed('python')} explain.py sweep={sweep}",
     ]

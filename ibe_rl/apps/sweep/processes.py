@@ -32,9 +32,9 @@ from ibe_rl.runtime.workers import ending
 from ibe_rl.types import ConfigError
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR", "VECLIB_MAXIMUM")}
-POLL_S = 0.3
+_POLL_S = 0.3
 PATIENCE_S = 10.0
-Command = Callable[[Job, bool], list[str]]
+CommandOf = Callable[[Job, bool], list[str]]
 """From a job and whether it goes on to the command that runs it."""
 
 
@@ -75,7 +75,7 @@ class Running:
         return Outcome(self.job, FAILED, f"{died}{last_line(self.output, self.begins)}")
 
 
-def run_all(jobs: Sequence[Job], command: Command, at_once: int, board: Board) -> list[Outcome]:
+def run_all(jobs: Sequence[Job], command: CommandOf, at_once: int, board: Board) -> list[Outcome]:
     """Run those of the jobs that are not finished; Ctrl-C and SIGTERM stop all in order, a second one at once.
 
     Args:
@@ -96,7 +96,7 @@ def run_all(jobs: Sequence[Job], command: Command, at_once: int, board: Board) -
             while running or (waiting and not stop):
                 while waiting and len(running) < at_once and not stop:
                     done += _start(waiting.pop(0), command, running, board)
-                time.sleep(POLL_S)
+                time.sleep(_POLL_S)
                 done += _look_after(running, bool(stop), board)
         finally:
             _end_at_once(running)
@@ -104,7 +104,7 @@ def run_all(jobs: Sequence[Job], command: Command, at_once: int, board: Board) -
     return sorted(every, key=lambda outcome: jobs.index(outcome.job))
 
 
-def _start(job: Job, command: Command, running: list[Running], board: Board) -> list[Outcome]:
+def _start(job: Job, command: CommandOf, running: list[Running], board: Board) -> list[Outcome]:
     """Start a job; what became of it if it cannot be."""
     goes_on = state_of(job.folder) != NEW
     try:

@@ -19,14 +19,35 @@ SEED = "seed"
 ALL = "all runs"
 """The condition where nothing but the seed differs."""
 NO_RESULTS = ("frames", "time/", "ibe/skipped")
-JUDGED = ("motion_auc", "motion_auc_disobeyed", "vocabulary_loss", "came_true", "observer_error")
-"""What is taken from ``quality.json``, where a run has been judged by ``explain.py task=evaluate``."""
-Curve = tuple[Array, Array]
+LEARNING = {
+    "train/return_mean": "return of the newest 100 episodes",
+    "train/success_rate": "success of the newest 100 episodes",
+    "eval/return_mean": "return, greedy, unseen episodes",
+    "eval/success_rate": "success, greedy, unseen episodes",
+}
+TRUTH = {
+    "ibe/motion_auc": "motion told from what is said (AUC)",
+    "ibe/motion_auc_disobeyed": "the same where it did not do as told (AUC)",
+    "ibe/instruction_f1": "instruction told from what is said (F1)",
+    "ibe/came_true": "share of what was said that went as predicted",
+    "ibe/unknown": "share in which it says that it does not know",
+    "ibe/vocabulary_drift": "drift of the vocabulary at a refresh",
+}
+JUDGED = {
+    "quality/motion_auc": "judged: motion AUC",
+    "quality/motion_auc_disobeyed": "judged: where it did not do as told",
+    "quality/vocabulary_loss": "judged: lost by the vocabulary (AUC)",
+    "quality/came_true": "judged: share that went as predicted",
+    "quality/observer_error": "judged: error of a listener (% of the width)",
+}
+COLUMN_LABELS = LEARNING | TRUTH | JUDGED
+"""Columns of metrics.csv, and of quality.json, to what they are called."""
+RunCurve = tuple[Array, Array]
 """Frames and values ``(rows,)`` of the rows that have one."""
 
 
 @dataclass(frozen=True)
-class Record:
+class SweepRun:
     """A run of a sweep.
 
     Attributes:
@@ -44,11 +65,11 @@ class Record:
     seed: str
     folder: Path
     missing: str
-    curves: dict[str, Curve]
+    curves: dict[str, RunCurve]
     ends: dict[str, float]
 
 
-def read_sweep(sweep: Path) -> list[Record]:
+def read_sweep(sweep: Path) -> list[SweepRun]:
     """Read the runs of a sweep in the order of their numbers.
 
     Raises:
@@ -74,17 +95,17 @@ def conditions(runs: Sequence[Path]) -> list[str]:
     return [name or ALL for name in names]
 
 
-def _read(run: Path, name: str, condition: str) -> Record:
+def _read(run: Path, name: str, condition: str) -> SweepRun:
     rows = read_rows(run / METRICS) if (run / METRICS).is_file() else []
     columns = [column for column in (rows[0] if rows else ()) if not column.startswith(NO_RESULTS)]
     curves = {column: curve(run / METRICS, rows, column) for column in columns}
     curves = {column: found for column, found in curves.items() if len(found[0])}
-    ends = {column: float(values[-1]) for column, (_, values) in curves.items()} | judged(run)
+    ends = {column: float(values[-1]) for column, (_, values) in curves.items()} | quality_scores(run)
     seed = overrides_of(run).get(SEED, "0")
-    return Record(name, condition, seed, run, missing(run, rows), curves, ends)
+    return SweepRun(name, condition, seed, run, missing(run, rows), curves, ends)
 
 
-def curve(path: Path, rows: Sequence[dict[str, str]], column: str) -> Curve:
+def curve(path: Path, rows: Sequence[dict[str, str]], column: str) -> RunCurve:
     """Frames and values of those of a table's rows in which a column is filled.
 
     Raises:
@@ -107,7 +128,7 @@ def missing(run: Path, rows: Sequence[dict[str, str]]) -> str:
     return (f"not finished, at {frames:,} frames" if frames else "it has not begun") + said
 
 
-def judged(run: Path) -> dict[str, float]:
+def quality_scores(run: Path) -> dict[str, float]:
     """How true what it says was found to be; nothing where it has not been judged.
 
     Raises:
@@ -121,7 +142,7 @@ def judged(run: Path) -> dict[str, float]:
         about = told["protocol"]
         mine = {"explainer": f"ibe:{about['mapping']}", "horizon_steps": about["horizon_steps"]}
         row = next(row for row in told["rows"] if {key: row[key] for key in mine} == mine)
-        values = {name: row[name]["value"] for name in JUDGED if name in row}
-        return {f"quality/{name}": float(value) for name, value in values.items() if value is not None}
+        values = {column: row.get(column.removeprefix("quality/"), {}).get("value") for column in JUDGED}
+        return {column: float(value) for column, value in values.items() if value is not None}
     except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
         raise ConfigError(f"{path}: not a readable judgement ({error!r})") from None

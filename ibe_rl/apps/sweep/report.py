@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import io
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,19 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from ibe_rl.apps.paper.page import number, template
+from ibe_rl.apps.report_page import number, write_page
 from ibe_rl.apps.sweep import figures
-from ibe_rl.apps.sweep.intervals import check_installed, of_runs
-from ibe_rl.apps.sweep.launch import viewer
-from ibe_rl.apps.sweep.records import Record, read_sweep
-from ibe_rl.evaluation.figures import save
-from ibe_rl.evaluation.progress_bar import waiting
+from ibe_rl.apps.sweep.board import viewer_command
+from ibe_rl.apps.sweep.intervals import of_runs
+from ibe_rl.apps.sweep.records import COLUMN_LABELS, LEARNING, TRUTH, SweepRun, read_sweep
+from ibe_rl.config.settings import ExplainConfig
+from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.storage.run_folder import FIGURES, write_atomically
 from ibe_rl.types import ConfigError
+from ibe_rl.view.relay import choose_ports
+from ibe_rl.view.viewer import open_recordings
 
-PAGE, TABLE = "report.html", "sweep.csv"
+_TABLE = "sweep.csv"
 MAIN = (
     *("eval/success_rate", "eval/return_mean", "ibe/motion_auc", "ibe/motion_auc_disobeyed", "ibe/came_true"),
     *("quality/vocabulary_loss", "quality/observer_error"),
@@ -32,20 +34,33 @@ MAIN = (
 DIGITS = {"eval/return_mean": 1, "train/return_mean": 1, "quality/observer_error": 1}
 
 
+def report_sweep(cfg: ExplainConfig) -> None:
+    """Do what ``explain.py sweep=DIR`` asks for; with ``viewer=live`` open all recordings of the sweep too.
+
+    Raises:
+        ConfigError: if something else is asked for beside it; and as ``report``.
+    """
+    if cfg.run is not None or cfg.agent_file is not None or cfg.task != "episode":
+        raise ConfigError(f"sweep={cfg.sweep_dir} reports a whole sweep; allowed is no run=, agent= or task= beside it")
+    ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    report(Path(str(cfg.sweep_dir)))
+    if ports:
+        open_recordings([str(cfg.sweep_dir), "--grpc-port", str(ports.grpc), "--web-port", str(ports.web)])
+
+
 def report(sweep: Path) -> None:
     """Put the runs of a sweep together; print the table and where the rest is.
 
     Raises:
         ConfigError: if there is no run, none is finished, or one of them is damaged.
     """
-    check_installed()
     records = read_sweep(sweep)
-    found = put_together(records)
+    found = by_condition(records)
     folder = sweep / FIGURES
     try:
         folder.mkdir(exist_ok=True)
-        write_table(folder / TABLE, found["conditions"])
-        page = write_page(folder, found, sweep)
+        write_table(folder / _TABLE, found["conditions"])
+        page = write_figures(folder, found, sweep)
     except OSError as error:
         raise ConfigError(f"sweep={sweep}: allowed is a folder that can be written to ({error.strerror})") from None
     console = Console(highlight=False, soft_wrap=True)
@@ -53,11 +68,15 @@ def report(sweep: Path) -> None:
     console.print(short_table(found["conditions"]))
     for notice in found["notices"]:
         console.print(f"note: {notice}", markup=False)
-    for what, where in (("table", folder / TABLE), ("report", page), ("all recordings together", viewer(sweep))):
+    for what, where in (
+        ("table", folder / _TABLE),
+        ("report", page),
+        ("all recordings together", viewer_command(sweep)),
+    ):
         console.print(f"{what}: {where}", markup=False)
 
 
-def put_together(records: Sequence[Record]) -> dict[str, Any]:
+def by_condition(records: Sequence[SweepRun]) -> dict[str, Any]:
     """The finished runs by condition, and what is to be said about the others.
 
     Raises:
@@ -71,7 +90,7 @@ def put_together(records: Sequence[Record]) -> dict[str, Any]:
     by_name = {name: [record for record in counted if record.condition == name] for name in names}
     having = [(name, runs) for name, runs in by_name.items() if runs]
     conditions = []
-    with waiting("conditions", len(having)) as step:
+    with progress_bar("conditions", len(having)) as step:
         for name, runs in having:
             conditions.append(_condition(name, runs))
             step()
@@ -80,15 +99,15 @@ def put_together(records: Sequence[Record]) -> dict[str, Any]:
     return {"runs": records, "conditions": conditions, "metrics": metrics, "notices": said}
 
 
-def _condition(name: str, runs: Sequence[Record]) -> dict[str, Any]:
-    columns = [column for column in (*figures.LEARNING, *figures.TRUTH) if all(column in run.curves for run in runs)]
+def _condition(name: str, runs: Sequence[SweepRun]) -> dict[str, Any]:
+    columns = [column for column in (*LEARNING, *TRUTH) if all(column in run.curves for run in runs)]
     ends, curves = of_runs(
         [run.ends for run in runs], {column: [run.curves[column] for run in runs] for column in columns}
     )
     return {"name": name, "runs": len(runs), "ends": ends, "curves": curves}
 
 
-def notices(records: Sequence[Record], by_name: dict[str, list[Record]]) -> list[str]:
+def notices(records: Sequence[SweepRun], by_name: dict[str, list[SweepRun]]) -> list[str]:
     """What a reader must know before believing the numbers."""
     missing = [record for record in records if record.missing]
     told = [f"{len(missing)} of {len(records)} runs are not finished and do not count"] if missing else []
@@ -137,23 +156,22 @@ def write_table(path: Path, conditions: Sequence[dict[str, Any]]) -> None:
     write_atomically(path, lambda stream: stream.write(text.getvalue().encode()))
 
 
-def write_page(folder: Path, found: dict[str, Any], sweep: Path) -> Path:
-    """Draw the figures and write the page that holds them."""
+def write_figures(folder: Path, found: dict[str, Any], sweep: Path) -> Path:
+    """Draw the figures and write the page that holds them; returns the page."""
     conditions = found["conditions"]
     columns = main_columns(conditions)
-    drawn = {"learning.png": figures.curves(conditions, figures.LEARNING)}
-    if any(column in one["curves"] for one in conditions for column in figures.TRUTH):
-        drawn["truth.png"] = figures.curves(conditions, figures.TRUTH)
-    drawn["ends.png"] = figures.ends(conditions, columns)
-    files = [save(figure, folder / name) for name, figure in drawn.items()]
-    page = template("ibe_rl.apps.sweep").render(
+    drawn = {"learning.png": partial(figures.curves, conditions, LEARNING)}
+    if any(column in one["curves"] for one in conditions for column in TRUTH):
+        drawn["truth.png"] = partial(figures.curves, conditions, TRUTH)
+    _, page = write_page(
+        "ibe_rl.apps.sweep",
+        folder,
+        drawn | {"ends.png": partial(figures.ends, conditions, columns)},
         sweep=sweep.resolve().name,
         found=found,
         columns=columns,
-        labels=figures.LABELS,
+        labels=COLUMN_LABELS,
         digits=DIGITS,
-        encoded={path.name: base64.b64encode(path.read_bytes()).decode() for path in files},
-        viewer=viewer(sweep),
+        viewer=viewer_command(sweep),
     )
-    write_atomically(folder / PAGE, lambda stream: stream.write(page.encode()))
-    return folder / PAGE
+    return page

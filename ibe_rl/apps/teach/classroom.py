@@ -12,18 +12,20 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.agents import Agent, GreedyPolicy, make_agent
+from ibe_rl.agents import Agent, make_agent
 from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
 from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Desk
-from ibe_rl.config.settings import InstructorConfig, TrainConfig
-from ibe_rl.envs.make import task_of
-from ibe_rl.envs.snapshots import make_copy
-from ibe_rl.explain.explainer import Voice
-from ibe_rl.ibe import ClusterMapping, meaning_lines, phrases_of, sayable
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_copy, task_of
+from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import sayable
+from ibe_rl.ibe.meaning_lines import meaning_lines
+from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
@@ -32,6 +34,7 @@ from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, ConfigError, Instructor
 from ibe_rl.view.palette import of_clusters
+from ibe_rl.vocabulary.listener import Listener, Refreshed
 
 PORT = 8765
 STEPS_PER_SECOND = 50.0
@@ -109,28 +112,7 @@ class LessonPlan:
 BYE = "bye"
 
 
-class NoClassroom:
-    """Nobody teaches live: nothing is served and nothing is sent."""
-
-    open_lesson: OpenLesson | None = None
-
-    def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
-        """Nobody to tell."""
-
-    def refresh(self, frame: int, voice: Voice) -> None:
-        """Nobody to tell."""
-
-    def hurry(self) -> None:
-        """Nobody waits."""
-
-    def farewell(self) -> None:
-        """Nobody to tell."""
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
-class Classroom:
+class Classroom(Listener):
     """What the trainer tells the lesson; none of it waits for anybody, but for the farewell a moment.
 
     Args:
@@ -167,19 +149,23 @@ class Classroom:
             about=about,
         )
 
-    def batch(self, row: Mapping[str, float], policy: GreedyPolicy) -> None:
-        """What has been learnt from a batch; ``row`` of metrics.csv."""
-        self._link.tell("policy", weights_of(policy))
+    def begin(self, run: Any) -> None:
+        """See ``Listener``."""
+        self._policy = run.agent.greedy
+
+    def batch(self, frames: int, row: Mapping[str, float]) -> None:
+        """Send what has been learnt from a batch."""
+        self._link.tell("policy", weights_of(self._policy))
         known = {name: value for name, value in row.items() if math.isfinite(value)}
         if "train/success_rate" in known:
             self._curve.append((known["frames"], known["train/success_rate"]))
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
         self._link.tell("figures", {**figures, "curve": self._curve[:: 1 + len(self._curve) // 200]})
 
-    def refresh(self, frame: int, voice: Voice) -> None:
-        """A vocabulary has been learnt at a training ``frame``."""
-        self._link.tell("voice", voice)
-        self._link.tell("vocabulary", vocabulary(frame, voice, self._task))
+    def refreshed(self, event: Refreshed) -> None:
+        """Send a new vocabulary."""
+        self._link.tell("voice", event.voice)
+        self._link.tell("vocabulary", vocabulary(event.frames, event.voice, self._task))
 
     def hurry(self) -> None:
         """Never let the game wait again."""
@@ -196,8 +182,8 @@ class Classroom:
 
 
 def open_classroom(
-    cfg: TrainConfig, env: gymnasium.Env[Any, Any], port: int | None, folder: Path, live_view: str | None
-) -> Classroom | NoClassroom:
+    cfg: TrainConfig, env: gymnasium.Env[Any, Any], port: int, folder: Path, live_view: str | None
+) -> Classroom:
     """Make what the settings ask for, and say where the page is.
 
     Args:
@@ -207,8 +193,7 @@ def open_classroom(
         folder: of the run.
         live_view: address of the live rerun view, None without one.
     """
-    if not isinstance(cfg.instructor, HumanConfig) or port is None:
-        return NoClassroom()
+    assert isinstance(cfg.instructor, HumanConfig)
     task = task_of(env)
     about = {
         "name": task.name,
@@ -242,7 +227,7 @@ def invitation(host: str, port: int) -> str:
     return "\n".join(lines)
 
 
-def vocabulary(frame: int, voice: Voice, task: Task) -> dict[str, Any]:
+def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
     """The vocabulary as a page shows it."""
     mapping = voice.mapping
     assert isinstance(mapping, ClusterMapping)
@@ -262,14 +247,12 @@ def vocabulary(frame: int, voice: Voice, task: Task) -> dict[str, Any]:
     return {"frame": frame, "horizon_steps": voice.horizon_steps, "clusters": clusters, "meaning": meaning}
 
 
-def choose_port(config: InstructorConfig) -> int | None:
-    """Decide where the page is served; None where there is none.
+def choose_port(config: HumanConfig) -> int:
+    """Decide where the page is served.
 
     Raises:
         ConfigError: if this machine has no such host, or the port asked for is taken.
     """
-    if not isinstance(config, HumanConfig):
-        return None
     allowed = f"instructor.host={config.host}: allowed is an address of this machine"
     if not config.host:  # to a socket that is all of them
         raise ConfigError(f"{allowed} (0.0.0.0 for all of them)")

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from ibe_rl.agents import GreedyPolicy
-from ibe_rl.explain.explainer import Voice, explain
+from ibe_rl.explain.explainer import ExplainerState, explain
 from ibe_rl.types import Array, Explanation, Moment, Predictor
 
 Weights = Mapping[str, Array]
@@ -42,7 +42,7 @@ class Speaker:
         self._policy, self._predictor, self._every_s, self._clock = policy, predictor, every_s, clock
         self._lock = threading.Lock()
         self._weights: Weights | None = None
-        self._voice: Voice | None = None
+        self._voice: ExplainerState | None = None
         self._spoke_at = -every_s
         self._thread, self._speaking = ThreadPoolExecutor(1, "speaker"), Future[None]()
         self._speaking.set_result(None)
@@ -52,7 +52,7 @@ class Speaker:
         with self._lock:
             self._weights = weights
 
-    def speak_with(self, voice: Voice) -> None:
+    def speak_with(self, voice: ExplainerState) -> None:
         """Take in a vocabulary; any thread may call this."""
         with self._lock:
             self._voice = voice

@@ -7,7 +7,6 @@ the other pages. What pages send is limited in size and number before it is look
 from __future__ import annotations
 
 import asyncio
-import http
 import ipaddress
 import json
 import logging
@@ -15,15 +14,15 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import asdict
 from importlib.resources import files
 from itertools import count
 from typing import Any
 
-from websockets.asyncio.server import ServerConnection, serve
-from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
+from aiohttp import web
+from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.teach.messages import MAX_BYTES, BadMessageError, HandOver, Pause, Sit, Speed, parse
 from ibe_rl.apps.teach.session import ACCEPTED, Desk
@@ -47,15 +46,14 @@ MAX_PAGES = 16
 MAX_A_SECOND = 200
 """Messages of one page; a key held down sends 2."""
 MAX_BAD = 10
-GOODBYE, TOO_MANY, NOT_OURS = 1000, 1008, 1003  # close codes of RFC 6455
-PING_S = 5.0
-"""A page that does not answer for so long is gone."""
-START_S, STOP_S = 10.0, 2.0
+GOODBYE, LEAVING, NOT_OURS, TOO_MANY = 1000, 1001, 1003, 1008  # close codes of RFC 6455
+PING_S = 6.0
+"""A page that has been quiet for so long is asked whether it is there; it is gone after half as long again."""
+START_S, STOP_S, CUT_S = 10.0, 2.0, 0.1
+OPEN_S = 5.0
+"""A connection that has asked for nothing for so long is closed."""
 UNREAD_BYTES = 1 << 15
 """The system keeps no more for a page that does not read; left to itself it keeps megabytes, half a minute of game."""
-SILENT = logging.Logger("pages")
-"""What strangers send is not the training's to report."""
-SILENT.disabled = True
 
 
 class Server:
@@ -75,15 +73,13 @@ class Server:
         self._waiting: dict[int, dict[str, str]] = {}
         self._news: dict[int, asyncio.Event] = {}
         self._newest: dict[str, str] = {}
+        self._attending: set[asyncio.Task[None]] = set()
         self._numbers = count(1)
         self._loop = asyncio.new_event_loop()
-        self._started, self._stop = threading.Event(), asyncio.Event()
-        self._failure: BaseException | None = None
+        self._started, self._stop = Future[None](), asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="classroom", daemon=True)
         self._thread.start()
-        self._started.wait(START_S)
-        if self._failure is not None:
-            raise self._failure
+        self._started.result(START_S)
 
     def post(self, kind: str, fields: Mapping[str, Any]) -> None:
         """Show pages something; only the newest of each kind waits for a page that is slow. Waits for nothing.
@@ -100,96 +96,91 @@ class Server:
         self._thread.join(2 * STOP_S)
 
     def _call(self, what: Callable[..., Any], *arguments: Any) -> None:
-        try:
+        with suppress(RuntimeError):  # the loop has ended, nobody is there to be told
             self._loop.call_soon_threadsafe(what, *arguments)
-        except RuntimeError:  # the loop has ended, nobody is there to be told
-            return
 
     def _run(self) -> None:
-        try:
-            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:  # ends what pages have left running
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:  # ends what pages have left running
+            try:
                 runner.run(self._serve())
-        except BaseException as error:  # handed to the thread that waits for the start
-            self._failure = error
-        finally:
-            self._started.set()
+            except OSError as error:  # handed to the thread that waits for the start
+                self._started.set_exception(error)
 
     async def _serve(self) -> None:
-        server = await serve(
-            self._attend,
-            self._host,
-            self._port,
-            process_request=self._admit,
-            compression=None,
-            max_size=MAX_BYTES,
-            max_queue=8,
-            write_limit=UNREAD_BYTES,
-            logger=SILENT,
-            ping_interval=PING_S,
-            ping_timeout=PING_S,
-            open_timeout=PING_S,
-            close_timeout=STOP_S,
-        )
-        self._started.set()
+        logging.getLogger("aiohttp").setLevel(logging.CRITICAL + 1)  # what strangers send is not ours to report
+        app = web.Application(middlewares=[self._admit])
+        app.add_routes([web.get(LESSON_PATH, self._attend), *(web.get(path, _part) for path in PAGES)])
+        runner = web.AppRunner(app, access_log=None, keepalive_timeout=OPEN_S, shutdown_timeout=CUT_S)
+        await runner.setup()
+        await web.TCPSite(runner, self._host, self._port).start()
+        self._started.set_result(None)
         await self._stop.wait()
-        await asyncio.sleep(0.1)  # the last posts are on their way
-        server.close()
-        with suppress(TimeoutError):  # of a page that does not say goodbye, or never said hello
-            await asyncio.wait_for(server.wait_closed(), STOP_S)
+        for news in self._news.values():
+            news.set()
+        if self._attending:  # now, as the cleanup hears no goodbye
+            await asyncio.wait(self._attending, timeout=STOP_S)
+        await runner.cleanup()
 
-    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request for a page; None lets a page of ours open its connection."""
-        host = request.headers.get("Host", "")
-        if not is_ours(host, self._host):
-            return connection.respond(http.HTTPStatus.FORBIDDEN, "this name is not this server's\n")
-        path = request.path.partition("?")[0]
-        if path == LESSON_PATH:
-            return self._refusal(connection, request.headers.get("Origin"), host)
-        if path not in PAGES:
-            return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such page\n")
-        name, kind = PAGES[path]
-        body = files(__package__).joinpath(name).read_bytes()
-        headers = {**SECURITY, "Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(body))}
-        return Response(200, "OK", Headers({**headers, "Connection": "close"}), body)
+    @web.middleware
+    async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if not is_ours(request.headers.get("Host", ""), self._host):
+            raise web.HTTPForbidden(text="this name is not this server's\n")
+        return await handler(request)
 
-    def _refusal(self, connection: ServerConnection, origin: str | None, host: str) -> Response | None:
-        if origin != f"http://{host}":
-            return connection.respond(http.HTTPStatus.FORBIDDEN, "only the page of this server may instruct\n")
+    async def _attend(self, request: web.Request) -> web.WebSocketResponse:
+        """Let a page of ours open its connection and serve it until it goes."""
+        if request.headers.get("Origin") != f"http://{request.headers['Host']}":
+            raise web.HTTPForbidden(text="only the page of this server may instruct\n")
         if len(self._waiting) >= MAX_PAGES:
-            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_PAGES} pages are open already\n")
-        return None
+            raise web.HTTPServiceUnavailable(text=f"{MAX_PAGES} pages are open already\n")
+        connection = web.WebSocketResponse(heartbeat=PING_S, max_msg_size=MAX_BYTES + 1, compress=False, writer_limit=0)
+        await connection.prepare(request)
+        transport = request.transport
+        assert transport is not None  # without one it could not be prepared
+        transport.set_write_buffer_limits(UNREAD_BYTES)
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
+        self._attending.add(request.task)
+        try:
+            code, why = await self._converse(connection)
+            async with asyncio.timeout(STOP_S):
+                await connection.close(code=code, message=why.encode())
+        except TimeoutError:  # it does not say goodbye
+            pass
+        finally:
+            transport.abort()
+            self._attending.discard(request.task)
+        return connection
 
-    async def _attend(self, connection: ServerConnection) -> None:
-        """Serve one page until it goes."""
+    async def _converse(self, connection: web.WebSocketResponse) -> tuple[int, str]:
+        """Show a page the game and hear what it says; returns why it has to go."""
         page = next(self._numbers)
-        connection.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
         self._waiting[page], self._news[page] = dict(self._newest), asyncio.Event()
         self._desk.join(page)
         self._seats()
         self._controls()
-        sender, ending = asyncio.create_task(self._send(connection, page)), (GOODBYE, "")
+        talks = [asyncio.create_task(talk(connection, page)) for talk in (self._hear, self._send)]
         try:
-            ending = await self._hear(connection, page)
-        except ConnectionClosed:
-            pass
+            done, _ = await asyncio.wait(talks, return_when=asyncio.FIRST_COMPLETED)
+            return done.pop().result()
         finally:  # before the close, which waits for the page's goodbye: the chair is free at once
-            sender.cancel()
+            for talk in talks:
+                talk.cancel()
             del self._waiting[page], self._news[page]
             self._desk.leave(page)
             self._seats()
             self._controls()
-        await connection.close(*ending)
+            await asyncio.wait(talks)  # before the page's goodbye is read
 
-    async def _hear(self, connection: ServerConnection, page: int) -> tuple[int, str]:
+    async def _hear(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
         """Take in what a page says, until it goes or has to; returns why."""
         allowance, at, bad = float(MAX_A_SECOND), time.monotonic(), 0
-        async for text in connection:
+        async for message in connection:
             now = time.monotonic()
             allowance, at = min(MAX_A_SECOND, allowance + (now - at) * MAX_A_SECOND) - 1, now
             if allowance < 0:
                 return TOO_MANY, "too many messages"
             try:
-                self._take_in(page, text)
+                self._take_in(page, message.data)
             except BadMessageError as error:
                 bad += 1
                 self._put(page, "refused", {"why": str(error)})
@@ -207,14 +198,16 @@ class Server:
         elif isinstance(message, Pause | Speed | HandOver):
             self._controls()
 
-    async def _send(self, connection: ServerConnection, page: int) -> None:
+    async def _send(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
+        """Send a page what waits for it, until the server ends."""
         news, waiting = self._news[page], self._waiting[page]
-        with suppress(ConnectionClosed):
-            while True:
+        with suppress(ConnectionError):
+            while waiting or not self._stop.is_set():
                 await news.wait()
                 news.clear()
                 while waiting:
-                    await connection.send(waiting.pop(next(iter(waiting))))
+                    await connection.send_str(waiting.pop(next(iter(waiting))))
+        return LEAVING, ""
 
     def _spread(self, kind: str, text: str) -> None:
         self._newest[kind] = text
@@ -233,11 +226,13 @@ class Server:
             self._put(page, "seat", {"instructs": page == chair, "free": chair is None, "pages": pages})
 
     def _controls(self) -> None:
-        now = self._desk.controls
-        self._spread(
-            "controls",
-            json.dumps({"kind": "controls", "paused": now.paused, "speed": now.speed, "oracle": now.oracle}),
-        )
+        self._spread("controls", json.dumps({"kind": "controls", **asdict(self._desk.controls)}))
+
+
+async def _part(request: web.Request) -> web.Response:
+    name, kind = PAGES[request.path]
+    body = files(__package__).joinpath(name).read_bytes()
+    return web.Response(body=body, content_type=kind, charset="utf-8", headers=SECURITY)
 
 
 def is_ours(host: str, bound: str = "localhost") -> bool:

@@ -11,12 +11,18 @@ import numpy as np
 from by_hand import TASK as LIFT
 from by_hand import on_a_line
 
-from ibe_rl.apps.paper.agents import Skilled
+from ibe_rl.apps.paper.agents import PaperAgent
 from ibe_rl.apps.paper.experiments import correct, prediction
-from ibe_rl.apps.paper.foretelling import CONTACT, END, Listened, Shown
-from ibe_rl.apps.paper.plot_style import LABELS
-from ibe_rl.apps.paper.strips import Told
-from ibe_rl.apps.paper.words import MINMAX, OURS, PAPER, SIGNS
+from ibe_rl.apps.paper.names import (
+    AT_CONTACT,
+    AT_END,
+    DEFAULT,
+    OBSERVER_LABELS,
+    PAPERS,
+    SIGNS_KEPT,
+    SPLIT_MINMAX,
+)
+from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ObserverGuesses, ShownEpisode
 from ibe_rl.config.settings import FiguresConfig
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.task import Shape, Task, Watched
@@ -33,8 +39,8 @@ TASK: Task = replace(
 HORIZON_STEPS = 60
 STEPS = 100
 SAID = {
-    PAPER: (-1.0, -0.4, -0.1, -0.01, 0.13, 0.27, 0.77, 1.0),
-    OURS: (-1.0, -0.71, -0.16, -0.01, 0.01, 0.16, 0.71, 1.0),
+    PAPERS: (-1.0, -0.4, -0.1, -0.01, 0.13, 0.27, 0.77, 1.0),
+    DEFAULT: (-1.0, -0.71, -0.16, -0.01, 0.01, 0.16, 0.71, 1.0),
 }
 SIZES = (2209, 619, 2907, 2519, 230, 788, 2897, 986)
 UNKNOWN: dict[str, Any] = {"value": None, "low": None, "high": None}
@@ -167,13 +173,13 @@ def straight(name: str) -> dict[str, Any]:
             "wrong_right": told(0.12),
             "left_minus_right": told(0.24),
         }
-        for kind, share in {PAPER: 0.36, SIGNS: 0.3, MINMAX: 0.1, OURS: 0.0}.items()
+        for kind, share in {PAPERS: 0.36, SIGNS_KEPT: 0.3, SPLIT_MINMAX: 0.1, DEFAULT: 0.0}.items()
     }
     return {
         "agent": name,
         "clusterings": 8,
         "small": [[0.05, 0.25]],
-        "by_movement": {PAPER: rows, OURS: rows},
+        "by_movement": {PAPERS: rows, DEFAULT: rows},
         "rates": rates,
         "skews": {kind: [0.08] * 8 for kind in rates},
     }
@@ -181,27 +187,34 @@ def straight(name: str) -> dict[str, Any]:
 
 def foretold(name: str, episodes: int = 20) -> dict[str, Any]:
     """The prediction task over the flights that are drawn."""
-    skilled = Skilled(name, None, 0, lambda observations: observations, [])
-    return prediction(skilled, {cut: flights(cut, episodes) for cut in (END, CONTACT)}, FiguresConfig(resamples=20))
+    skilled = PaperAgent(name, None, 0, lambda observations: observations, [])
+    return prediction(
+        skilled, {cut: flights(cut, episodes) for cut in (AT_END, AT_CONTACT)}, FiguresConfig(resamples=20)
+    )
 
 
-def flights(cut: str = END, episodes: int = 20) -> Told:
+def flights(cut: str = AT_END, episodes: int = 20) -> ObservedEpisodes:
     """Episodes in which the sledge slides down to the right, each from a little further to the right.
 
     No explanation expects it 1 too far to the right, the paper's vocabulary 3, ours half as much, all others 2.
     """
-    shown = [Shown(7 + row, sledge(row), {END: STEPS, CONTACT: 90}) for row in range(episodes)]
+    shown = [ShownEpisode(7 + row, sledge(row), {AT_END: STEPS, AT_CONTACT: 90}) for row in range(episodes)]
     lasts = np.array([one.ends[cut] - HORIZON_STEPS for one in shown])
     ends = np.array([one.ends[cut] for one in shown])
     position, landing = (
         np.array([one.watched.episode.states[at, 0] for one, at in zip(shown, where, strict=True)], float)
         for where in (lasts, ends)
     )
-    off = dict.fromkeys(LABELS, 2.0) | {"true_future": 0.0, "no_explanation": 1.0, PAPER: 3.0, OURS: 0.5}
+    off = dict.fromkeys(OBSERVER_LABELS, 2.0) | {
+        "true_future": 0.0,
+        "no_explanation": 1.0,
+        PAPERS: 3.0,
+        DEFAULT: 0.5,
+    }
     expected = {name: (landing + each)[None] for name, each in off.items()}
-    said = {name: np.tile(np.resize(SAID[name], SEEN_STEPS), (episodes, 1)) for name in (PAPER, OURS)}
-    words = {name: on_a_line(np.arange(8.0).tolist(), SAID[name]) for name in (PAPER, OURS)}
-    return Told(shown, cut, Listened(said, position, landing, expected), words, TASK, HORIZON_STEPS)
+    said = {name: np.tile(np.resize(SAID[name], SEEN_STEPS), (episodes, 1)) for name in (PAPERS, DEFAULT)}
+    words = {name: on_a_line(np.arange(8.0).tolist(), SAID[name]) for name in (PAPERS, DEFAULT)}
+    return ObservedEpisodes(shown, cut, ObserverGuesses(said, position, landing, expected), words, TASK, HORIZON_STEPS)
 
 
 def sledge(row: int) -> Watched:

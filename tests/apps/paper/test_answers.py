@@ -5,8 +5,17 @@ from typing import Any
 import pytest
 
 from ibe_rl.apps.paper.answers import answers, headlines, table
-from ibe_rl.apps.paper.foretelling import CONTACT, END, NOTHING, SHUFFLED, STAYS
-from ibe_rl.apps.paper.words import MINMAX, OURS, PAPER, SIGNS
+from ibe_rl.apps.paper.names import (
+    AT_CONTACT,
+    AT_END,
+    DEFAULT,
+    NO_WORDS,
+    PAPERS,
+    SHUFFLED,
+    SIGNS_KEPT,
+    SPLIT_MINMAX,
+    STRAIGHT,
+)
 
 PHRASES = {"-1.0": "going left", "0.0": "staying", "1.0": "going right"}
 
@@ -53,21 +62,21 @@ def rates(left: float | None, right: float | None, wrong: float = 0.0) -> dict[s
 def versus(name: str, difference: float, better: int, worse: int, p: float) -> dict[str, Any]:
     """A test against no explanation."""
     counts = {"better_episodes": better, "worse_episodes": worse}
-    return {"explainer": name, "minus": NOTHING, "difference": estimated(difference), "p_corrected": p} | counts
+    return {"explainer": name, "minus": NO_WORDS, "difference": estimated(difference), "p_corrected": p} | counts
 
 
 def cut(without: float, paper: dict[str, Any], ours: dict[str, Any]) -> dict[str, Any]:
-    errors = {NOTHING: without, STAYS: 9.06, SHUFFLED: 12.34}
+    errors = {NO_WORDS: without, STRAIGHT: 9.06, SHUFFLED: 12.34}
     errors |= {test["explainer"]: without + test["difference"]["value"] for test in (paper, ours)}
-    other = versus(OURS, 8.0, 0, 20, 0.0001) | {"minus": PAPER}
+    other = versus(DEFAULT, 8.0, 0, 20, 0.0001) | {"minus": PAPERS}
     return {"error": {name: estimated(value) for name, value in errors.items()}, "tests": [other, paper, ours]}
 
 
 def found(**changes: Any) -> dict[str, Any]:
     """Two agents; the second one was told to go right in none of its best episodes."""
     yes, no, unclear = claimed("yes", 0.81), claimed("no", 0.22), claimed("open", 0.55)
-    at_end = cut(5.0, versus(PAPER, 1.2, 4, 15, 0.031), versus(OURS, -3.4, 18, 2, 0.0004))
-    at_contact = cut(7.0, versus(PAPER, 0.3, 9, 11, 0.9), versus(OURS, -0.6, 12, 8, 0.6))
+    at_end = cut(5.0, versus(PAPERS, 1.2, 4, 15, 0.031), versus(DEFAULT, -3.4, 18, 2, 0.0004))
+    at_contact = cut(7.0, versus(PAPERS, 0.3, 9, 11, 0.9), versus(DEFAULT, -0.6, 12, 8, 0.6))
     return {
         "protocol": {"agent": "dqn", "horizon_steps": 45, "n_clusters": 6, "context": "floor"},
         "phrases": PHRASES,
@@ -76,19 +85,24 @@ def found(**changes: Any) -> dict[str, Any]:
             preliminary("A", left=(yes, yes), staying=(no, no), right=(yes, unclear)),
             preliminary("B", left=(unclear, None), staying=(unclear, yes), right=(None, None)),
         ],
-        "expressions": [{"agent": "B", "vocabularies": {PAPER: vocabulary(0.17, 3, 5), OURS: vocabulary(-0.01, 4, 4)}}],
+        "expressions": [
+            {
+                "agent": "B",
+                "vocabularies": {PAPERS: vocabulary(0.17, 3, 5), DEFAULT: vocabulary(-0.01, 4, 4)},
+            }
+        ],
         "straight": [
             {
                 "agent": "B",
                 "rates": {
-                    PAPER: rates(0.5, 0.2, wrong=0.1),
-                    SIGNS: rates(0.3, 0.1),
-                    MINMAX: rates(0.11, 0.13),
-                    OURS: rates(0.02, 0.02),
+                    PAPERS: rates(0.5, 0.2, wrong=0.1),
+                    SIGNS_KEPT: rates(0.3, 0.1),
+                    SPLIT_MINMAX: rates(0.11, 0.13),
+                    DEFAULT: rates(0.02, 0.02),
                 },
             }
         ],
-        "prediction": [{"agent": "B", "cuts": {END: at_end, CONTACT: at_contact}}],
+        "prediction": [{"agent": "B", "cuts": {AT_END: at_end, AT_CONTACT: at_contact}}],
     } | changes
 
 
@@ -201,13 +215,13 @@ def test_small_movements_that_are_missed_and_why():
     [(0.3, 0.31, "causes none"), (0.3, 0.29, "causes none"), (0.3, 0.2, "saves 10 %"), (0.3, 0.4, "causes 10 %")],
 )
 def test_a_cause_is_named_only_where_there_is_one(signs: float, paper: float, minmax: str):
-    changed = {SIGNS: rates(signs, signs), PAPER: rates(paper, paper)}
+    changed = {SIGNS_KEPT: rates(signs, signs), PAPERS: rates(paper, paper)}
     small = said("Small", straight=with_rates(**changed))
     assert f"min-max {minmax}, the paper's split causes 28 % to be missed" in small
 
 
 @pytest.mark.parametrize("unknown", [rates(None, 0.2), rates(0.2, None), rates(None, None)])
-@pytest.mark.parametrize("name", [PAPER, SIGNS, MINMAX, OURS])
+@pytest.mark.parametrize("name", [PAPERS, SIGNS_KEPT, SPLIT_MINMAX, DEFAULT])
 def test_an_unknown_rate_is_said_to_be_unknown(name: str, unknown: dict[str, Any]):
     [small] = [one for one in every(found(straight=with_rates(**{name: unknown}))) if "small movements" in one]
     assert small == "Agent B: too few small movements to say when they are called straight."
@@ -215,7 +229,7 @@ def test_an_unknown_rate_is_said_to_be_unknown(name: str, unknown: dict[str, Any
 
 def test_the_table_says_where_nothing_moved():
     assert row("Small movements to the left") == "the paper's vocabulary 50 %; the default 2 %"
-    nowhere = with_rates(**{PAPER: rates(None, 0.1), OURS: rates(0.04, 0.1)})
+    nowhere = with_rates(**{PAPERS: rates(None, 0.1), DEFAULT: rates(0.04, 0.1)})
     assert row("Small", straight=nowhere) == "the paper's vocabulary never moved so; the default 4 %"
 
 
@@ -243,8 +257,8 @@ def test_better_and_worse_and_what_is_significant():
 
 @pytest.mark.parametrize(("p", "sure"), [(0.049, True), (0.05, False), (1.0, False)])
 def test_significant_is_a_corrected_p_below_five_in_a_hundred(p: float, sure: bool):
-    at_both = cut(5.0, versus(PAPER, 1.0, 5, 15, 0.5), versus(OURS, -1.0, 15, 5, p))
-    told_of = [{"agent": "C", "cuts": {END: at_both, CONTACT: at_both}}]
+    at_both = cut(5.0, versus(PAPERS, 1.0, 5, 15, 0.5), versus(DEFAULT, -1.0, 15, 5, p))
+    told_of = [{"agent": "C", "cuts": {AT_END: at_both, AT_CONTACT: at_both}}]
     beginning = "Does the explanation help? (agent C, cut at the end)"
     assert ("the default is significantly better" in row(beginning, prediction=told_of)) == sure
 

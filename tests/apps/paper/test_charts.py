@@ -15,21 +15,42 @@ from matplotlib.figure import Figure
 from outcome import SAID, UNKNOWN, found
 
 from ibe_rl.apps.paper import charts
-from ibe_rl.apps.paper.plot_style import LABELS, SHADES, VARIANTS, hexed
-from ibe_rl.apps.paper.words import OURS, PAPER
+from ibe_rl.apps.paper.names import DEFAULT, OBSERVER_COLOURS, OBSERVER_LABELS, PAPERS, VARIANT_LABELS
+from ibe_rl.apps.plot_style import hexed
 from ibe_rl.view import palette as colours
+
+pytestmark = pytest.mark.slow
 
 FOUND = found()
 CHARTS: dict[Callable[[dict[str, Any]], Figure], set[str]] = {
-    charts.agents: {"training frames", "success (%)", "A, flown again: 74.5 %", "83.3 %", "95 % intervals"},
-    charts.moves: {"change of x (half widths)", "density", "agent A", "agent C", "falling to the left", "25 %"},
-    charts.claim: {"chance", "agent B", "as in the paper", "same pad", "95 % intervals"},
-    charts.expressions: {"Agent B", "the paper's vocabulary", "our default vocabulary", "windows (%)", "skew +0.08"},
-    charts.straight: {"change of x (half widths)", "called straight (%)", "to the left", "to the right", "(%)"},
-    charts.errors: {"no people", "% of the width", "Agent C", *LABELS.values()},
-    charts.by_episode: {"episode", "% of the width", "Agent B", LABELS[PAPER], LABELS[OURS]},
+    charts.policies_chart: {"training frames", "success (%)", "A, flown again: 74.5 %", "83.3 %", "95 % intervals"},
+    charts.movements_chart: {
+        "change of x (half widths)",
+        "density",
+        "agent A",
+        "agent C",
+        "falling to the left",
+        "25 %",
+    },
+    charts.claim_chart: {"chance", "agent B", "as in the paper", "same pad", "95 % intervals"},
+    charts.expressions_chart: {
+        "Agent B",
+        "the paper's vocabulary",
+        "our default vocabulary",
+        "windows (%)",
+        "skew +0.08",
+    },
+    charts.straight_chart: {"change of x (half widths)", "called straight (%)", "to the left", "to the right", "(%)"},
+    charts.errors_chart: {"no people", "% of the width", "Agent C", *OBSERVER_LABELS.values()},
+    charts.episodes_chart: {
+        "episode",
+        "% of the width",
+        "Agent B",
+        OBSERVER_LABELS[PAPERS],
+        OBSERVER_LABELS[DEFAULT],
+    },
 }
-OF_ONE = [chart for chart in CHARTS if chart is not charts.agents]
+OF_ONE = [chart for chart in CHARTS if chart is not charts.policies_chart]
 
 each_chart = pytest.mark.parametrize("chart", CHARTS, ids=lambda chart: chart.__name__)
 
@@ -70,7 +91,10 @@ def nothing_known() -> dict[str, Any]:
             empty = {"windows": 0, "mean": None, "density": [0.0] * 41}
             told |= {"shown_to": 0.0, "best": empty, "others": empty, "claim": dict.fromkeys(told["claim"])}
     for agent in bare["straight"]:
-        agent["by_movement"] = {PAPER: [], OURS: [row | UNKNOWN for row in agent["by_movement"][OURS]]}
+        agent["by_movement"] = {
+            PAPERS: [],
+            DEFAULT: [row | UNKNOWN for row in agent["by_movement"][DEFAULT]],
+        }
         agent["rates"] = {name: dict.fromkeys(rates, UNKNOWN) for name, rates in agent["rates"].items()}
     for agent in bare["prediction"]:
         for cut in agent["cuts"].values():
@@ -93,13 +117,13 @@ def test_a_peak_in_one_bin_is_shown_whole() -> None:
         told = agent["told"]["0.0"]
         told["shown_to"] = 0.0
         told["best"]["density"] = told["others"]["density"] = density
-    axis = charts.moves(alone).axes[1]
+    axis = charts.movements_chart(alone).axes[1]
     assert axis.get_ylim()[1] >= 50
     assert "peak cut" not in [text.get_text() for text in axis.texts]
 
 
 def test_a_peak_that_is_cut_is_said_to_be() -> None:
-    for axis in charts.moves(FOUND).axes:
+    for axis in charts.movements_chart(FOUND).axes:
         assert axis.get_ylim() == (0, 6.25)
         assert [text.get_text() for text in axis.texts] == ["peak cut"]
 
@@ -109,7 +133,7 @@ def test_agents_with_one_policy_can_be_told_apart(success: float) -> None:
     same = deepcopy(FOUND)
     for agent in same["agents"]:
         agent |= {"frame": 2_000_896, "success": {"value": success, "low": success, "high": success}}
-    figure = charts.agents(same)
+    figure = charts.policies_chart(same)
     assert (cut_off(figure), on_each_other(figure)) == ([], [])
     [axis], [legend] = figure.axes, figure.legends
     [last] = [line for line in axis.lines if str(line.get_label()).startswith("C, ")]
@@ -117,27 +141,27 @@ def test_agents_with_one_policy_can_be_told_apart(success: float) -> None:
 
 
 def test_the_paper_is_drawn_beside_the_agents() -> None:
-    [axis] = charts.agents(FOUND).axes
+    [axis] = charts.policies_chart(FOUND).axes
     levels = [line.get_ydata()[0] for line in axis.lines if line.get_linestyle() == ":"]
     assert levels == pytest.approx([100 * 19 / 30, 100 * 25 / 30])
     assert axis.collections[0].get_offsets()[0].tolist() == [30, 2]  # thousand frames, percent
 
 
 def test_histograms_have_the_colours_of_the_live_view() -> None:
-    shades = {patch.get_label(): patch.get_edgecolor() for patch in charts.moves(FOUND).axes[0].patches}
+    shades = {patch.get_label(): patch.get_edgecolor() for patch in charts.movements_chart(FOUND).axes[0].patches}
     assert shades["the best episodes"] == pytest.approx(to_rgba_array(hexed(colours.GREEN))[0])
-    assert shades["the other episodes"] == pytest.approx(to_rgba_array(hexed(colours.OTHERS))[0])
+    assert shades["the other episodes"] == pytest.approx(to_rgba_array(hexed(colours.MUTED))[0])
 
 
 def test_the_claim_is_drawn_over_all_episodes_and_within_contexts() -> None:
-    for axis in charts.claim(FOUND).axes:
+    for axis in charts.claim_chart(FOUND).axes:
         points = [line.get_xydata()[0].tolist() for line in axis.lines if line.get_xydata().shape == (1, 2)]
         assert points == [[0.67, pytest.approx(place + shift)] for place in range(3) for shift in (-0.13, 0.13)]
 
 
 def test_clusters_have_the_colour_of_what_they_are_called() -> None:
-    figure = charts.expressions(FOUND)
-    for axis, name in zip(figure.axes[:2], (PAPER, OURS), strict=True):
+    figure = charts.expressions_chart(FOUND)
+    for axis, name in zip(figure.axes[:2], (PAPERS, DEFAULT), strict=True):
         shades = to_rgba_array([hexed(each) for each in colours.of_expressions(np.array(SAID[name]))])
         dots = axis.collections[-1]
         assert dots.get_offsets()[:, 1].tolist() == pytest.approx(SAID[name])
@@ -146,22 +170,22 @@ def test_clusters_have_the_colour_of_what_they_are_called() -> None:
 
 
 def test_small_movements_are_told_from_each_other_by_their_side() -> None:
-    left, right, *_ = charts.straight(FOUND).axes
-    assert [line.get_color() for line in left.lines] == [SHADES[PAPER], SHADES[OURS]]
-    assert [label.get_text() for label in right.get_yticklabels()] == [*VARIANTS.values()]
+    left, right, *_ = charts.straight_chart(FOUND).axes
+    assert [line.get_color() for line in left.lines] == [OBSERVER_COLOURS[PAPERS], OBSERVER_COLOURS[DEFAULT]]
+    assert [label.get_text() for label in right.get_yticklabels()] == [*VARIANT_LABELS.values()]
     shares = [bar.get_width() for bar in right.patches]
     assert shares[:4] == pytest.approx([36, 7, 18, 12])  # straight and wrong to the left, then to the right
     assert shares[-4:] == pytest.approx([0, 7, 0, 12])
 
 
 def test_observers_are_drawn_at_their_errors() -> None:
-    axis = charts.errors(FOUND).axes[0]
+    axis = charts.errors_chart(FOUND).axes[0]
     at = {line.get_color(): line.get_xdata()[0] for line in axis.lines if len(line.get_xdata()) == 1}
-    for name, off in ((OURS, 2.5), (PAPER, 15), ("no_explanation", 5), ("true_future", 0)):
-        assert at[SHADES[name]] == pytest.approx(off, abs=1e-4), name
+    for name, off in ((DEFAULT, 2.5), (PAPERS, 15), ("no_explanation", 5), ("true_future", 0)):
+        assert at[OBSERVER_COLOURS[name]] == pytest.approx(off, abs=1e-4), name
 
 
 def test_every_episode_has_its_place() -> None:
-    for axis in charts.by_episode(FOUND).axes:
+    for axis in charts.episodes_chart(FOUND).axes:
         assert axis.get_xticks().tolist() == [*range(1, 21)]
         assert [len(line.get_xdata()) for line in axis.lines] == [20, 20, 20]

@@ -12,19 +12,20 @@ import pytest
 from matplotlib.figure import Figure
 from outcome import UNKNOWN, flights, found
 
-from ibe_rl.apps.paper import page
+from ibe_rl.apps import report_page
 from ibe_rl.apps.paper.answers import answers, headlines, table
-from ibe_rl.apps.paper.foretelling import CONTACT, END, NOTHING
-from ibe_rl.apps.paper.page import pictures, write_report
-from ibe_rl.apps.paper.strips import Told
-from ibe_rl.apps.paper.words import OURS, PAPER
+from ibe_rl.apps.paper.names import AT_CONTACT, AT_END, DEFAULT, NO_WORDS, PAPERS
+from ibe_rl.apps.paper.page import page_figures, write_report
+from ibe_rl.apps.paper.prediction_task import ObservedEpisodes
+
+pytestmark = pytest.mark.slow
 
 ODD = "<script>alert('a & b')</script>"
 Write = Callable[[dict[str, Any], list[str]], str]
 
 
-def told(names: list[str]) -> dict[str, dict[str, Told]]:
-    return {name: {cut: flights(cut, 3) for cut in (END, CONTACT)} for name in names}
+def told(names: list[str]) -> dict[str, dict[str, ObservedEpisodes]]:
+    return {name: {cut: flights(cut, 3) for cut in (AT_END, AT_CONTACT)} for name in names}
 
 
 def few(names: list[str], run: str = "dqn0") -> dict[str, Any]:
@@ -51,12 +52,12 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
         assert {*files, report} == {*tmp_path.iterdir()}
         return report.read_text(encoding="utf-8")
 
-    monkeypatch.setattr(page, "save", save)
+    monkeypatch.setattr(report_page, "save", save)
     return written
 
 
 def test_every_picture_has_a_file_of_its_own_and_says_what_it_is() -> None:
-    sections = pictures(few(["A", "B", "C"]), told(["B", "C"]))
+    sections = page_figures(few(["A", "B", "C"]), told(["B", "C"]))
     every = [picture for section in sections.values() for picture in section]
     assert len({picture.file for picture in every}) == len(every) == 7 + 2 * 2 * 3
     assert all(len(picture.caption) > 20 for picture in every)
@@ -70,10 +71,10 @@ def test_strips_are_of_the_most_telling_episodes_each_drawn_once() -> None:
     made = few(["B"])
     for cut in made["prediction"][0]["cuts"].values():
         for row, ours, papers in ((0, 1.0, 2.0), (2, 6.0, 3.0)):
-            cut["episodes"][row]["errors"] |= {NOTHING: 5.0, OURS: ours, PAPER: papers}
-    drawn = [picture for picture in pictures(made, told(["B"]))["strips_B"] if picture.file.startswith("strip")]
+            cut["episodes"][row]["errors"] |= {NO_WORDS: 5.0, DEFAULT: ours, PAPERS: papers}
+    drawn = [picture for picture in page_figures(made, told(["B"]))["strips_B"] if picture.file.startswith("strip")]
     assert [picture.file for picture in drawn] == [
-        f"strip_B_{cut}_{number}.png" for cut in (END, CONTACT) for number in ("01", "03")
+        f"strip_B_{cut}_{number}.png" for cut in (AT_END, AT_CONTACT) for number in ("01", "03")
     ]
     for first, last in (drawn[:2], drawn[2:]):
         both = "here our default vocabulary helps most and the paper's vocabulary helps most"
@@ -89,8 +90,8 @@ def test_an_explanation_that_never_helps_misleads_least_where_it_is_best() -> No
     made = few(["B"])
     for cut in made["prediction"][0]["cuts"].values():
         for row in (0, 2):
-            cut["episodes"][row]["errors"] |= {NOTHING: 1.0, OURS: 2.0, PAPER: 3.0 + row}
-    first, last, *_ = pictures(made, told(["B"]))["strips_B"]
+            cut["episodes"][row]["errors"] |= {NO_WORDS: 1.0, DEFAULT: 2.0, PAPERS: 3.0 + row}
+    first, last, *_ = page_figures(made, told(["B"]))["strips_B"]
     assert "our default vocabulary misleads least and the paper's vocabulary misleads least" in first.caption
     assert last.caption.count("misleads most") == 2
 
@@ -110,7 +111,7 @@ def test_the_page_holds_all_that_was_found(write: Write) -> None:
     assert all(line in words.split("The paper / here</h2>")[0] for line in headlines(made))
     for row in table(made):
         assert all(f"<td>{cell}</td>" in words for cell in row)
-    for section in pictures(made, told(["B", "C"])).values():
+    for section in page_figures(made, told(["B", "C"])).values():
         for picture in section:
             assert base64.b64encode(picture.file.encode()).decode() in text
             assert f'id="{picture.file[:-4]}"' in text

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.apps.paper.agents import EPISODES, PAPER_SUCCESS, Skilled, most_flights, screen
+from ibe_rl.apps.paper.agents import PAPER_SUCCESS, ROUND_EPISODES, PaperAgent, most_runs, screen
 
 SEEDS = range(600, 1100)
 
 
-class Airfield:
+class KnownSuccess:
     """Each policy is its own rate of success; which seeds it succeeds on is spread evenly, and exact on 300."""
 
     def __init__(self) -> None:
@@ -21,6 +21,9 @@ class Airfield:
     def fly(self, policy: Any, seeds: Sequence[int]) -> Any:
         self.flown.append((policy, [*seeds]))
         return [SimpleNamespace(success=seed * 187 % 300 < 300 * policy.rate) for seed in seeds]
+
+    def fly_all(self, policies: Sequence[Any], seeds: Sequence[Sequence[int]]) -> Any:
+        return map(self.fly, policies, seeds)
 
     def seeds_of(self, policy: Any) -> list[int]:
         return [seed for one, seeds in self.flown if one is policy for seed in seeds]
@@ -32,7 +35,7 @@ def policies_of(rates: Sequence[float]) -> dict[int, Any]:
 
 
 def screened(rates: Sequence[float]) -> dict[str, int]:
-    return screen(policies_of(rates), Airfield().fly, SEEDS)[0]
+    return screen(policies_of(rates), KnownSuccess().fly_all, SEEDS)[0]
 
 
 def curve(count: int, seed: int) -> list[float]:
@@ -73,7 +76,7 @@ def test_of_equals_the_earliest_is_taken():
 
 def test_policies_between_those_tried_at_first_are_found():
     rates = hidden()
-    chosen, tried = screen(policies_of(rates), Airfield().fly, SEEDS)
+    chosen, tried = screen(policies_of(rates), KnownSuccess().fly_all, SEEDS)
     assert chosen == {"A": 6_300, "B": 6_900}
     assert len(tried) < 100  # of 200
     assert len([frame for frame in tried if frame // 100 % 5 == 1]) == 40
@@ -81,20 +84,20 @@ def test_policies_between_those_tried_at_first_are_found():
 
 @pytest.mark.parametrize("rates", [hidden(), curve(7, 0), curve(90, 1)], ids=["200", "7", "90"])
 def test_each_flies_the_first_seeds_once_and_not_more_than_the_last_round_asks_for(rates: list[float]):
-    policies, field = policies_of(rates), Airfield()
-    chosen, tried = screen(policies, field.fly, SEEDS)
+    policies, field = policies_of(rates), KnownSuccess()
+    chosen, tried = screen(policies, field.fly_all, SEEDS)
     for frame, policy in policies.items():
         flown = field.seeds_of(policy)
         assert flown == [*SEEDS[: len(flown)]]
-        assert len(flown) in (0, *EPISODES)
+        assert len(flown) in (0, *ROUND_EPISODES)
         successes = [seed * 187 % 300 < 300 * policy.rate for seed in flown]
         assert tried.get(frame, []) == successes
-    assert all(len(tried[frame]) == EPISODES[-1] for frame in chosen.values())
+    assert all(len(tried[frame]) == ROUND_EPISODES[-1] for frame in chosen.values())
 
 
 def test_where_there_are_enough_seeds_each_policy_flies_its_own():
-    policies, field, seeds = policies_of(curve(12, 0)), Airfield(), range(10_000)
-    screen(policies, field.fly, seeds)
+    policies, field, seeds = policies_of(curve(12, 0)), KnownSuccess(), range(10_000)
+    screen(policies, field.fly_all, seeds)
     flown = [field.seeds_of(policy) for policy in policies.values()]
     assert len({seed for each in flown for seed in each}) == sum(len(each) for each in flown)
     assert {seed for each in flown for seed in each} <= {*seeds}
@@ -102,16 +105,16 @@ def test_where_there_are_enough_seeds_each_policy_flies_its_own():
 
 @pytest.mark.parametrize("count", [1, 3, 40, 41, 200])
 def test_there_are_no_more_flights_than_said(count: int):
-    most = most_flights(count)
+    most = most_runs(count)
     for rates in ([0.5] * count, curve(count, 0), curve(count, 1), np.linspace(0, 1, count).tolist()):
-        field, steps = Airfield(), []
-        screen(policies_of(rates), field.fly, SEEDS, lambda steps=steps: steps.append(1))
+        field, steps = KnownSuccess(), []
+        screen(policies_of(rates), field.fly_all, SEEDS, lambda steps=steps: steps.append(1))
         assert len(steps) == len(field.flown) <= most
 
 
-def skilled(good: int, tries: int, name: str = "A") -> Skilled:
+def skilled(good: int, tries: int, name: str = "A") -> PaperAgent:
     flown: Any = [SimpleNamespace(success=number < good) for number in range(tries)]
-    return Skilled(name, PAPER_SUCCESS.get(name), 1_000, lambda observations: observations, flown)
+    return PaperAgent(name, PAPER_SUCCESS.get(name), 1_000, lambda observations: observations, flown)
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,12 @@ from few import FEW
 from processes import call
 
 from ibe_rl.apps.paper import experiments
-from ibe_rl.apps.paper.agents import Skilled
-from ibe_rl.apps.paper.report_context import Lab, check_report
+from ibe_rl.apps.paper.agents import PaperAgent
+from ibe_rl.apps.paper.report_context import ReportContext, check_report
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.settings import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
-from ibe_rl.evaluation import load_run
+from ibe_rl.evaluation.runs import load_run
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.types import ConfigError, Episode
 
@@ -59,35 +59,35 @@ def test_a_folder_that_cannot_be_written_is_refused(trained: Path, tmp_path: Pat
 
 
 @pytest.fixture
-def opened(trained: Path) -> Lab:
+def opened(trained: Path) -> ReportContext:
     """The run with its settings, as the script has them."""
     settings = ExplainConfig(predictor=PredictorConfig(), viewer=ViewerConfig())
     settings.figures.shuffles = settings.figures.clusterings = 1
-    made = Lab(load_run(trained), settings)
+    made = ReportContext(load_run(trained), settings)
     own = load_config(trained / CONFIG, TrainConfig).mapping
     made.__dict__["mappings"] = {"paper": MappingConfig(kind="paper"), "default": own}  # which only the script reads
     return made
 
 
 @pytest.fixture
-def agent(opened: Lab) -> Skilled:
-    return Skilled("C", None, 9216, opened.run.policy, opened.fly(opened.run.policy, range(4)))
+def agent(opened: ReportContext) -> PaperAgent:
+    return PaperAgent("C", None, 9216, opened.run.policy, opened.runner.run(opened.run.policy, range(4)))
 
 
-def test_an_instruction_of_two_numbers_is_refused(opened: Lab) -> None:
+def test_an_instruction_of_two_numbers_is_refused(opened: ReportContext) -> None:
     both = replace(opened.run, task=LANDER_SPEED_TASK)
     with pytest.raises(ConfigError, match=r"^task=figures: an instruction of .* has 2 numbers; allowed is one number"):
-        Lab(both, opened.cfg)
+        ReportContext(both, opened.cfg)
 
 
 @pytest.mark.parametrize("lacks", ["motion", "first_contact", "scene_path"])
-def test_an_environment_that_does_not_declare_enough_is_refused(opened: Lab, lacks: str) -> None:
+def test_an_environment_that_does_not_declare_enough_is_refused(opened: ReportContext, lacks: str) -> None:
     poorer = replace(opened.run, task=replace(opened.task, **{lacks: None}))
     with pytest.raises(ConfigError, match=f"task=figures: .* does not declare {lacks}; allowed is one that does"):
-        Lab(poorer, opened.cfg)
+        ReportContext(poorer, opened.cfg)
 
 
-def test_episodes_that_teach_no_vocabulary_end_in_one_clear_error(opened: Lab, agent: Skilled) -> None:
+def test_episodes_that_teach_no_vocabulary_end_in_one_clear_error(opened: ReportContext, agent: PaperAgent) -> None:
     long = agent.episodes[0]
     short = Episode(
         long.states[:3], long.actions[:2], long.rewards[:2], long.instructions[:2], long.given[:2], True, False, "left"
@@ -97,22 +97,22 @@ def test_episodes_that_teach_no_vocabulary_end_in_one_clear_error(opened: Lab, a
 
 
 def test_an_agent_that_never_comes_down_cannot_be_foretold(
-    opened: Lab, agent: Skilled, monkeypatch: pytest.MonkeyPatch
+    opened: ReportContext, agent: PaperAgent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     [taught] = experiments.teach(opened, agent)
-    monkeypatch.setattr(experiments, "pick", lambda *_: [])
+    monkeypatch.setattr(experiments, "pick_episodes", lambda *_: [])
     with pytest.raises(ConfigError, match=r"^run=.*: agent C hardly ever comes down after at least 40 steps; allowed"):
         experiments.foretell(opened, agent, taught, agent.episodes)
 
 
-def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: Lab, agent: Skilled) -> None:
-    still = Lab(replace(opened.run, task=replace(opened.task, explained_band=(9.0,))), opened.cfg)
+def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: ReportContext, agent: PaperAgent) -> None:
+    still = ReportContext(replace(opened.run, task=replace(opened.task, explained_band=(9.0,))), opened.cfg)
     with pytest.raises(ConfigError, match=r"^run=.*: agent C never goes to a side within 20 steps; allowed is a run"):
         experiments.typical(still, agent, agent.episodes)
 
 
 def test_shuffled_instructions_that_teach_nothing_end_in_one_clear_error(
-    opened: Lab, agent: Skilled, monkeypatch: pytest.MonkeyPatch
+    opened: ReportContext, agent: PaperAgent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "fit_shuffled", lambda *_: [])
     with pytest.raises(ConfigError, match=r"^figures.shuffles=1: none of them taught a vocabulary; allowed are more"):
@@ -126,7 +126,7 @@ def test_a_report_that_could_not_be_made_is_refused_before_the_training(setting:
     assert not (tmp_path / "run").exists()
 
 
-def test_an_environment_without_a_report_is_refused_before_the_training(opened: Lab) -> None:
+def test_an_environment_without_a_report_is_refused_before_the_training(opened: ReportContext) -> None:
     poorer, config = replace(opened.task, motion=None), load_config(opened.run.folder / CONFIG, TrainConfig)
     check_report(config, poorer)  # which asks for none
     with pytest.raises(ConfigError, match="does not declare motion"):

@@ -20,10 +20,10 @@ from processes import SMALL, call
 from view_data import needed
 from viewers import BROWSER_FLAGS
 
-import train
 from ibe_rl.apps.paper import agents, experiments
 from ibe_rl.apps.paper.answers import answers, headlines, table
 from ibe_rl.config.settings import ExplainConfig
+from ibe_rl.evaluation.trained_run import TrainedRun
 
 SECTIONS = {"protocol", "phrases", "change_label", "screened", "agents"}
 SECTIONS |= {"preliminary", "expressions", "straight", "prediction"}
@@ -45,7 +45,7 @@ def read(folder: Path) -> Any:
 def few_flights() -> Iterator[None]:
     """A policy flies a handful of episodes to be chosen, where it would be hundreds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(agents, "EPISODES", (4, 5, 6, 8, 10))
+        patch.setattr(agents, "ROUND_EPISODES", (4, 5, 6, 8, 10))
         yield
 
 
@@ -211,14 +211,16 @@ def test_another_seed_flies_other_episodes(
 def test_training_can_go_on_to_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[ExplainConfig] = []
 
-    def reproduce(settings: ExplainConfig) -> None:
-        assert (Path(str(settings.run)) / "summary.json").is_file()
+    def reproduce(opened: TrainedRun, settings: ExplainConfig) -> None:
+        assert opened.folder == Path(str(settings.run))
+        assert (opened.folder / "summary.json").is_file()
         asked.append(settings)
 
-    monkeypatch.setattr(train, "reproduce", reproduce)
-    call("train", *SMALL, f"run_dir={tmp_path / 'without'}", "viewer=off")
+    monkeypatch.setattr(experiments, "reproduce", reproduce)
+    short = [*SMALL, "total_frames=2000", "viewer=off"]
+    call("train", *short, f"run_dir={tmp_path / 'without'}")
     assert not asked
-    call("train", *SMALL, f"run_dir={tmp_path / 'run'}", "viewer=off", "report=true", "predictor.futures=2")
+    call("train", *short, f"run_dir={tmp_path / 'run'}", "report=true", "predictor.futures=2")
     [settings] = asked
     assert (settings.run, settings.task) == (str(tmp_path / "run"), "figures")
     assert settings.predictor.futures == 2

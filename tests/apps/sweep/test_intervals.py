@@ -1,11 +1,11 @@
 """Means and intervals over runs, on values whose mean is known."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
-from ibe_rl.apps.sweep import intervals
-from ibe_rl.apps.sweep.intervals import check_installed, common_frames, interquartile, of_runs
-from ibe_rl.types import ConfigError
+from ibe_rl.apps.sweep.intervals import common_frames, interquartile, of_runs
 
 
 def test_the_mean_is_that_of_the_middle_half() -> None:
@@ -13,6 +13,21 @@ def test_the_mean_is_that_of_the_middle_half() -> None:
     assert one["value"] == 3
     assert 0 <= one["low"] < 3 < one["high"] <= 1000
     assert other == {"value": 5, "low": 5, "high": 5}
+
+
+def test_the_interval_is_that_of_all_ways_to_draw_the_runs_again() -> None:
+    runs = np.array([0.0, 1, 3, 10])
+    all_ways = np.array(list(product(runs, repeat=4)))
+    low, high = np.percentile(np.sort(all_ways)[:, 1:3].mean(axis=1), [2.5, 97.5])
+    [found] = interquartile(runs[:, None], reps=20_000)
+    assert found == {"value": 2, "low": pytest.approx(low), "high": pytest.approx(high)}
+
+
+def test_nothing_else_that_is_drawn_at_random_changes() -> None:
+    np.random.seed(1)  # noqa: NPY002 - the generator that is to be left alone
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    interquartile(np.arange(4.0)[:, None], reps=20)
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
 def test_the_same_runs_give_the_same_interval_and_more_runs_a_smaller_one() -> None:
@@ -53,10 +68,3 @@ def test_a_long_curve_is_thinned_and_keeps_its_ends() -> None:
     frames = np.arange(1, 1001)
     found = common_frames([(frames, frames.astype(float))] * 2)
     assert (len(found), found[0], found[-1]) == (60, 1, 1000)
-
-
-def test_without_rliable_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    check_installed()
-    monkeypatch.setattr(intervals, "find_spec", lambda _: None)
-    with pytest.raises(ConfigError, match=r"need rliable, which is not installed; pip install -e '.\[sweep\]'"):
-        check_installed()

@@ -19,7 +19,7 @@ from rich.console import Console
 from view_data import eventually
 
 from ibe_rl.apps.sweep import processes
-from ibe_rl.apps.sweep.board import Board, closing_table, failures, newest_row
+from ibe_rl.apps.sweep.board import Board, failures, newest_row, outcomes_table
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, NOT_BEGUN, STOPPED, Job, Outcome
 from ibe_rl.apps.sweep.processes import run_all
 from ibe_rl.storage.run_folder import MetricsTable
@@ -49,6 +49,17 @@ import signal, sys, time
 for number in (signal.SIGINT, signal.SIGTERM): signal.signal(number, signal.SIG_IGN)
 open(sys.argv[1] + "/up", "w").close()
 time.sleep(600)
+"""
+
+
+MEETS = """
+import pathlib, sys, time
+print(time.time())
+folder = pathlib.Path(sys.argv[1])
+(folder / "up").touch()
+while len(list(folder.parent.glob("*/up"))) < 2: time.sleep(.05)
+time.sleep(.5)  # a third would be seen here
+print(time.time())
 """
 
 
@@ -124,7 +135,7 @@ def test_what_it_said_another_time_is_not_why_it_failed(tmp_path: Path) -> None:
 
 
 def test_several_run_at_once_but_no_more_than_asked_for(tmp_path: Path) -> None:
-    code = "import time; print(time.time()); time.sleep(1); print(time.time())" + FINISHES
+    code = MEETS + FINISHES
     jobs = [job(tmp_path / name) for name in "abc"]
     run_all(jobs, going(a=code, b=code, c=code), 2, board()[0])
     spans = [[float(line) for line in (one.folder / "output.log").read_text().split()[:2]] for one in jobs]
@@ -209,7 +220,7 @@ def test_a_line_follows_the_frames_of_its_run(tmp_path: Path) -> None:
 def test_the_table_at_the_end_has_the_scores(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text(json.dumps({"frames": 4000, "success_rate": 0.125, "return_mean": 33.3}))
     said = io.StringIO()
-    Console(file=said, width=100).print(closing_table([Outcome(job(tmp_path), DONE), Outcome(job(tmp_path), STOPPED)]))
+    Console(file=said, width=100).print(outcomes_table([Outcome(job(tmp_path), DONE), Outcome(job(tmp_path), STOPPED)]))
     assert "4,000" in said.getvalue()
     assert "12.5%" in said.getvalue()
     assert said.getvalue().count("33.3") == 1

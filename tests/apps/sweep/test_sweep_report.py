@@ -15,9 +15,9 @@ from view_data import eventually, needed
 from viewers import BROWSER_FLAGS
 
 import explain
-from ibe_rl.apps.sweep.figures import LABELS, LEARNING, curves, ends
-from ibe_rl.apps.sweep.records import read_sweep
-from ibe_rl.apps.sweep.report import MAIN, main_columns, put_together, report
+from ibe_rl.apps.sweep.figures import curves, ends
+from ibe_rl.apps.sweep.records import COLUMN_LABELS, LEARNING, read_sweep
+from ibe_rl.apps.sweep.report import MAIN, by_condition, main_columns, report
 from ibe_rl.types import ConfigError
 from tests.apps.sweep.made import judge, run, sweep
 
@@ -34,7 +34,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(place: Path) -> dict[str, Any]:
-    return put_together(read_sweep(place))
+    return by_condition(read_sweep(place))
 
 
 def test_the_table_holds_every_condition_and_metric(place: Path) -> None:
@@ -106,7 +106,7 @@ def as_arrays(line: Any) -> Any:
 
 
 def test_everything_in_the_short_table_has_a_name() -> None:
-    assert set(MAIN) <= set(LABELS)
+    assert set(MAIN) <= set(COLUMN_LABELS)
 
 
 def test_judged_runs_show_what_was_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,7 +115,7 @@ def test_judged_runs_show_what_was_judged(tmp_path: Path, capsys: pytest.Capture
         judge(folder, vocabulary_loss=0.02 + number / 100)
     report(place)
     assert "0.025" in capsys.readouterr().out
-    assert LABELS["quality/vocabulary_loss"] in (place / "figures" / "report.html").read_text()
+    assert COLUMN_LABELS["quality/vocabulary_loss"] in (place / "figures" / "report.html").read_text()
 
 
 def test_a_single_run_without_explanations_is_reported_too(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_without_a_finished_run_there_is_nothing_to_report(tmp_path: Path) -> No
 def test_a_condition_without_a_finished_run_is_named(tmp_path: Path) -> None:
     run(tmp_path / "0_a", ["agent=ppo", "seed=0"])
     run(tmp_path / "1_b", ["agent=dqn", "seed=0"], finished=False)
-    told = put_together(read_sweep(tmp_path))
+    told = by_condition(read_sweep(tmp_path))
     assert [one["name"] for one in told["conditions"]] == ["agent=ppo"]
     assert "no finished run with agent=dqn" in told["notices"]
 

@@ -41,12 +41,12 @@ class Room:
 
     def raw(self, sent: bytes = b"") -> socket.socket:
         """A connection that need not know any protocol."""
-        plain = socket.create_connection((HOST, self.port), timeout=10)
+        plain = socket.create_connection((HOST, self.port), timeout=30)
         plain.sendall(sent)
         return plain
 
     def get(self, path: str, **headers: str) -> tuple[HTTPResponse, bytes]:
-        connection = HTTPConnection(HOST, self.port, timeout=10)
+        connection = HTTPConnection(HOST, self.port, timeout=30)
         connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
         body = answer.read()
@@ -82,13 +82,13 @@ class Client:
     def say(self, kind: str, **fields: Any) -> None:
         self.socket.send(json.dumps({"kind": kind, **fields}))
 
-    def next(self, timeout_s: float = 10.0) -> dict[str, Any]:
+    def next(self, timeout_s: float = 30.0) -> dict[str, Any]:
         message: dict[str, Any] = json.loads(self.socket.recv(timeout=timeout_s))
         return message
 
     def until(self, kind: str, holds: Callable[[dict[str, Any]], bool] = lambda _: True) -> dict[str, Any]:
         """Read on to a message of the ``kind`` of which something ``holds``."""
-        end = time.monotonic() + 10
+        end = time.monotonic() + 30
         while time.monotonic() < end:
             message = self.next()
             if message["kind"] == kind and holds(message):
@@ -99,7 +99,7 @@ class Client:
         """Read to the end; its code and reason."""
         with suppress(ConnectionClosed):
             while True:
-                self.socket.recv(timeout=10)
+                self.socket.recv(timeout=30)
         return self.socket.close_code or 0, self.socket.close_reason or ""
 
     def close(self) -> None:

@@ -22,7 +22,7 @@ from ibe_rl.apps.teach.session import Desk, Said
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_gym
-from ibe_rl.explain.explainer import Voice
+from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
@@ -95,11 +95,11 @@ def speaks(**settings: Any) -> tuple[Speaker, GreedyPolicy]:
     return Speaker(policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), **settings), policy
 
 
-def voice(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Voice:
+def voice(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> ExplainerState:
     """Words for small movements to the left and to the right."""
     k = len(expressions)
     where = np.zeros((k, len(LANDER_TASK.state_names)))
     where[:, X] = np.linspace(-0.05, 0.05, k)
     said, ones = np.reshape(expressions, (k, 1)), np.ones(k)
     mapping = ClusterMapping(plain(where.shape[1]), where, said, said, ones, ones, ones, np.arange(k))
-    return Voice(mapping, HORIZON_STEPS, LANDER_TASK.phrases)
+    return ExplainerState(mapping, HORIZON_STEPS, LANDER_TASK.phrases)

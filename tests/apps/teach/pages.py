@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Page, sync_playwright
-from view_data import free_ports
+from playwright.sync_api import Browser, Error, Page, sync_playwright
+from view_data import eventually, free_ports
 
 ROOT = Path(__file__).parents[3]
 CHROMIUM = "/usr/bin/chromium"
@@ -36,7 +36,7 @@ class Taught:
     def stop(self) -> str:
         """Ask it to stop in order; returns what it printed."""
         self.process.send_signal(signal.SIGINT)
-        return self.process.communicate(timeout=60)[0]
+        return self.process.communicate(timeout=120)[0]
 
 
 @contextmanager
@@ -72,18 +72,21 @@ def browsing() -> Iterator[Browser]:
 def opened(browser: Browser, address: str, **settings: Any) -> Page:
     """The page of the lesson, connected and with a picture."""
     page = browser.new_page(viewport={"width": 1366, "height": 768}, **settings)
-    page.set_default_timeout(20_000)
-    for _ in range(200):  # the process that serves it is still starting
-        try:
-            page.goto(address)
-            break
-        except Exception:
-            time.sleep(0.1)
+    page.set_default_timeout(60_000)
+    assert eventually(lambda: reached(page, address))  # the process that serves it may still be starting
     until(page, "lesson.connected && lesson.drawn > 2")
     return page
 
 
-def until(page: Page, condition: str, seconds: float = 30.0) -> None:
+def reached(page: Page, address: str) -> bool:
+    try:
+        page.goto(address)
+    except Error:
+        return False
+    return True
+
+
+def until(page: Page, condition: str, seconds: float = 120.0) -> None:
     """Wait until something is true in the page."""
     end = time.monotonic() + seconds
     while not page.evaluate(condition):  # playwright's own waiting needs what the page forbids

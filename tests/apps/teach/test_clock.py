@@ -1,7 +1,6 @@
 """The pace of the game: real time, other speeds, paused, and in a hurry."""
 
 import threading
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -82,14 +81,14 @@ def test_a_paused_game_waits_until_it_goes_on(paused: Desk):
     made = waiting(Clock(paused, RATE))
     assert not made.wait(0.2)
     paused.hear(ANN, Pause(False))
-    assert made.wait(10)
+    assert made.wait(60)
 
 
 def test_a_paused_game_goes_on_when_its_page_goes(paused: Desk):
     made = waiting(Clock(paused, RATE))
     assert not made.wait(0.1)
     paused.leave(ANN)
-    assert made.wait(10)
+    assert made.wait(60)
 
 
 def test_in_a_hurry_a_paused_game_goes_on_too(paused: Desk):
@@ -97,16 +96,14 @@ def test_in_a_hurry_a_paused_game_goes_on_too(paused: Desk):
     made = waiting(clock)
     assert not made.wait(0.1)
     clock.hurry()
-    assert made.wait(10)
+    assert made.wait(60)
     clock.wait()
 
 
 def test_a_new_speed_counts_at_once():
-    desk = Desk((-1.0, 1.0), 0, 0.05)
+    desk = Desk((-1.0, 1.0), 0, 0.005)
     desk.join(ANN)
-    begin = time.monotonic()
-    made = waiting(Clock(desk, 0.5))  # a step in 40 seconds
+    made = waiting(Clock(desk, 0.5))  # a step in 400 seconds
     assert not made.wait(0.1)
     desk.hear(ANN, Speed(None))
-    assert made.wait(10)
-    assert time.monotonic() - begin < 10
+    assert made.wait(60)

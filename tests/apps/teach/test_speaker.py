@@ -14,7 +14,7 @@ from ibe_rl.apps.teach.live_explainer import told, weights_of
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, explain
 from ibe_rl.ibe import ClusterMapping, Meaning
-from ibe_rl.metrics import Calibration
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import CANNOT_TELL, Explanation, Moment
 

@@ -1,0 +1,57 @@
+"""When something is due that happens every so many frames."""
+
+from __future__ import annotations
+
+import math
+
+from ibe_rl.config.settings import TrainConfig
+
+REFRESHES_OF_A_RUN, REFRESH_AT_MOST_EVERY = 8, 250_000
+DENSE = 200
+"""After ``2 * DENSE`` firings the interval of a ``Rarer`` schedule doubles whenever the frame count does."""
+
+
+class Every:
+    """A clock: true once in every ``frames`` frames, at the first batch that reaches them, and at the end.
+
+    Args:
+        frames: between two times; None stands for never, not even at the end.
+        now: what it starts at.
+    """
+
+    def __init__(self, frames: int | None, now: int = 0):
+        self._frames, self._passed = frames, now // (frames or 1)
+
+    def __call__(self, frames: int, last: bool = False) -> bool:
+        """Whether a multiple has been reached since the last call, or this is the ``last`` one."""
+        if self._frames is None:
+            return False
+        before, self._passed = self._passed, frames // self._frames
+        return last or self._passed > before
+
+
+def refresh_interval(config: TrainConfig) -> int | None:
+    """Frames from one refresh to the next; None if there is none."""
+    if config.refresh_every_frames != 0:
+        return config.refresh_every_frames
+    return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
+
+
+class Rarer:
+    """A clock for what stays for ever: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
+
+    Args:
+        frames: between two times, at the beginning; None stands for never.
+        now: what it starts at.
+    """
+
+    def __init__(self, frames: int | None, now: int = 0):
+        self._frames, self._last = frames, now
+
+    def __call__(self, frames: int) -> bool:
+        """Whether a multiple has been reached since the last call."""
+        if self._frames is None:
+            return False
+        every = self._frames * 2 ** max(0, int(math.log2(frames / (DENSE * self._frames))))
+        before, self._last = self._last, frames
+        return frames // every > before // every

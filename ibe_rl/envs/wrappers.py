@@ -1,0 +1,106 @@
+"""Wrappers: an environment with the task that a config declares, and one whose observation has the instruction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import RecordConstructorArgs
+
+from ibe_rl.task import Task
+from ibe_rl.types import Array, ConfigError, observe
+
+SUCCESS = "success"
+"""The key in ``info`` of what a declared rule says."""
+
+
+class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
+    """An environment of which a config declares a task.
+
+    States come as float32, and ``info["success"]`` says at each step whether the episode has ended well.
+
+    Args:
+        env: with its time limit.
+        task: what was declared.
+        success: last state ``(S,)``, terminated, truncated to bool; None: ``info`` says it under the task's key, or
+            nobody does.
+        draw: functions of the environment to shapes, under "background" and "figure".
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        task: Task,
+        success: Callable[[Array, bool, bool], bool] | None = None,
+        draw: dict[str, Callable[[Any], Any]] | None = None,
+    ):
+        super().__init__(env)
+        self.task, self._success, self._draw = task, success, draw or {}
+        shape = env.observation_space.shape
+        self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """As the environment's."""
+        state, info = self.env.reset(seed=seed, options=options)
+        return np.asarray(state, np.float32), {**info, self.task.success_key: False}
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """As the environment's."""
+        raw, reward, terminated, truncated, info = self.env.step(action)
+        state = np.asarray(raw, np.float32)
+        if self._success is not None:
+            info = {**info, SUCCESS: bool(self._success(state, bool(terminated), bool(truncated)))}
+        elif self.task.success_key not in info:
+            info = {**info, self.task.success_key: False}
+        return state, float(reward), bool(terminated), bool(truncated), info
+
+    def background(self) -> list[Any]:
+        """What stands still in the drawing."""
+        return self._shapes("background")
+
+    def figure(self) -> list[Any]:
+        """What moves in the drawing."""
+        return self._shapes("figure")
+
+    def _shapes(self, part: str) -> list[Any]:
+        return list(self._draw[part](self.unwrapped)) if part in self._draw else []
+
+
+class Instructed(gymnasium.Wrapper[Array, Any, Array, Any], RecordConstructorArgs):
+    """Writes the rule's instruction, and that it was given, behind the state: what the agents here read.
+
+    Args:
+        env: an environment that declares a task, with its state as its observation.
+
+    Raises:
+        ConfigError: if it declares none.
+    """
+
+    def __init__(self, env: gymnasium.Env[Array, Any]):
+        RecordConstructorArgs.__init__(self)  # so that its spec can make it again
+        gymnasium.Wrapper.__init__(self, env)
+        task = getattr(env.unwrapped, "task", None)
+        if not isinstance(task, Task):
+            raise ConfigError(f"env={env}: it declares no task; allowed is one with an attribute of type Task")
+        states: Any = env.observation_space
+        edge = np.ones(task.instruction_size, np.float32)
+        self._task = task
+        self.observation_space = spaces.Box(
+            observe(states.low, -edge, np.zeros(1)), observe(states.high, edge, np.ones(1))
+        )
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode; observations are ``(O,)``."""
+        state, info = self.env.reset(seed=seed, options=options)
+        return self._seen(state), info
+
+    def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
+        """Step the environment."""
+        state, reward, terminated, truncated, info = self.env.step(action)
+        return self._seen(state), reward, terminated, truncated, info
+
+    def _seen(self, state: Array) -> Array:
+        return observe(state, self._task.rule(state), np.ones(1, np.float32))

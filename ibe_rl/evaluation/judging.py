@@ -1,0 +1,188 @@
+"""Is what the agent says true? Every explainer on the same moments, at every horizon, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.evaluation.baselines import CHEAP, Learnt, as_instruction, cheap_baselines, forecasts
+from ibe_rl.evaluation.controls import Flipped, of_another_moment
+from ibe_rl.evaluation.moments import Moments, Spoken
+from ibe_rl.evaluation.rows import (
+    Judged,
+    Samples,
+    Truth,
+    add_loss,
+    balance,
+    difference,
+    estimate_json,
+    fixed,
+    laid_out,
+    score_confidence,
+    score_motion,
+    score_words,
+    spread_over,
+)
+from ibe_rl.evaluation.verbalise import calibrate, speak
+from ibe_rl.task import Task
+from ibe_rl.types import Array
+
+GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
+"""What is held against the cheap baselines and the paper, moment by moment."""
+_PREDICTED, _TRUE_FUTURE = "baseline:predicted_change", "baseline:true_future"
+
+
+def judge(
+    learnt: Learnt,
+    moments: Moments,
+    held_out: Moments,
+    horizon_steps: int,
+    task: Task,
+    weights: Array,
+    seed: int,
+    step: Callable[[], None] = lambda: None,
+) -> Judged:
+    """Judge every explainer at one horizon.
+
+    Args:
+        learnt: the vocabularies, the first of which is the one in question.
+        moments: those that are judged.
+        held_out: of other episodes, for the confidence only.
+        horizon_steps: one of those of ``moments``.
+        task: the environment's own.
+        weights: ``(R, N)`` of the resamples.
+        seed: of the predictions of another moment.
+        step: called after each explainer.
+    """
+    truth = Truth.of(moments, horizon_steps, task, forecasts(learnt.regressors, moments.state), weights)
+    judged = Judged(truth, task.number_names, mappings=dict(learnt.vocabularies))
+    for name, said in _simple(learnt, moments, horizon_steps, task).items():
+        on_scale = as_instruction(name, said, task.explained_band)
+        judged.samples[f"baseline:{name}"] = score_motion(said, judged.truth, on_scale)
+        step()
+    _judge_vocabularies(judged, moments, held_out, horizon_steps, task, step)
+    if learnt.ensembles:
+        _judge_controls(judged, learnt, moments, horizon_steps, task, seed, step)
+    refits = [each for several in judged.refits.values() for each in several]
+    for samples in (*judged.samples.values(), *refits):
+        if "came_true" in samples:
+            add_loss(samples, judged.samples[_PREDICTED])
+    return judged
+
+
+def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) -> dict[str, Array]:
+    """Everything that is said without a vocabulary ``(N, d)``."""
+    at, explained = moments.at(horizon_steps), task.explained
+    return cheap_baselines(moments, horizon_steps, task, learnt.regressors) | {
+        "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
+        "true_future": moments.real_change(horizon_steps, explained).astype(float),
+    }
+
+
+def _judge_vocabularies(
+    judged: Judged, moments: Moments, held_out: Moments, horizon_steps: int, task: Task, step: Callable[[], None]
+) -> None:
+    for name, mapping in judged.mappings.items():
+        spoken = speak(mapping, moments, horizon_steps, task.phrases)
+        calibration = calibrate(speak(mapping, held_out, horizon_steps, task.phrases))
+        probability = calibration.probability(spoken.features)
+        judged.samples[name] = _score(spoken, judged.truth) | score_confidence(
+            probability, spoken.voted_true, judged.truth, spoken.known
+        )
+        judged.spoken[name], judged.calibrations[name] = spoken, calibration
+        judged.probabilities[name] = probability
+        step()
+
+
+def _judge_controls(
+    judged: Judged,
+    learnt: Learnt,
+    moments: Moments,
+    horizon_steps: int,
+    task: Task,
+    seed: int,
+    step: Callable[[], None],
+) -> None:
+    """What cannot be right: the vocabulary flipped, another moment's future, vocabularies of shuffled lessons."""
+    ours = next(iter(learnt.vocabularies.values()))
+    judged.samples["baseline:flipped"] = _score(
+        speak(Flipped(ours), moments, horizon_steps, task.phrases), judged.truth
+    )
+    step()
+    elsewhere = of_another_moment(moments, np.random.default_rng(seed))
+    judged.samples["baseline:another_moment"] = _score(
+        speak(ours, elsewhere, horizon_steps, task.phrases), judged.truth
+    )
+    step()
+    alone, first = judged.truth.unweighed(), moments.first_future()
+    for name, several in learnt.ensembles.items():
+        judged.refits[name] = []
+        for mapping in several:
+            scores = _score(speak(mapping, first, horizon_steps, task.phrases), alone)
+            judged.refits[name].append({metric: scores[metric] for metric in scores if metric != "came_true_voted"})
+            step()
+
+
+def _score(spoken: Spoken, truth: Truth) -> Samples:
+    return score_motion(spoken.expression, truth, spoken.expression) | score_words(spoken, truth)
+
+
+def rows_of(judged: Judged) -> list[dict[str, Any]]:
+    """The rows of the report for one horizon, those in question first; null where a metric makes no sense."""
+    horizon = judged.truth.horizon_steps
+    rows = []
+    for name, samples in judged.samples.items():
+        told = {metric: estimate_json(values) for metric, values in samples.items()}
+        told |= balance(judged.mappings[name]) if name in judged.mappings else {}
+        rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names))
+    for name, several in judged.refits.items():
+        told = {metric: spread_over(float(each[metric][0]) for each in several) for metric in several[0]}
+        refits = {metric: [_rounded(each[metric][0]) for each in several] for metric in several[0]}
+        row = {"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names)
+        rows.append(row | {"over": "refits", "refits": refits})
+    return sorted(rows, key=lambda row: not row["explainer"].startswith("ibe:"))
+
+
+def _rounded(value: float) -> float | None:
+    return None if np.isnan(value) else round(float(value), 5)
+
+
+def paired_of(judged: Judged, ours: str) -> list[dict[str, Any]]:
+    """By how much the vocabulary in question is better than the cheap baselines and the paper's, paired by moments."""
+    cheap = [f"baseline:{name}" for name in CHEAP if f"baseline:{name}" in judged.samples]
+    found = []
+    for metric in GOALS:
+        best = max(cheap, key=lambda name: _at_least(judged.samples[name][metric][0]))
+        for other in [*cheap, "baseline:paper"]:
+            less = difference(judged.samples[ours], judged.samples[other], metric)
+            found.append(
+                {
+                    "metric": metric,
+                    "horizon_steps": judged.truth.horizon_steps,
+                    "explainer": ours,
+                    "minus": other,
+                    "best_cheap": other == best,
+                    "difference": less,
+                }
+            )
+    return found
+
+
+def _at_least(value: float) -> float:
+    return -np.inf if np.isnan(value) else float(value)
+
+
+def confidence_of(judged: Judged, ours: str) -> dict[str, Any]:
+    """What speaking only when sure gains, and the confidence against always saying the overall share."""
+    samples, true, known = judged.samples[ours], judged.spoken[ours].voted_true, judged.spoken[ours].known
+    share = float(np.mean(true[known])) if known.any() else 0.0
+    base = score_confidence(np.full(len(true), share), true, judged.truth, known)
+    return {
+        "explainer": ours,
+        "horizon_steps": judged.truth.horizon_steps,
+        "risk_at_80_minus_risk_all": estimate_json(samples["risk_at_80"] - samples["risk_all"]),
+        "brier_minus_base_rate": difference(samples, base, "brier"),
+        "base_rate": fixed(share),
+    }

@@ -1,0 +1,75 @@
+"""What a finished run left behind, opened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_game
+from ibe_rl.ibe.interpret import Reactions
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import TRAJECTORIES
+from ibe_rl.task import Task
+from ibe_rl.types import ConfigError, Policy
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """An opened run; ``runs.open_run`` makes it.
+
+    Attributes:
+        folder: of the run.
+        config: of its training; a horizon that was found is in it.
+        task: the environment's own.
+        policy: the greedy policy of the last evaluation; with an external policy the one that was named.
+        policy_frame: training frames when it was kept.
+        mapping: the vocabulary of the last refresh before that.
+        mapping_frame: training frames when it was learnt.
+        horizon_steps: n, the one the vocabulary was learnt with.
+        spans: the vocabularies of other spans of time, by their horizon in steps.
+        calibration: of the confidence. It is that of ``task=evaluate`` if this vocabulary was evaluated, else that of
+            the last refresh, which the first refresh has not (None).
+        reactions: of the agent to other instructions, asked at that refresh; None if it was not asked.
+        scores_of_numbers: see ``metrics.quality.number_scores``, of the refresh; empty if it has none.
+    """
+
+    folder: Path
+    config: TrainConfig
+    task: Task
+    policy: Policy
+    policy_frame: int
+    mapping: ClusterMapping
+    mapping_frame: int
+    horizon_steps: int
+    spans: Mapping[int, ClusterMapping]
+    calibration: Calibration | None
+    reactions: Reactions | None = None
+    scores_of_numbers: Sequence[Mapping[str, float]] = ()
+
+    def make_env(self) -> gymnasium.Env[Any, Any]:
+        """One more environment of the run's kind."""
+        return make_game(self.config.env)
+
+
+def open_log(folder: Path) -> TrajectoryLog:
+    """Open the log of the run in ``folder``.
+
+    Raises:
+        ConfigError: if there is none, or it is damaged.
+    """
+    if not (folder / TRAJECTORIES / "log.json").is_file():
+        raise ConfigError(
+            f"run={folder}: it has no log ({TRAJECTORIES}/) to learn other vocabularies from; "
+            "allowed is a run with all that train.py left"
+        )
+    try:
+        return TrajectoryLog.open(folder / TRAJECTORIES)
+    except ValueError as error:
+        raise ConfigError(f"run={folder}: {error}") from None

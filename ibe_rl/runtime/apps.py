@@ -1,0 +1,32 @@
+"""Applications that settings ask for and that the core never imports: found by name when they are asked for."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from ibe_rl.types import ConfigError
+
+APPS = {
+    "agent=": "ibe_rl.apps.external.study:open_external",
+    "collect.engine=ray": "ibe_rl.apps.ray.workers",
+    "instructor=human": "ibe_rl.apps.teach.classroom",
+    "report=true": "ibe_rl.apps.paper.report_context",
+    "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
+    "task=figures": "ibe_rl.apps.paper.experiments:reproduce",
+}
+"""Setting to the module, or the function in it, that does what it asks for."""
+
+
+def load_app(setting: str) -> Any:
+    """The module or the function behind a setting.
+
+    Raises:
+        ConfigError: if the application, or something that it needs, is not installed.
+    """
+    module, _, name = APPS[setting].partition(":")
+    try:
+        found = import_module(module)
+    except ImportError as error:
+        raise ConfigError(f"{setting}: needs {module}, which cannot be imported ({error})") from None
+    return getattr(found, name) if name else found

@@ -1,0 +1,200 @@
+"""From settings to a run whose parts are ready, and its end, in any case, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, closing, contextmanager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from torchrl import timeit
+
+from ibe_rl.agents import make_agent
+from ibe_rl.collect.collector import batches, make_collector, timed
+from ibe_rl.config.command_line import output_folder, run_name, save_config
+from ibe_rl.config.kinds import make_listeners
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_copy, make_game, task_of
+from ibe_rl.instructors import make_instructor, stand_in
+from ibe_rl.predict import make_predictor
+from ibe_rl.runtime.apps import load_app
+from ibe_rl.runtime.signals import StopRequest
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import (
+    METRICS,
+    RECORDING,
+    TRAJECTORIES,
+    MetricsTable,
+    create_run_folder,
+    hold_folder,
+)
+from ibe_rl.training.check import check_run
+from ibe_rl.training.failure import nothing_lost, resumable
+from ibe_rl.training.instruction_reward import make_obedience
+from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
+from ibe_rl.training.progress import TrainingProgress
+from ibe_rl.training.resume import State, clear_way, must_fit, take_up
+from ibe_rl.training.run import Run
+from ibe_rl.view.recording_file import set_back
+from ibe_rl.view.relay import News, choose_ports, page, serve_live
+from ibe_rl.view.run_recorder import RunRecorder
+from ibe_rl.vocabulary.listener import Listener
+from ibe_rl.vocabulary.tracker import Development
+
+
+@contextmanager
+def build(cfg: TrainConfig) -> Iterator[Run]:
+    """Make a run from its settings; refuses what cannot work before anything is made.
+
+    Args:
+        cfg: composed and checked; with ``resume`` the run goes on from its state.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
+    env = make_game(cfg.env)
+    for note in check_run(cfg, env):
+        print(note)  # noqa: T201 - talks to a person
+    ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
+    teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
+    page_port = teach.choose_port(cfg.instructor) if teach else None
+    folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
+    with StopRequest() as stop, hold_folder(folder):
+        if state:
+            _go_back(cfg, folder, state)
+        save_config(cfg, folder / ".hydra", goes_on=bool(state))
+        with ExitStack() as owned:
+            live = serve_live(folder / RECORDING, ports, owned, print) if ports else list
+            classroom = None
+            if teach:
+                classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
+                owned.callback(classroom.close)
+            yield _begin(cfg, folder, stop, owned, live, classroom, state)
+
+
+def _go_back(cfg: TrainConfig, folder: Path, state: State) -> None:
+    """Bring the folder to where the state was."""
+    print(clear_way(folder, state))  # noqa: T201 - talks to a person
+    if state["recorder"] and cfg.viewer.mode != "off":
+        with must_fit(folder):
+            set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
+
+
+def _begin(
+    cfg: TrainConfig,
+    folder: Path,
+    stop: StopRequest,
+    owned: ExitStack,
+    live: News,
+    classroom: Any,
+    state: State | None,
+) -> Run:
+    """Make all parts and tell the listeners that it begins."""
+    timeit.erase()
+    with timeit("setup"):
+        run = make_parts(cfg, folder, owned, stop, state)
+        owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
+        progress = owned.enter_context(TrainingProgress(cfg.total_frames))
+        table = owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS, _until(state)))
+        optional = [one for one in (run.recorder, progress, classroom) if one is not None]
+        checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
+        run.say = progress.say
+        asked = make_listeners(cfg)
+        run.tell = Listeners([Table(table), *optional, LiveView(live), *asked, checkpoints], progress.say)
+        _collect(run, owned, classroom)
+        run.tell.begin(run)
+        if state:
+            with must_fit(folder):
+                run.random.load_state_dict(state["random"])  # last: making the parts draws numbers
+    owned.enter_context(resumable(run))
+    return run
+
+
+def _until(state: State | None) -> int | None:
+    return (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
+
+
+def _collect(run: Run, owned: ExitStack, classroom: Any) -> None:
+    """Start the collector; a person who teaches may pause it."""
+    cfg = run.cfg
+    lesson = classroom.open_lesson if classroom else None
+    settings = cfg.env, cfg.collect, run.task, cfg.instructor, cfg.seed
+    collector = make_collector(run.agent, *settings, lesson, run.partial_episodes)
+    owned.callback(collector.shutdown)
+    if classroom:
+        owned.callback(classroom.farewell)
+    ahead = cfg.collect.overlap, cfg.collect.ahead_batches, None if lesson else cfg.collect.timeout_s
+    source = owned.enter_context(closing(batches(collector, run.agent, *ahead)))
+    run.batches = timed("collect", source)
+    if classroom:
+        owned.callback(classroom.hurry)
+        run.stop.when_asked(classroom.hurry)
+
+
+def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopRequest, state: State | None = None) -> Run:
+    """Make the parts that neither collect nor listen.
+
+    Args:
+        cfg: of the run.
+        folder: of the run.
+        owned: closes what has been opened.
+        stop: true once the run shall end early.
+        state: to resume from; the random state is left to the caller.
+
+    Raises:
+        ConfigError: if the state does not fit the settings, or the folder.
+    """
+    torch.set_num_threads(1)
+    torch.manual_seed(cfg.seed)
+    env = make_game(cfg.env)
+    task = task_of(env)
+    vocabulary = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
+    recorder = _recorder(cfg, folder, task, owned, state)
+    snapshots = partial(make_copy, cfg.env)
+    predictor = make_predictor(cfg.predictor, snapshots, task.rule, cfg.seed, env, lambda: vocabulary.horizons_steps)
+    run = Run(
+        cfg=cfg,
+        folder=folder,
+        stop=stop,
+        task=task,
+        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
+        reward=make_obedience(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
+        log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
+        vocabulary=vocabulary,
+        predictor=owned.enter_context(closing(predictor)),
+        instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
+        env=env,
+        evaluation_envs=[make_game(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
+        recorder=recorder,
+    )
+    if state:
+        run.load_state_dict(state)
+    return run
+
+
+def _recorder(cfg: TrainConfig, folder: Path, task: Any, owned: ExitStack, state: State | None) -> RunRecorder | None:
+    if cfg.viewer.mode == "off":
+        return None
+    name, max_mb = run_name(folder), cfg.viewer.max_recording_mb
+    with must_fit(folder) if state else nullcontext():
+        recorder = RunRecorder(folder / RECORDING, task, name, max_mb, state and state["recorder"])
+    owned.callback(recorder.close)
+    return recorder
+
+
+class LiveView(Listener):
+    """Says what becomes of the process that serves the live view.
+
+    Args:
+        live: what there is to say of it, each line once.
+    """
+
+    def __init__(self, live: News):
+        self._live = live
+
+    def news(self) -> Iterable[str]:
+        """See ``Listener``."""
+        return self._live()

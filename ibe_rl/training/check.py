@@ -1,0 +1,55 @@
+"""Refusing settings that cannot work together, before anything is made."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+
+from ibe_rl.agents import check_actions, check_agent
+from ibe_rl.collect.collector import check_collect
+from ibe_rl.config.command_line import is_sweep
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_copy, task_of
+from ibe_rl.instructors import check_instructor
+from ibe_rl.predict import check_predictor, is_learnt
+from ibe_rl.runtime.apps import load_app
+from ibe_rl.training.instruction_reward import check_obedience
+from ibe_rl.types import ConfigError
+from ibe_rl.vocabulary.rule_reads import check_dimensions
+from ibe_rl.vocabulary.tracker import check_development
+
+
+def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
+    """Refuse settings that cannot work.
+
+    Args:
+        cfg: of the run.
+        env: one of its environments, which is reset.
+
+    Returns:
+        Notes for the person on what looks odd and may still work.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    task = task_of(env)
+    if not is_sweep() and (cfg.runs_at_once or cfg.runs_on):
+        raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
+    check_collect(cfg.collect)
+    check_agent(cfg.agent, task.state_names)
+    check_actions(cfg.agent, env.action_space)
+    check_instructor(cfg.instructor, cfg.collect, task)
+    check_development(cfg, task)
+    check_obedience(cfg)
+    if cfg.report:
+        load_app("report=true").check_report(cfg, task)
+    check_predictor(cfg.predictor, cfg.instructor, env)
+    if not is_learnt(cfg.predictor):
+        make_copy(cfg.env)  # to predict in
+    notes = check_dimensions(cfg.mapping, task, env)
+    if not task.judges_success:
+        notes.append(
+            f"note: nobody says whether an episode of {cfg.env.id} ended well, so that none counts as a success"
+        )
+    return notes

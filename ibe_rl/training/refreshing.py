@@ -1,0 +1,107 @@
+"""Learning the vocabulary anew in the middle of a training, and going on if that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from traceback import format_exception
+
+import numpy as np
+from torchrl import timeit
+
+from ibe_rl.collect.rollout import EVALUATION_SEED
+from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.instructors import speaks
+from ibe_rl.metrics.quality import outcomes
+from ibe_rl.predict import asks_policy, is_learnt
+from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
+from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
+from ibe_rl.task import Watched
+from ibe_rl.training.run import Run
+from ibe_rl.types import Explanation
+from ibe_rl.vocabulary.listener import Refreshed
+from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
+from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.rule_reads import lead_on
+from ibe_rl.vocabulary.tracker import figures
+
+ASKING_SEED = EVALUATION_SEED + 100_000
+
+
+def learn(run: Run) -> Refresh:
+    """Learn the vocabulary anew from the log as it stands, or leave everything as it was.
+
+    Raises:
+        TooLittleDataError: if the log holds too little.
+    """
+    vocabulary, counts = run.vocabulary, run.counts
+    with vocabulary.all_or_nothing():
+        with timeit("refresh"):
+            horizon_steps = vocabulary.settle(run.log)
+        with timeit("explain"):
+            learn_to_predict(run)
+            reactions = ask_otherwise(run, horizon_steps)
+        with timeit("refresh"):
+            refresh = vocabulary.refresh(run.log, run.agent.greedy, reactions)
+            vocabulary.save(run.folder / REFRESHES, refresh)
+    counts.refreshes += refresh.taken
+    counts.kept += not refresh.taken
+    return refresh
+
+
+def learn_to_predict(run: Run) -> None:
+    """Let the predictor learn from the log as it stands, keep what it has learnt, and forget all else."""
+    run.predictor.learn(run.log)
+    if is_learnt(run.cfg.predictor):
+        state = as_tensors(run.predictor.state_dict())
+        save_policy(run.folder / CHECKPOINTS, run.log.frames, state, PREDICTOR)
+    run.predictor.forget()  # so that a resumed run predicts the same
+
+
+def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
+    """What the greedy policy does if it is told otherwise; None where it does not listen, or nothing can foretell it.
+
+    Moments are of episodes that are never trained on, each from another one.
+    """
+    if not asks_policy(run.cfg.predictor) or not len(run.log.index):
+        return None
+    first = ASKING_SEED + ASKED_AT * (run.counts.tried + run.counts.skipped)
+    typical_steps, seeds = int(np.median(run.log.index["steps"][-200:])), range(first, first + ASKED_AT)
+    who = run.evaluation_envs, run.agent.greedy, run.instructor, run.predictor
+    return ask_in_flight(*who, seeds, typical_steps, horizon_steps)
+
+
+def skip(run: Run, error: Exception) -> dict[str, float]:
+    """Go on with the vocabulary before, whatever was wrong with a new one; returns columns of metrics.csv."""
+    frames, reason = run.log.frames, str(error)
+    if not isinstance(error, TooLittleDataError):
+        path = run.folder / REFRESHES / f"failed_{frames:012d}.txt"
+        write_atomically(path, lambda stream: stream.write("".join(format_exception(error)).encode()))
+        reason = f"it failed ({type(error).__name__}: {' '.join(reason.split())[:200]}), the details are in {path}"
+    run.counts.skipped += 1
+    if run.vocabulary.mapping is None and speaks(run.cfg.instructor):
+        reason += lead_on(run.cfg.mapping, run.counts.skipped)
+    run.tell.skipped(frames, reason)
+    return {"ibe/skipped": run.counts.skipped}
+
+
+def told(
+    run: Run, refresh: Refresh, rollout: Watched, said: Sequence[Explanation], voice: ExplainerState
+) -> dict[str, float]:
+    """Judge what was said of an episode and tell the listeners; returns columns of metrics.csv."""
+    with timeit("explain"):
+        row = figures(refresh) | run.vocabulary.judge(refresh, rollout.episode, said, run.cfg.explain_every_steps)
+        real = outcomes(rollout.episode, voice.horizon_steps, voice.mapping, voice.words)
+    event = Refreshed(
+        frames=run.log.frames,
+        number=run.counts.refreshes,
+        refresh=refresh,
+        rollout=rollout,
+        said=said,
+        real=real,
+        voice=voice,
+        came_true=row["ibe/came_true"],
+    )
+    run.tell.refreshed(event)
+    return row

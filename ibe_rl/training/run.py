@@ -1,0 +1,171 @@
+"""What the training loop works with, and its state to resume from."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+from tensordict import TensorDictBase
+from torchrl import timeit
+from torchrl.checkpoint import GlobalRNGState
+
+from ibe_rl.agents import Agent
+from ibe_rl.collect.schedule import Every, refresh_interval
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.predict import KeptPredictor
+from ibe_rl.runtime.signals import StopRequest
+from ibe_rl.storage.checkpoint import as_arrays, as_tensors
+from ibe_rl.storage.log import TrajectoryLog, UnreadableLogError
+from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.task import Task
+from ibe_rl.training.instruction_reward import Obedience
+from ibe_rl.training.resume import PARTS, State, must_fit
+from ibe_rl.types import ConfigError, Instructor
+from ibe_rl.vocabulary.listener import Listener
+from ibe_rl.vocabulary.tracker import Development
+
+TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
+
+
+@dataclass
+class Counts:
+    """What has been counted, and the times before the run was resumed."""
+
+    refreshes: int = 0
+    kept: int = 0
+    skipped: int = 0
+    best_success: float = -1.0
+    best_return: float = -math.inf
+    best_frames: int = -1
+    wall_s: float = 0.0
+    times_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def tried(self) -> int:
+        """Vocabularies learnt so far, whether they were taken or not."""
+        return self.refreshes + self.kept
+
+    def evaluated(self, frames: int, success_rate: float, return_mean: float) -> None:
+        """Remember the best evaluation."""
+        if (success_rate, return_mean) > (self.best_success, self.best_return):
+            self.best_success, self.best_return, self.best_frames = success_rate, return_mean, frames
+
+
+@dataclass
+class Run:
+    """What the training loop works with; none of the parts knows another.
+
+    Attributes:
+        cfg: the checked settings.
+        folder: of the run.
+        stop: true once the run shall end early.
+        reward: extra reward for following instructions.
+        vocabulary: learns the vocabulary anew at each refresh.
+        instructor: instructs evaluation episodes.
+        env: the environment whose episodes are recorded.
+        evaluation_envs: others of the same kind.
+        recorder: writes the recording; None without one.
+        say: prints a line for the person at the terminal.
+        tell: all listeners.
+        batches: batches ``[N, T]`` without end.
+        partial_episodes: where the environments of a resumed run stood.
+        last: whether the batch just logged is the last one.
+    """
+
+    cfg: TrainConfig
+    folder: Path
+    stop: StopRequest
+    task: Task
+    agent: Agent
+    reward: Obedience
+    log: TrajectoryLog
+    vocabulary: Development
+    predictor: KeptPredictor
+    instructor: Instructor
+    env: gymnasium.Env[Any, Any]
+    evaluation_envs: list[gymnasium.Env[Any, Any]]
+    recorder: Any = None
+    say: Callable[[str], None] = print
+    tell: Listener = field(default_factory=Listener)
+    batches: Iterator[TensorDictBase] = field(default_factory=lambda: iter(()))
+    random: GlobalRNGState = field(default_factory=GlobalRNGState)
+    counts: Counts = field(default_factory=Counts)
+    partial_episodes: list[UnderWay] = field(default_factory=list)
+    started_s: float = field(default_factory=time.perf_counter)
+    resumed: bool = False
+    last: bool = False
+
+    def __post_init__(self) -> None:
+        self.schedule()
+
+    def schedule(self) -> None:
+        """Let the schedules begin at the frames logged so far."""
+        now = self.log.frames
+        self.refresh_due = Every(refresh_interval(self.cfg), now)
+        self.evaluation_due = Every(self.cfg.eval_every_frames, now)
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds of training, those before the run was resumed included."""
+        return time.perf_counter() - self.started_s + self.counts.wall_s
+
+    def ends(self) -> bool:
+        """Find out whether the batch just logged is the last one."""
+        end = min(self.cfg.total_frames, self.cfg.stop_after_frames or self.cfg.total_frames)
+        self.last = bool(self.stop) or self.log.frames >= end
+        if self.stop:
+            self.say("stopping in order, with a last refresh and evaluation; Ctrl-C again ends at once")
+        return self.last
+
+    def times_s(self) -> dict[str, float]:
+        """Seconds spent so far, by what they were spent on."""
+        seconds = timeit.todict(percall=False)
+        return {name: seconds.get(name, 0.0) + self.counts.times_s.get(name, 0.0) for name in TIMES}
+
+    def state_dict(self) -> State:
+        """All that the run goes on from as it stands; the log is on disk then."""
+        self.log.flush()
+        counts = vars(self.counts) | {"wall_s": self.wall_s, "times_s": self.times_s()}
+        parts: Mapping[str, Any] = {
+            "log": self.log,
+            "development": self.vocabulary,
+            "obedience": self.reward,
+            "predictor": self.predictor,
+            "random": self.random,
+        }
+        state = {name: as_tensors(part.state_dict()) for name, part in parts.items()}
+        state["recorder"] = as_tensors(self.recorder.state_dict()) if self.recorder else {}
+        state["agent"] = self.agent.state_dict()  # torch's own; a copy would lack what it notes beside the values
+        assert state.keys() == set(PARTS)
+        return {"frames": self.log.frames, "counts": counts, **state}
+
+    def load_state_dict(self, state: State) -> None:
+        """The inverse of ``state_dict``, but for the random state and the recording.
+
+        Raises:
+            ConfigError: if the state does not fit the settings, or the log is damaged.
+        """
+        with must_fit(self.folder):
+            self._load_log(as_arrays(state["log"]))
+            self.agent.load_state_dict(state["agent"])
+            self.vocabulary.load_state_dict(as_arrays(state["development"]))
+            self.reward.load_state_dict(as_arrays(state["obedience"]))
+            self.predictor.load_state_dict(as_arrays(state["predictor"]))
+            self.counts = Counts(**state["counts"])
+            self.partial_episodes = self.log.under_way()
+        self.resumed = True
+        self.schedule()
+
+    def _load_log(self, state: Any) -> None:
+        try:
+            self.log.load_state_dict(state)
+        except UnreadableLogError as error:
+            raise ConfigError(
+                f"resume={self.folder}: {error}; put the file back from a copy, or move {self.log.folder} "
+                "out of the way to go on with an empty log"
+            ) from None

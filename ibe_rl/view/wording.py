@@ -1,0 +1,56 @@
+"""Phrases without the words that all of them begin with, and what is said at one step of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ibe_rl.ibe.vocabulary import phrase
+from ibe_rl.task import Phrases
+from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
+
+
+def shared_words(words: Sequence[Phrases]) -> int:
+    """How many words all phrases of a language begin with; they can be left out where room is short.
+
+    >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
+    1
+    """
+    spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
+    shared = 0
+    while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
+        shared += 1
+    return shared
+
+
+def shortener(words: Sequence[Phrases]) -> Callable[[str], str]:
+    """From a phrase to the same without the words that all of the language begin with."""
+    shared = shared_words(words)
+    return lambda said: said if said in (DOES_NOT_KNOW, CANNOT_TELL) else " ".join(said.split()[shared:])
+
+
+def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
+    """Phrases without the words that all of the language begin with."""
+    return [*map(shortener(words), phrases)]
+
+
+def said_lines(instructed: str, explanation: Explanation) -> str:
+    """What both say at one step, in markdown."""
+    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
+    shown = f" ({number})" if explanation.meant else ""
+    sure = f", confidence {explanation.confidence:.0%}" if explanation.meant and explanation.calibrated else ""
+    return f"Instructor: **{instructed}**  \nAgent: **{explanation.in_time()}**{shown}{sure}"
+
+
+def verdict_line(steps_ago: int, said: str, happened: str) -> str:
+    """What was said of the time up to now, and whether it went as predicted.
+
+    Of what no word was said of, only that is told.
+    """
+    if said == CANNOT_TELL:
+        return f"{steps_ago} steps ago it could not tell"
+    outcome = "it did" if said == happened else f"it was {happened}"
+    if happened == CANNOT_TELL:
+        outcome = "it did something else, which it has no known word for"
+    return f"said {steps_ago} steps ago: {said}: {outcome}"

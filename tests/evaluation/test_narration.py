@@ -1,0 +1,126 @@
+"""What explain.py prints of one episode, on a lift that goes up, stays and comes down."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from by_hand import TASK, on_a_line, plain
+from rich.console import Console
+
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.evaluation.narration import print_narration
+from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.explain.explainer import ExplainerState, put_in_words
+from ibe_rl.ibe import ClusterMapping, Meaning
+from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.task import Watched
+from ibe_rl.types import CANNOT_TELL, Episode, Explanation, Moment
+
+HEIGHTS = np.array([0, 1, 2, 3, 3, 3, 3, 2, 1, 0], float)
+STEPS = len(HEIGHTS) - 1
+SURE = Calibration(("agreement", "purity"), np.zeros(2), np.ones(2), np.zeros(2), np.array([2.0]))
+
+
+def says(*expressions: float, **meaning: object) -> ClusterMapping:
+    """What changes by -2, 0 and 2 are called."""
+    where = np.column_stack([[-2, 0, 2], np.zeros((3, 2))])
+    made = replace(on_a_line([0, 0, 0], expressions), space=plain(3), centres=where)
+    return replace(made, meanings=(Meaning(**meaning),)) if meaning else made  # type: ignore[arg-type]
+
+
+def watched(heights: np.ndarray = HEIGHTS) -> Watched:
+    states = np.column_stack([heights, np.zeros((len(heights), 2))])
+    steps = len(heights) - 1
+    told = np.ones((steps, 1))
+    episode = Episode(states, np.zeros(steps), np.zeros(steps), told, np.ones(steps, bool), True, True, "lower")
+    return Watched(episode, [Moment(states[t], told[t], True) for t in range(steps)], [], [[]] * (steps + 1))
+
+
+def said_in(run: TrainedRun, flown: Watched) -> list[Explanation]:
+    """What is said if the next two steps are foreseen rightly."""
+    states = flown.episode.states
+    ahead = np.minimum(np.arange(len(states) - 1)[:, None] + np.arange(3), len(states) - 1)
+    return put_in_words(
+        states[ahead][:, None], ExplainerState(run.mapping, 2, TASK.phrases, calibration=run.calibration)
+    )
+
+
+def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | None = SURE) -> TrainedRun:
+    return TrainedRun(folder, TrainConfig(), TASK, lambda seen: seen, 9, mapping, 9, 2, {}, calibration)
+
+
+def printed(run: TrainedRun, flown: Watched, said: list[Explanation] | None = None) -> list[str]:
+    stream = io.StringIO()
+    print_narration(run, flown, said or said_in(run, flown), Console(file=stream, highlight=False, width=250))
+    return stream.getvalue().splitlines()
+
+
+def test_it_begins_with_the_verdict_and_ends_with_both_figures(tmp_path: Path) -> None:
+    lines = printed(run_of(says(-1, 0, 1), tmp_path), watched())
+    found = "its words tell which way it goes: .97, good (chance .50, the last instruction echoed .50)."
+    assert lines[0] == f"GOOD: {found}"  # where it rises by one it may say so or not
+    assert found in lines[-1]
+    assert lines[-1].startswith("100% of what it said about its next 2 steps went as predicted; its words tell which ")
+    assert any(line.split()[-2:] == ["as", "predicted"] for line in lines)
+
+
+def test_reversed_words_are_not_praised(tmp_path: Path) -> None:
+    """All of it goes as predicted, in its own words: that is why the other figure stands beside it."""
+    lines = printed(run_of(says(1, 0, -1, reason="seen"), tmp_path), watched())
+    assert lines[0].startswith("REVERSED: “going up” is said when height falls; ")
+    assert lines[1].startswith("  what to do: env.task.explained=[height] says that height rises with +1, but ")
+    assert lines[-1].startswith("100% of what it said")
+    assert ".03, reversed (chance .50" in lines[-1]
+
+
+def test_of_an_episode_that_went_one_way_only_the_last_refresh_tells(tmp_path: Path) -> None:
+    flown = watched(np.arange(STEPS + 1.0))
+    run = run_of(says(-1, 0, 1), tmp_path)
+    lines = printed(run, flown)
+    assert lines[0] == "From this episode it cannot be told whether its words tell which way it goes."
+    assert "cannot be told (chance .50)" in lines[-1]
+    scored = replace(run, scores_of_numbers=[{"motion_auc": 0.044, "echo_auc": 0.61}])
+    text = "\n".join(printed(scored, flown))
+    assert "REVERSED: “going up” is said when height falls; its words tell which way it goes: .04, reversed" in text
+    assert "At the last refresh, over many episodes, its words tell which way it goes: .04, reversed" in text
+
+
+def test_a_wrong_sign_in_the_log_is_named_whatever_the_episode_says(tmp_path: Path) -> None:
+    run = replace(
+        run_of(says(-1, 0, 1, reason="seen"), tmp_path), scores_of_numbers=[{"motion_auc": 0.1, "echo_auc": 0.6}]
+    )
+    lines = printed(run, watched())
+    assert lines[0].startswith("GOOD: ")
+    assert any(line.startswith("env.task.explained=[height] says that height rises with +1, but") for line in lines)
+
+
+def test_words_without_a_known_meaning_are_not_said(tmp_path: Path) -> None:
+    lines = printed(run_of(says(-1, 0, 1, positive=False, reason="nobody did it"), tmp_path), watched())
+    assert "“going down”: +1 asks for a movement, nobody did it, but I cannot tell what “going up” means" in lines
+    [row] = [line.split() for line in lines if CANNOT_TELL in line and line.split()[0].startswith("0")]
+    assert row[-3:] == ["-", "-", "-"]  # number, sure, as predicted
+    assert "% of what it said (at 78% of the moments) about" in lines[-1]
+    rows = [line for line in lines if re.match(r" *\d+(-\d+)?  ", line)]
+    assert {line.count("up") for line in rows} == {1}  # that is what it was told
+
+
+def test_of_nothing_said_no_share_is_told(tmp_path: Path) -> None:
+    unknown = says(-1, 0, 1, negative=False, positive=False, reason="nobody did it")
+    lines = printed(run_of(unknown, tmp_path), watched())
+    assert lines[0] == "UNKNOWN: I cannot tell what “going up” means: nobody did it."
+    assert sum("nobody did it" in line for line in lines) == 1
+    assert lines[-1].startswith("It said nothing; its words tell which way it goes: the meaning of its words is not ")
+
+
+@pytest.mark.parametrize("calibration", [SURE, None])
+def test_how_sure_it_is_stands_only_where_that_is_a_probability(
+    tmp_path: Path, calibration: Calibration | None
+) -> None:
+    lines = printed(run_of(says(-1, 0, 1), tmp_path, calibration), watched())
+    row = next(line.split() for line in lines if line.lstrip().startswith("0-"))
+    assert row[-2] == ("88%" if calibration else "-")
