@@ -14,12 +14,15 @@ from ibe_rl.instructors.silent import Silent
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 
+OTHER_KINDS = ("oracle", "silent", "habits")
+"""Who can instruct the environments beside the first."""
+
 
 @dataclass
 class MixedConfig(InstructorConfig):
     """Somebody instructs the first environment; ``habits`` does as they would, going by what they said so far."""
 
-    others: str = setting("oracle", choices=("oracle", "silent", "habits"))  # who instructs the other environments
+    others: str = setting("oracle", choices=OTHER_KINDS)  # who instructs the other environments
 
 
 class Beside:

@@ -85,7 +85,13 @@ def make_predictor(
     Raises:
         ConfigError: if it cannot learn such actions.
     """
-    given = {"make_snapshot_env": make_snapshot_env, "rule": rule, "seed": seed, "env": env, "horizons_steps": horizons_steps}
+    given = {
+        "make_snapshot_env": make_snapshot_env,
+        "rule": rule,
+        "seed": seed,
+        "env": env,
+        "horizons_steps": horizons_steps,
+    }
     predictor: KeptPredictor = made("predictor", config, **given)
     return predictor
 

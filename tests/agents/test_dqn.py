@@ -4,6 +4,7 @@ from copy import deepcopy
 
 import pytest
 import torch
+from gymnasium.spaces import Discrete
 from tensordict import TensorDict
 from torch import nn
 from torchrl.modules import QValueActor
@@ -58,7 +59,9 @@ def test_rows_are_apart():
 def test_the_edges_of_batches_do_not_show(lengths: list[int]):
     torch.manual_seed(0)
     steps = steps_of(torch.rand(12).tolist(), "----x---x---", "----x-------")
-    agent = DQN(DQNConfig(n_steps=3, gamma=0.5, reward_scale=2.0, hidden=[4], buffer_frames=1_000), 1, 2, 1_000)
+    agent = DQN(
+        DQNConfig(n_steps=3, gamma=0.5, reward_scale=2.0, hidden=[4], buffer_frames=1_000), 1, Discrete(2), 1_000
+    )
     for part in steps.split(lengths, 1):
         agent.update(part)
     expected = several_steps(steps, 3, 0.5)
@@ -71,7 +74,7 @@ def test_the_edges_of_batches_do_not_show(lengths: list[int]):
 
 def test_the_network_chooses_and_the_target_values():
     """Double Q-learning: the target network's highest value, 9, is not what counts."""
-    agent = DQN(DQNConfig(hidden=[4]), 1, 2, 1_000)
+    agent = DQN(DQNConfig(hidden=[4]), 1, Discrete(2), 1_000)
     for network, values in ((agent._network, [1.0, 2.0]), (agent._target.module, [9.0, 5.0])):
         nn.init.zeros_(network[-1].weight)
         network[-1].bias.data = torch.tensor(values)
@@ -84,7 +87,7 @@ def test_the_target_follows_once_a_batch():
     config = DQNConfig(
         n_steps=1, hidden=[4], learn_after_frames=0, frames_per_update=1, target_rate=0.25, minibatch_size=8
     )
-    agent = DQN(config, 1, 2, 1_000)
+    agent = DQN(config, 1, Discrete(2), 1_000)
     steps = steps_of([1.0] * 8, "--------", "--------")
     agent.update(steps)
     before = agent._target.module[-1].bias.clone()
@@ -97,7 +100,7 @@ def test_the_target_follows_once_a_batch():
 @pytest.mark.filterwarnings("ignore:No target network updater")  # the loss is only compared with, never trained
 def test_with_one_step_loss_and_gradients_are_torchrls():
     torch.manual_seed(2)
-    agent = DQN(DQNConfig(n_steps=1, gamma=0.9, hidden=[8]), 1, 3, 1_000)
+    agent = DQN(DQNConfig(n_steps=1, gamma=0.9, hidden=[8]), 1, Discrete(3), 1_000)
     steps = steps_of(torch.rand(12).tolist(), "---x-------x", "---x--------")
     steps["observation"], steps["next", "observation"] = torch.randn(1, 12, 1), torch.randn(1, 12, 1)
     steps["action"] = torch.randint(3, (1, 12))

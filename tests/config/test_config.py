@@ -20,7 +20,7 @@ from omegaconf import OmegaConf
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config import settings as schemas
-from ibe_rl.config.kinds import register
+from ibe_rl.config.kinds import GROUPS, ROOMS, SEVERAL, check_config, implementation, register, settings_of
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
     CODE_SETTINGS,
@@ -36,7 +36,7 @@ from ibe_rl.config.settings import (
 from ibe_rl.envs.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.types import ConfigError
-from ibe_rl.vocabulary.fitting import PASSED_ON, check_mapping
+from ibe_rl.vocabulary.fitting import check_mapping
 from ibe_rl.vocabulary.tracker import check_refreshing
 
 ROOT = Path(__file__).parents[2]
@@ -45,10 +45,19 @@ NEEDED = {"recorded": ["instructor.recording=a_run"]}
 """What a choice cannot do without."""
 SWEPT = {"horizon": "horizon_steps", "clusters": "n_clusters", "mappings": "mapping", "agents": "agent"}
 """What a sweep varies, where it is not called just so."""
+KINDS = {"guest"} | {name for group, name in CHOICES if group in ROOMS}
+"""Those that have a module of their own."""
+OF_KINDS = {
+    settings_of(group, path.stem)
+    for group, room in ROOMS.items()
+    for path in (ROOT / room.replace(".", "/")).glob("*.py")
+    if path.stem in KINDS
+}
 SCHEMAS = sorted(
-    (item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)),
+    {item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)} | OF_KINDS,
     key=lambda item: item.__name__,
 )
+LIMITS = {"low", "high", "choices"}
 
 
 def composed(root: str, *overrides: str) -> Any:
@@ -60,7 +69,7 @@ def _composed(root: str, *overrides: str) -> Any:
     register()
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         values = OmegaConf.to_object(compose(root, list(overrides)))
-    check(values)
+    check_config(values)
     return values
 
 
@@ -120,12 +129,15 @@ def test_the_sweep_of_mappings_has_every_mapping():
     assert sorted(names) == sorted(name for group, name in CHOICES if group == "mapping")
 
 
-def test_every_kind_has_a_file():
-    kinds = {"agent": (PPOConfig, DQNConfig), "instructor": (InstructorConfig, *schemas.INSTRUCTORS.values())}
-    kinds |= {"predictor": (PredictorConfig, *schemas.PREDICTORS.values())}
-    for group, owners in kinds.items():
-        allowed = {kind for owner in owners for kind in fields(owner)[0].metadata["choices"]}
-        assert {name for place, name in CHOICES if place == group} == allowed
+@pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] in ROOMS])
+def test_every_kind_is_a_module_that_is_called_like_its_file(group: str, name: str):
+    made = implementation(group, name)
+    assert (made.kind, made.__module__) == (name, f"{ROOMS[group]}.{name}")
+    settings = settings_of(group, name)
+    assert settings is GROUPS[group] or (settings.kind, settings.__module__) == (name, made.__module__)
+
+
+def test_every_mode_of_the_viewer_has_a_file():
     modes = next(item for item in fields(ViewerConfig) if item.name == "mode").metadata["choices"]
     assert {name for place, name in CHOICES if place == "viewer"} == set(modes)
 
@@ -151,15 +163,14 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     assert cfg.log == LogConfig()
     assert cfg.instructor == InstructorConfig()
     assert cfg.obedience == schemas.ObedienceConfig()
-    for kind in ("flawed", "human"):
-        assert composed("train", f"instructor={kind}").instructor == schemas.INSTRUCTORS[kind]()
+    for group, kind in [choice for choice in CHOICES if choice[0] in ROOMS and choice[1] not in NEEDED]:
+        config = getattr(composed("train", f"{group}={kind}"), group)
+        assert replace(config) == settings_of(group, kind)(kind=kind)
     assert composed("train", "mapping=paper").mapping == MappingConfig(horizon_steps=60)  # of the lander
     assert cfg.predictor == PredictorConfig()
-    for kind, schema in schemas.PREDICTORS.items():
-        assert composed("train", f"predictor={kind}").predictor == schema()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):
-        if item.metadata:
+        if item.metadata.keys() >= LIMITS:
             assert getattr(cfg, item.name) == item.default
     explain = composed("explain")
     assert explain.predictor == PredictorConfig()
@@ -199,7 +210,12 @@ def inside(item: Field[Any]) -> Iterator[Any]:
         yield None
 
 
-LIMITED = [(schema, item) for schema in SCHEMAS for item in fields(schema) if item.metadata]
+LIMITED = [
+    (schema, item)
+    for schema in SCHEMAS
+    for item in fields(schema)
+    if any(item.metadata.get(name) not in (None, ()) for name in LIMITS)
+]
 EVERY_LIMIT = pytest.mark.parametrize(("schema", "item"), LIMITED, ids=[f"{s.__name__}.{i.name}" for s, i in LIMITED])
 
 
@@ -249,7 +265,7 @@ def reads() -> set[str]:
     """Names read from anything that is called like a config or a part of one, outside ``config.py``."""
     parts = [*fields(TrainConfig), *fields(ExplainConfig)]
     owners = {"cfg", "config", "_config", "ahead", *(item.name for item in parts)}
-    found = {*PASSED_ON, *CODE_SETTINGS, "explained_range"}  # these by their name
+    found = {*IBEMapping().get_params(), *CODE_SETTINGS, "explained_range"}  # these by their name
     for path in [*(ROOT / "ibe_rl").rglob("*.py"), ROOT / "train.py", ROOT / "explain.py"]:
         if path.name == "config.py":
             continue
@@ -267,6 +283,10 @@ def test_every_setting_is_read_somewhere(schema: type):
     assert {item.name for item in fields(schema)} - reads() == set()
 
 
+def test_every_kind_of_listener_and_metric_is_listed_under_its_name():
+    assert {SEVERAL[group] for group in GROUPS.keys() - ROOMS.keys() - {"mapping"}} == {"listeners", "metrics"}
+
+
 def attributes_read(path: Path, owner: str) -> set[str]:
     """Names read from what is called ``owner``."""
     nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)]
@@ -276,5 +296,4 @@ def attributes_read(path: Path, owner: str) -> set[str]:
 
 def test_what_is_passed_on_to_the_estimator_is_read_there():
     settings = set(IBEMapping().get_params())
-    assert set(PASSED_ON) <= settings
     assert settings <= attributes_read(ROOT / "ibe_rl" / "ibe" / "estimator.py", "self")

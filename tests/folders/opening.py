@@ -20,7 +20,7 @@ from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.training.build import make_parts
 from ibe_rl.training.resume import must_fit, read_state
-from ibe_rl.view.overlay import Metrics
+from ibe_rl.view.overlay import GrowingTable, new_curves
 from ibe_rl.view.recording_file import set_back, whole_messages
 from ibe_rl.view.viewer import Messages, run_names, runs_at
 
@@ -58,7 +58,7 @@ def resumed(run: Path) -> None:
 def tabled(run: Path) -> None:
     """As resume and the viewer read metrics.csv."""
     read_rows(run / METRICS)
-    Metrics(run / METRICS).new()
+    new_curves(GrowingTable(run / METRICS), run / METRICS)
 
 
 def viewed(run: Path) -> None:

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 from by_hand import TASK, WORDS
 
-from ibe_rl.config.settings import OTHERS, CollectConfig, InstructorConfig
+from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.instructors import check_instructor, stand_in
 from ibe_rl.instructors.flawed import FlawedConfig
 from ibe_rl.instructors.human import HumanConfig
+from ibe_rl.instructors.mixed import OTHER_KINDS
 from ibe_rl.instructors.recorded import LessonWriter, RecordedConfig, RecordedEpisode
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.types import ConfigError
@@ -44,7 +45,7 @@ def test_habits_need_somebody_to_go_by_them(config: HumanConfig | RecordedConfig
         check_instructor(replace(config, others="habits"), replace(ONE_GAME, envs_per_process=1), TASK)
 
 
-@pytest.mark.parametrize("others", OTHERS)
+@pytest.mark.parametrize("others", OTHER_KINDS)
 def test_a_person_can_be_beside_anybody(others: str):
     check_instructor(HumanConfig(others=others), ONE_GAME, TASK)
 

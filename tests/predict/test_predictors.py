@@ -16,9 +16,10 @@ from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.human import HumanConfig
-from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor, make_simulator
+from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
 from ibe_rl.predict.ensemble import EnsembleConfig
 from ibe_rl.predict.regression import RegressionConfig
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, ConfigError, Episode, Moment, Prediction
 
@@ -103,7 +104,9 @@ def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen
 
 
 def test_the_exact_one_stands_by_all_that_it_says(fallen: Any):
-    made = make_simulator(PredictorConfig(), partial(make_snapshot_env, LANDER), LANDER_TASK.rule, 0)
+    made = Simulator.make(
+        PredictorConfig(), make_snapshot_env=partial(make_snapshot_env, LANDER), rule=LANDER_TASK.rule, seed=0
+    )
     made.learn(fallen[0])
     predicted = made.rollout(fallen[1][:3], fall, 7)
     assert predicted.trusted_steps.tolist() == [7] * 3

@@ -18,7 +18,6 @@ from ibe_rl.config.settings import InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.instructors import make_instructor
-from ibe_rl.predict import make_simulator
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import Array, Moment, Policy, Predictor
 
@@ -83,12 +82,12 @@ def test_several_processes_predict_the_same():
     settings = PredictorConfig(moments_at_once=4, processes=2)
     found = []
     for _ in range(2):
-        with closing(make_simulator(settings, make_one, RULE, seed=3)) as spread:
+        with closing(Simulator.make(settings, make_snapshot_env=make_one, rule=RULE, seed=3)) as spread:
             found.append([spread.rollout(several, policy, 30).paths for _ in range(2)])
             assert len(spread._pool._workers) == 2
         assert spread._pool is None
     np.testing.assert_array_equal(*found)
-    alone = make_simulator(PredictorConfig(moments_at_once=4), make_one, RULE, seed=3)
+    alone = Simulator.make(PredictorConfig(moments_at_once=4), make_snapshot_env=make_one, rule=RULE, seed=3)
     for paths in found[0]:
         in_flight = ~paths[..., LEGS].any(axis=(1, 2))  # on the ground a copy shows more of whom it played before
         assert np.sum(in_flight) > 4
@@ -98,7 +97,9 @@ def test_several_processes_predict_the_same():
 def test_a_process_that_is_killed_is_done_without():
     _, moments = flown()
     several, policy = moments[::20], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
-    with closing(make_simulator(PredictorConfig(moments_at_once=4, processes=2), make_one, RULE, seed=3)) as spread:
+    with closing(
+        Simulator.make(PredictorConfig(moments_at_once=4, processes=2), make_snapshot_env=make_one, rule=RULE, seed=3)
+    ) as spread:
         whole = spread.rollout(several, policy, 30).paths
         [process] = spread._pool._workers[1]._processes.values()
         process.kill()

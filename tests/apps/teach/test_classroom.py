@@ -31,7 +31,7 @@ from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import read_lesson
-from ibe_rl.predict import make_simulator
+from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, free_port
 from ibe_rl.types import CANNOT_TELL, ConfigError
 from ibe_rl.vocabulary.listener import Refreshed
@@ -155,7 +155,7 @@ def test_what_the_settings_ask_for(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def _trainer(folder: Path, **settings: Any) -> Classroom:
     agent = partial(make_agent, DQNConfig(hidden=[8]), 11, make_lander().action_space, 1_000)
-    predictor = partial(make_simulator, PredictorConfig(), make_lander, LANDER_TASK.rule, 0)
+    predictor = partial(Simulator.make, PredictorConfig(), make_snapshot_env=make_lander, rule=LANDER_TASK.rule, seed=0)
     config = HumanConfig(**({"speed": None} | settings))
     about = {"name": "lander", "total_frames": 1_000}
     return Classroom(config, free_port(0, 0), folder / "lesson.jsonl", LANDER_TASK, agent, predictor, about)
