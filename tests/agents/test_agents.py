@@ -268,7 +268,9 @@ def test_a_network_begins_orthogonal_with_its_last_gain():
 
 
 def test_an_unknown_agent_is_refused():
-    with pytest.raises(ConfigError, match="agent.kind=sac: no such kind; allowed is module:Class, or a file in configs/agent"):
+    with pytest.raises(
+        ConfigError, match=r"agent\.kind=sac: no such kind; allowed is module:Class, or a file in configs/agent"
+    ):
         make_agent(AgentConfig(kind="sac"), 2, gymnasium.spaces.Discrete(3), TOTAL)
 
 

@@ -170,7 +170,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     assert cfg.predictor == PredictorConfig()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):
-        if LIMITS <= item.metadata.keys():
+        if item.metadata.keys() >= LIMITS:
             assert getattr(cfg, item.name) == item.default
     explain = composed("explain")
     assert explain.predictor == PredictorConfig()
