@@ -293,8 +293,7 @@ def changed(saved: Any, fixed: Sequence[str]) -> Any:
         if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):
             raise ConfigError(f"{one.input_line} with resume: a run keeps its {', '.join(fixed)}; allowed is all else")
         if key in SEVERAL:
-            new = {name: each for name, each in chosen[SEVERAL[key]].items() if name not in config[SEVERAL[key]]}
-            config[SEVERAL[key]] |= new
+            config[SEVERAL[key]] = {**chosen[SEVERAL[key]], **config[SEVERAL[key]]}
         elif key in chosen:
             OmegaConf.update(config, key, chosen[key], merge=False)
         else:

@@ -9,9 +9,9 @@ for the file's. Nothing else lists kinds.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -131,6 +131,23 @@ def _make_several(group: str, configs: dict[str, Any]) -> list[Any]:
         except Exception as error:  # whatever code of somebody else raises
             raise ConfigError(f"{SEVERAL[group]}.{name}={config.kind}: it cannot be made ({raised(error)})") from None
     return several
+
+
+def checked(settings: type[Any], values: Mapping[str, Any], key: str) -> Any:
+    """Values as a dataclass of settings; ``key`` is where they stand in the config.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    known = [item.name for item in fields(settings)]
+    for name in values.keys() - set(known):
+        raise ConfigError(f"{key}.{name}={values[name]}: no such setting; allowed are {', '.join(known)}")
+    try:
+        config = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(settings), dict(values)))
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{key}.{error.full_key}: {str(error).splitlines()[0]}") from None
+    check(config, f"{key}.")
+    return config
 
 
 def check_config(values: Any) -> None:

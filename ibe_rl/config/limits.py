@@ -50,13 +50,13 @@ def kept_settings(config: Any, prefix: str = "") -> list[str]:
     return found
 
 
-def check(config: Any) -> None:
+def check(config: Any, prefix: str = "") -> None:
     """Refuse values outside their limits, and settings that nothing reads.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    for key, value, limits in _settings(config, ""):
+    for key, value, limits in _settings(config, prefix):
         allowed = _allowed(limits) if limits else ""
         if value is not None and allowed and not _fits(value, limits):
             raise ConfigError(f"{key}={value}: allowed is {allowed}")

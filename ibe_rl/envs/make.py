@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.envs.registration import load_env_creator
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
+from ibe_rl.config.kinds import checked
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
 from ibe_rl.envs.snapshots import Stoppable, stoppable
@@ -44,7 +47,9 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
         else {"max_episode_steps": declared.max_episode_steps}
     )
     try:
-        env = gymnasium.make(env_id, disable_env_checker=True, **limit, **kwargs)
+        env = gymnasium.make(env_id, disable_env_checker=True, **limit, **_checked(env_id, kwargs))
+    except ConfigError:
+        raise
     except (TypeError, ValueError, AssertionError, ImportError, gymnasium.error.Error) as error:
         raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
     if declared is not None:
@@ -55,6 +60,13 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
             "ibe_rl.task.Task, or to declare it in env.task (docs/OWN_ENVIRONMENT.md)"
         )
     return env if env.observation_space.dtype == np.float32 else Declared(env, task_of(env))
+
+
+def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of an environment, checked and with its defaults if its class has ``settings``, a dataclass."""
+    made = gymnasium.registry[env_id.rpartition(":")[2]].entry_point
+    settings = getattr(load_env_creator(made) if isinstance(made, str) else made, "settings", None)
+    return vars(checked(settings, kwargs, "env.kwargs")) if is_dataclass(settings) else dict(kwargs)
 
 
 def _check_registered(env_id: str) -> None:

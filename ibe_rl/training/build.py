@@ -14,7 +14,7 @@ from torchrl import timeit
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
 from ibe_rl.config.command_line import output_folder, run_name, save_config
-from ibe_rl.config.kinds import make_listeners
+from ibe_rl.config.kinds import make_listeners, make_metrics
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in
@@ -98,7 +98,8 @@ def _begin(
         run = make_parts(cfg, folder, owned, stop, state)
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
-        table = owned.enter_context(MetricsTable(folder / METRICS, LATER_COLUMNS, _until(state)))
+        columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]
+        table = owned.enter_context(MetricsTable(folder / METRICS, columns, _until(state)))
         optional = [one for one in (run.recorder, progress, classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
@@ -169,6 +170,7 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         env=env,
         evaluation_envs=[make_env(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
         recorder=recorder,
+        metrics=make_metrics(cfg),
     )
     if state:
         run.load_state_dict(state)

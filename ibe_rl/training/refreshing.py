@@ -15,6 +15,7 @@ from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.instructors import speaks
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.predict import asks_policy, is_learnt
+from ibe_rl.runtime.import_string import raised
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
 from ibe_rl.task import RecordedRollout
@@ -104,4 +105,17 @@ def told(
         came_true=row["ibe/came_true"],
     )
     run.tell.refreshed(event)
+    return row | measured(run, event)
+
+
+def measured(run: Run, event: Refreshed) -> dict[str, float]:
+    """The columns of the person's own metrics; one that raises is named and dropped."""
+    row: dict[str, float] = {}
+    for metric in [*run.metrics]:
+        try:
+            found = metric(event)
+            row |= {name: float(found[name]) for name in metric.columns}
+        except Exception as error:  # whatever code of somebody else raises
+            run.metrics.remove(metric)
+            run.say(f"warning: the metric {type(metric).__name__} failed ({raised(error)}): it is not asked any more")
     return row

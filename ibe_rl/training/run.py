@@ -70,6 +70,7 @@ class Run:
         env: the environment whose episodes are recorded.
         evaluation_envs: others of the same kind.
         recorder: writes the recording; None without one.
+        metrics: the person's own, each adds columns to metrics.csv at a refresh.
         say: prints a line for the person at the terminal.
         tell: all listeners.
         batches: batches ``[N, T]`` without end.
@@ -90,6 +91,7 @@ class Run:
     env: gymnasium.Env[Any, Any]
     evaluation_envs: list[gymnasium.Env[Any, Any]]
     recorder: Any = None
+    metrics: list[Any] = field(default_factory=list)
     say: Callable[[str], None] = print
     tell: Listener = field(default_factory=Listener)
     batches: Iterator[TensorDictBase] = field(default_factory=lambda: iter(()))
