@@ -42,7 +42,7 @@ from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.build import build
 from ibe_rl.training.progress import closing_table, how_to_open
-from ibe_rl.training.refreshing import learn, skip, told
+from ibe_rl.training.refreshing import judge_and_tell, learn, skip
 from ibe_rl.training.run import Run
 from ibe_rl.training.summary import evaluation_row, summarise, training_row
 
@@ -84,7 +84,7 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
         rollout = record_rollout(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
         voice, every = run.vocabulary.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
         said = hold(explain(rollout.moments[::every], policy, run.predictor, voice), every, len(rollout.moments))
-    return told(run, refresh, rollout, said, voice)  # words → rerun
+    return judge_and_tell(run, refresh, rollout, said, voice)  # words → rerun
 
 
 def evaluate(run: Run) -> dict[str, float]:

@@ -87,7 +87,7 @@ def skip(run: Run, error: Exception) -> dict[str, float]:
     return {"ibe/skipped": run.counts.skipped}
 
 
-def told(
+def judge_and_tell(
     run: Run, refresh: Refresh, rollout: RecordedRollout, said: Sequence[Explanation], voice: ExplainerState
 ) -> dict[str, float]:
     """Judge what was said of an episode and tell the listeners; returns columns of metrics.csv."""

@@ -26,9 +26,9 @@ from ibe_rl.vocabulary.refresh import Refresh, Spans
 from ibe_rl.vocabulary.training_episodes import (
     TrainingEpisodes,
     best_windows,
+    horizon_of,
     read_training_episodes,
     said_in,
-    steps_of,
     told_windows,
 )
 
@@ -58,7 +58,7 @@ def fit_mapping(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    windows = best_windows(best, config, horizon_steps or steps_of(config))
+    windows = best_windows(best, config, horizon_steps or horizon_of(config))
     return fit_windows(windows, heard, config, task, seed, last, interpretation)
 
 
@@ -199,7 +199,7 @@ def learn_vocabulary(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    lessons, last, steps = read_training_episodes(log, config, seed), last or {}, steps_of(config)
+    lessons, last, steps = read_training_episodes(log, config, seed), last or {}, horizon_of(config)
     top = best_windows(lessons.best, config, steps)
     meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
     mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)

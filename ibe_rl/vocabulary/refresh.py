@@ -19,7 +19,7 @@ from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
-from ibe_rl.vocabulary.training_episodes import steps_of
+from ibe_rl.vocabulary.training_episodes import horizon_of
 
 Spans = Mapping[int, ClusterMapping]
 """Vocabularies by their horizon in steps."""
@@ -124,7 +124,7 @@ def save_refresh(
         path,
         {
             "frame": refresh.frame,
-            "horizon_steps": steps_of(config),
+            "horizon_steps": horizon_of(config),
             "episodes": episodes | {"by_context": refresh.episodes_by_context},
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,

@@ -73,7 +73,7 @@ def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
     return counted
 
 
-def steps_of(config: MappingConfig) -> int:
+def horizon_of(config: MappingConfig) -> int:
     """The n of a mapping that has one, set or found.
 
     Raises:

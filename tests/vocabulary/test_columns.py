@@ -6,7 +6,7 @@ from by_hand import TASK, config, defy, obey, race, stay
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.vocabulary.tracker import FIGURES, VocabularyTracker, figures
+from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS, VocabularyTracker, figures
 
 MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement")
@@ -31,8 +31,8 @@ def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_th
     defy(log)
     row = figures(development.refresh(log, lambda seen: stay(seen) + 1))
     assert set(row) == ALWAYS | SCORED | STALE | HELD_AGAINST | MOVED
-    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"} == set(FIGURES)
-    assert len(FIGURES) == len(set(FIGURES))
+    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"} == set(REFRESH_COLUMNS)
+    assert len(REFRESH_COLUMNS) == len(set(REFRESH_COLUMNS))
     assert (row["ibe/survived"], row["ibe/vanished"], row["ibe/emerged"]) == (3, 0, 0)
     assert row["ibe/vocabulary_drift"] == pytest.approx(2 / 3)
     assert row["ibe/expression_moved"] == pytest.approx(4 / 3)

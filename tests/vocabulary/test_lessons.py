@@ -17,9 +17,9 @@ from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping
 from ibe_rl.vocabulary.training_episodes import (
     best_windows,
     find_steps,
+    horizon_of,
     read_training_episodes,
     settled,
-    steps_of,
     told_windows,
 )
 
@@ -310,9 +310,9 @@ def test_what_was_found_stands_and_spans_that_are_not_shorter_are_left_out():
 
 
 def test_a_horizon_that_has_not_been_found_is_asked_for_by_nobody():
-    assert steps_of(config(horizon_steps=7)) == 7
+    assert horizon_of(config(horizon_steps=7)) == 7
     with pytest.raises(ValueError, match=r"mapping\.horizon_steps=null: it has not been found yet"):
-        steps_of(config(horizon_steps=None))
+        horizon_of(config(horizon_steps=None))
 
 
 def swinging(folder: Path, episodes: int = 20, told: Any = None) -> TrajectoryLog:

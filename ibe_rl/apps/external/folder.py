@@ -24,7 +24,7 @@ from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, save_refresh
 from ibe_rl.vocabulary.rule_reads import check_dimensions
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_told, settled, steps_of
+from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, horizon_told, settled
 
 
 def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
@@ -91,7 +91,7 @@ def keep_run(
     try:
         with threadpool_limits(1):  # as the scripts: the last digits depend on it
             mapping = settled(config.mapping, find_steps(log, config.mapping, task, config.seed))
-            learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(steps_of(mapping)))
+            learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(horizon_of(mapping)))
     except TooLittleDataError as error:
         raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
     if config.mapping.horizon_steps is None:

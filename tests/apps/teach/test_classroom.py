@@ -22,7 +22,15 @@ from on_stage import greedy, make_lander, voice
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.apps.teach import classroom
-from ibe_rl.apps.teach.classroom import PORT, Classroom, LessonPlan, choose_port, invitation, open_classroom, vocabulary
+from ibe_rl.apps.teach.classroom import (
+    PORT,
+    Classroom,
+    LessonPlan,
+    choose_port,
+    open_classroom,
+    page_invitation,
+    vocabulary,
+)
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
@@ -64,16 +72,16 @@ def test_a_host_that_this_machine_has_not_is_refused(host: str):
 
 
 def test_the_invitation():
-    assert invitation(HOST, PORT) == f"teach it here: http://127.0.0.1:{PORT}/"
-    assert invitation("localhost", 1).splitlines() == [
+    assert page_invitation(HOST, PORT) == f"teach it here: http://127.0.0.1:{PORT}/"
+    assert page_invitation("localhost", 1).splitlines() == [
         "teach it here: http://localhost:1/",
         f"  port {PORT} is taken, so this is on 1",
     ]
     for host, shown in (("0.0.0.0", "0.0.0.0"), ("::", "[::]")):  # noqa: S104 - that is what is warned of
-        first, warning = invitation(host, PORT).splitlines()
+        first, warning = page_invitation(host, PORT).splitlines()
         assert first == f"teach it here: http://{shown}:{PORT}/"
         assert warning.startswith(f"  warning: instructor.host={host}: whoever can reach this port can instruct")
-    assert invitation("::1", PORT) == f"teach it here: http://[::1]:{PORT}/"
+    assert page_invitation("::1", PORT) == f"teach it here: http://[::1]:{PORT}/"
 
 
 # ---- what pages are told
