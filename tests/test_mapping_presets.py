@@ -18,6 +18,8 @@ from ibe_rl.data import Array, Episode, Mapping
 from ibe_rl.fitting import fit_mapping
 from ibe_rl.ibe import ClusterMapping
 
+pytestmark = pytest.mark.slow
+
 CONFIGS = Path(__file__).parent.parent / "configs"
 PRESETS = sorted(path.stem for path in (CONFIGS / "mapping").glob("*.yaml"))
 EVERY_PRESET = pytest.mark.parametrize("preset", PRESETS)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from processes import ROOT
 
 from ibe_rl.config import EnvConfig, InstructorConfig
 from ibe_rl.evaluation import load_run
 from ibe_rl.paper.lab import Airfield, flying_together
+
+pytestmark = pytest.mark.slow
 
 SEEDS = [range(5), range(7, 9), range(20, 23)]
 
