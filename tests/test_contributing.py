@@ -26,8 +26,12 @@ from ibe_rl.predict.regression import Regression
 from ibe_rl.vocabulary.listener import Listener
 """
 KINDS = {
-    "mapping": "Calm", "predictor": "Straight", "agent": "Careful", "instructor": "Whisper",
-    "listener": "Diary", "metric": "Words",
+    "mapping": "Calm",
+    "predictor": "Straight",
+    "agent": "Careful",
+    "instructor": "Contrary",
+    "listener": "Diary",
+    "metric": "Words",
 }
 FEW = ["total_frames=2048", "refresh_every_frames=1024", "mapping.spans_steps=[]", "viewer=off", "mapping.calmness=0.5"]
 

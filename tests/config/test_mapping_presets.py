@@ -18,6 +18,8 @@ from ibe_rl.ibe import ClusterMapping
 from ibe_rl.types import Array, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import fit_mapping
 
+pytestmark = pytest.mark.slow
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 PRESETS = sorted(path.stem for path in (CONFIGS / "mapping").glob("*.yaml"))
 EVERY_PRESET = pytest.mark.parametrize("preset", PRESETS)

@@ -14,13 +14,10 @@ from processes import call
 from view_data import eventually, needed
 from viewers import BROWSER_FLAGS
 
-import explain
+from ibe_rl.apps.sweep import report as sweep_report
 from ibe_rl.apps.sweep.figures import curves, ends
 from ibe_rl.apps.sweep.records import COLUMN_LABELS, LEARNING, read_sweep
 from ibe_rl.apps.sweep.report import MAIN, by_condition, main_columns, report
-from ibe_rl.apps.sweep import report as sweep_report
-from ibe_rl.apps.sweep.records import read_sweep
-from ibe_rl.apps.sweep.report import MAIN, main_columns, report
 from ibe_rl.types import ConfigError
 from tests.apps.sweep.made import judge, run, sweep
 
