@@ -3,6 +3,7 @@
 import re
 import sys
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 import yaml
@@ -12,7 +13,7 @@ from ibe_rl.storage.run_folder import CONFIG, METRICS, read_rows
 from tests.rooms import picture
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text()
-[RECIPES] = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+[RECIPES] = [dedent(one) for one in re.findall(r"(?:^    .*\n)+", TEXT, re.MULTILINE) if "class " in one]
 IMPORTS = """
 from dataclasses import dataclass
 import gymnasium
