@@ -184,12 +184,12 @@ def foretell(
     known = {name: taught[name] for name in (PAPERS, DEFAULT)}
     shuffled, observer = learn_shuffled(context, agent), typical(context, agent, checked)
     shown = hidden_episodes(context, agent, make_env(hidden))
-    futures, found = predictor_config.futures, {}
+    found = {}
     with predictor_of(
         context.run, with_processes(predictor_config, PROCESSES), context.config.seed, hidden
     ) as predictor:
         for cut in (AT_END, AT_CONTACT):
-            guesses = ask_observers(
+            found[cut] = ask_observers(
                 shown,
                 cut,
                 agent.policy,
@@ -199,9 +199,8 @@ def foretell(
                 observer=observer,
                 task=context.task,
                 horizon_steps=context.horizon_steps,
-                futures=futures,
+                futures=predictor_config.futures,
             )
-            found[cut] = ObservedEpisodes(shown, cut, guesses, known, context.task, context.horizon_steps)
     return found
 
 
@@ -261,7 +260,7 @@ def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: Fig
     """How far off the observers are, over all episodes and in each."""
     cuts = {}
     for cut, one in told.items():
-        errors = one.guesses.errors(one.task.explained_range[0])
+        errors = one.errors()
         means, tests = error_tests(errors, config.resamples, config.seed)
         cuts[cut] = {
             "error": {name: each.to_dict() for name, each in means.items()},
@@ -274,16 +273,16 @@ def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: Fig
 
 def episode_json(told: ObservedEpisodes, row: int, errors: dict[str, Array]) -> dict[str, Any]:
     """One episode of the prediction task."""
-    shown, guesses = told.shown[row], told.guesses
+    shown = told.shown[row]
     return {
         "seed": shown.seed,
         "context": shown.watched.episode.context,
         "success": shown.watched.episode.success,
         "foretold_at_step": told.last_seen(row),
-        "position": float(guesses.position[row]),
-        "end": float(guesses.end[row]),
-        "said": {name: said[row].tolist() for name, said in guesses.said.items()},
-        "expected": {name: float(np.mean(each[:, row])) for name, each in guesses.expected.items()},
+        "position": float(told.position[row]),
+        "end": float(told.end[row]),
+        "said": {name: said[row].tolist() for name, said in told.said.items()},
+        "expected": {name: float(np.mean(each[:, row])) for name, each in told.expected.items()},
         "errors": {name: float(each[row]) for name, each in errors.items()},
     }
 

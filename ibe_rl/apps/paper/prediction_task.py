@@ -89,48 +89,38 @@ def pick_episodes(
 
 
 @dataclass(frozen=True)
-class ObserverGuesses:
-    """What the observers of ``E`` episodes were told, and where they expect the end.
+class ObservedEpisodes:
+    """The prediction task with one agent at one cut: what observers of ``E`` episodes were told, and what they expect.
 
     Attributes:
+        shown: ``E`` episodes.
+        cut: where they end.
+        task: with ``scene_path``.
+        horizon_steps: from the last frame that observers see to the end.
+        vocabularies: the paper's and ours.
         said: vocabulary to the expressions ``(E, SEEN_STEPS)`` at the frames they see, the last one as they foretell.
         position: ``(E,)`` where it is then.
         end: ``(E,)`` where it really ends.
         expected: observer to the ends that it expects ``(V, E)``, one row for each of its vocabularies.
     """
 
+    shown: Sequence[ShownEpisode]
+    cut: str
+    task: Task
+    horizon_steps: int
+    vocabularies: dict[str, ClusterMapping]
     said: dict[str, Array]
     position: Array
     end: Array
     expected: dict[str, Array]
 
-    def errors(self, width: float) -> dict[str, Array]:
+    def errors(self) -> dict[str, Array]:
         """Observer to its error in each episode ``(E,)``, in % of the width; the mean over its vocabularies."""
+        width = self.task.explained_range[0]
         return {
             name: np.mean([observer_errors(row, self.end, width) for row in rows], axis=0)
             for name, rows in self.expected.items()
         }
-
-
-@dataclass(frozen=True)
-class ObservedEpisodes:
-    """The prediction task with one agent at one cut: its episodes, what was said of them and what was foretold.
-
-    Attributes:
-        shown: ``E`` episodes.
-        cut: where they end.
-        guesses: what was said and foretold.
-        vocabularies: that it was said in.
-        task: with ``scene_path``.
-        horizon_steps: from the last frame that observers see to the end.
-    """
-
-    shown: Sequence[ShownEpisode]
-    cut: str
-    guesses: ObserverGuesses
-    vocabularies: dict[str, ClusterMapping]
-    task: Task
-    horizon_steps: int
 
     def last_seen(self, row: int) -> int:
         """The step at which the observers foretell."""
@@ -148,10 +138,6 @@ class ObservedEpisodes:
         state[self.task.explained[0]] = expected
         return self.task.scene_path(state)
 
-    def errors(self, row: int) -> dict[str, float]:
-        """Observer to its error in % of the width."""
-        return {name: float(each[row]) for name, each in self.guesses.errors(self.task.explained_range[0]).items()}
-
 
 def ask_observers(
     shown: Sequence[ShownEpisode],
@@ -164,7 +150,7 @@ def ask_observers(
     task: Task,
     horizon_steps: int,
     futures: int,
-) -> ObserverGuesses:
+) -> ObservedEpisodes:
     """Let the agent say at every frame that is shown what it will do, and the observers foretell at the last one.
 
     Args:
@@ -202,7 +188,8 @@ def ask_observers(
         PREDICTED_CHANGE: (position + deltas[:, -1, 0, task.explained[0]])[None],
         TRUE_END: end[None],
     }
-    return ObserverGuesses({name: said[name] for name in vocabularies}, position, end, expected)
+    heard = {name: said[name] for name in vocabularies}
+    return ObservedEpisodes(shown, cut, task, horizon_steps, vocabularies, heard, position, end, expected)
 
 
 def _say(mapping: ExpressionMapping, deltas: Array, task: Task) -> Array:

@@ -22,7 +22,7 @@ from ibe_rl.apps.paper.names import (
     SIGNS_KEPT,
     SPLIT_MINMAX,
 )
-from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ObserverGuesses, ShownEpisode
+from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ShownEpisode
 from ibe_rl.config.settings import FiguresConfig
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.task import RecordedRollout, Shape, Task
@@ -214,7 +214,7 @@ def flights(cut: str = AT_END, episodes: int = 20) -> ObservedEpisodes:
     expected = {name: (landing + each)[None] for name, each in off.items()}
     said = {name: np.tile(np.resize(SAID[name], SEEN_STEPS), (episodes, 1)) for name in (PAPERS, DEFAULT)}
     words = {name: on_a_line(np.arange(8.0).tolist(), SAID[name]) for name in (PAPERS, DEFAULT)}
-    return ObservedEpisodes(shown, cut, ObserverGuesses(said, position, landing, expected), words, TASK, HORIZON_STEPS)
+    return ObservedEpisodes(shown, cut, TASK, HORIZON_STEPS, words, said, position, landing, expected)
 
 
 def sledge(row: int) -> RecordedRollout:

@@ -1,6 +1,7 @@
 """Who foretells what: by hand on the lift, and the episodes of the task on real flights of the demo's policy."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from ibe_rl.apps.paper.names import (
 )
 from ibe_rl.apps.paper.prediction_task import (
     COMPARED,
-    ObserverGuesses,
+    ObservedEpisodes,
     ShownEpisode,
     ask_observers,
     error_tests,
@@ -83,7 +84,7 @@ class Foreseen:
         return Prediction.exact(now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None])
 
 
-def guesses(cut: str, predictor: Any = None, episodes: Sequence[ShownEpisode] = (RISING, FALLING)) -> ObserverGuesses:
+def guesses(cut: str, predictor: Any = None, episodes: Sequence[ShownEpisode] = (RISING, FALLING)) -> ObservedEpisodes:
     told = (VOCABULARIES, WRONG, OBSERVER, TASK, HORIZON, FUTURES)
     return ask_observers(episodes, cut, policy, predictor or Foreseen(), *told)
 
@@ -130,18 +131,19 @@ def test_the_last_frame_counts_and_flipped_is_its_mirror_image(cut: str):
     for name in VOCABULARIES:
         np.testing.assert_allclose(told.expected[name][0], told.position + 5 * told.said[name][:, -1])
     np.testing.assert_allclose(told.expected[DEFAULT] + told.expected[SWAPPED], 2 * told.position[None])
-    errors = told.errors(20.0)
+    errors = told.errors()
     assert errors[TRUE_END].tolist() == [0, 0]
     assert all((errors[name] > 0).any() for name in errors if name != TRUE_END)
 
 
 def test_errors_are_in_percent_of_the_width_and_means_over_vocabularies():
-    errors = guesses(AT_CONTACT).errors(20.0)
+    errors = guesses(AT_CONTACT).errors()
     assert errors[DEFAULT] == pytest.approx([15 * 5, 25 * 5])
     assert errors[STRAIGHT] == pytest.approx([10 * 5, 20 * 5])
     assert errors[SHUFFLED] == pytest.approx([(7.5 + 10) / 2 * 5, (22.5 + 15) / 2 * 5])
-    apart = ObserverGuesses({}, np.zeros(1), np.zeros(1), {SHUFFLED: np.array([[1.0], [-1.0]])})
-    assert apart.errors(2.0)[SHUFFLED].tolist() == [50]  # not that of the mean, which is right
+    narrow, none = replace(TASK, explained_range=(2.0,)), np.zeros(1)
+    apart = ObservedEpisodes([], AT_END, narrow, HORIZON, {}, {}, none, none, {SHUFFLED: np.array([[1.0], [-1.0]])})
+    assert apart.errors()[SHUFFLED].tolist() == [50]  # not that of the mean, which is right
 
 
 def errors_of(**given: Sequence[float]) -> dict[str, Array]:
