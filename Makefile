@@ -41,7 +41,7 @@ $(SOAK): $(INSTALLED)
 	touch $@
 
 soak: $(SOAK) ## what is too slow for every change: kills, many machines, long runs
-	$(BIN)/pytest -m soak
+	$(BIN)/pytest -m soak --timeout 3600 -o faulthandler_timeout=3700
 
 $(BENCH): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
