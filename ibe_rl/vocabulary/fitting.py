@@ -156,7 +156,8 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     try:
         estimator = _estimator(config, task, 0, None)
         if isinstance(estimator, IBEMapping):
-            vars(estimator).update(memory=0.0, last=refreshed or None)  # a subclass need not take these
+            for name, value in (("memory", 0.0), ("last", refreshed or None)):  # a subclass need not take these
+                setattr(estimator, name, value)
             check_settings(estimator)
     except ValueError as error:
         reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
