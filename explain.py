@@ -34,7 +34,7 @@ from ibe_rl.evaluation.runs import open_run, refuse_external_settings
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
@@ -70,7 +70,7 @@ def explain_episode(run: TrainedRun, cfg: ExplainConfig) -> None:
         serve_until_enter(recording, ports)
 
 
-def record(run: TrainedRun, cfg: ExplainConfig, rollout: Watched, said: Sequence[Explanation]) -> Path:
+def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: Sequence[Explanation]) -> Path:
     """Write the recording of the episode; returns its path."""
     name = f"episode_seed{cfg.seed}_{rollout.episode.context}"
     path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"

@@ -12,18 +12,18 @@ python train.py --cfg job                        every setting
 
 The way of a transition from the engine to rerun, below ibe_rl/ (tests/test_spine.py follows it):
 
-    envs/lander.py          step         the engine moves
-    instructors/rule.py     instruct     the expert says what to do next
-    envs/make.py            _step        many environments become one, with the instruction in the observation
-    collect/collector.py    batches      their steps become a batch
-    agents/ppo.py           update       the agent learns from it
-    storage/log.py          add          its steps become logged episodes
-    ibe/estimator.py        fit          state changes of the best episodes are clustered, each gets an expression
-    vocabulary/tracker.py   refresh      the new vocabulary is held against the one before
-    collect/rollout.py      watch        the greedy policy plays an episode
-    predict/simulator.py    rollout      and is followed into its future from moments of it
-    explain/explainer.py    explain      the vocabulary puts these futures into words
-    view/run_recorder.py    refreshed    rerun shows them
+    envs/lander.py          step            the engine moves
+    instructors/oracle.py   instruct        the expert says what to do next
+    envs/make.py            _step           many environments become one, with the instruction in the observation
+    collect/collector.py    batches         their steps become a batch
+    agents/ppo.py           update          the agent learns from it
+    storage/log.py          add             its steps become logged episodes
+    ibe/estimator.py        fit             state changes of the best episodes are clustered, each gets an expression
+    vocabulary/tracker.py   refresh         the new vocabulary is held against the one before
+    collect/rollout.py      record_rollout  the greedy policy plays an episode
+    predict/simulator.py    rollout         and is followed into its future from moments of it
+    explain/explainer.py    explain         the vocabulary puts these futures into words
+    view/run_recorder.py    refreshed       rerun shows them
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from typing import Any
 from torchrl import timeit
 
 from ibe_rl.collect.collector import steps_of
-from ibe_rl.collect.rollout import EVALUATION_SEED, play, watch
+from ibe_rl.collect.rollout import EVALUATION_SEED, play, record_rollout
 from ibe_rl.config.command_line import is_sweep, run_script
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.evaluation.runs import open_run
@@ -42,7 +42,7 @@ from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.build import build
 from ibe_rl.training.progress import closing_table, how_to_open
-from ibe_rl.training.refreshing import learn, skip, told
+from ibe_rl.training.refreshing import judge_and_tell, learn, skip
 from ibe_rl.training.run import Run
 from ibe_rl.training.summary import evaluation_row, summarise, training_row
 
@@ -81,10 +81,10 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
     except Exception as error:
         return skip(run, error)
     with timeit("explain"):
-        rollout = watch(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
+        rollout = record_rollout(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
         voice, every = run.vocabulary.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
         said = hold(explain(rollout.moments[::every], policy, run.predictor, voice), every, len(rollout.moments))
-    return told(run, refresh, rollout, said, voice)  # words → rerun
+    return judge_and_tell(run, refresh, rollout, said, voice)  # words → rerun
 
 
 def evaluate(run: Run) -> dict[str, float]:

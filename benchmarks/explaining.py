@@ -14,7 +14,7 @@ import torch
 from gymnasium.envs.box2d import lunar_lander as game
 
 from benchmarks.plan import ROOT
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.evaluation.trained_run import TrainedRun
@@ -53,14 +53,14 @@ def watched_moments(run: TrainedRun, count: int) -> list[Moment]:
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     env, seed, found = run.make_env(), 0, list[Moment]()
     while len(found) < 4 * count:
-        found += watch(env, run.policy, instructor, seed).moments
+        found += record_rollout(env, run.policy, instructor, seed).moments
         seed += 1
     return [found[place] for place in np.linspace(0, len(found) - 1, count).astype(int)]
 
 
 def explain_all(run: TrainedRun, warm: Sequence[Moment]) -> Any:
     """``explain`` with everything but the moments filled in; its games are made already."""
-    simulator = Simulator.make(run.config.predictor, make_copy=run.make_env, rule=run.task.rule, seed=0)
+    simulator = Simulator.make(run.config.predictor, make_snapshot_env=run.make_env, rule=run.task.rule, seed=0)
     simulator.rollout(warm, run.policy, 1)
     rest = (run.policy, simulator, replace(explainer_state(run), futures=1))
     return lambda moments: explain(moments, *rest)

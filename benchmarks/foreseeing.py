@@ -20,7 +20,7 @@ import torch
 
 from benchmarks.explaining import watched_moments
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig
-from ibe_rl.envs.make import make_copy
+from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.evaluation.baselines import fit_state_regressors
 from ibe_rl.evaluation.predictors import Age, judge_age
 from ibe_rl.evaluation.refit import Refits
@@ -66,7 +66,7 @@ def rates(run: str, moments: int, exact_moments: int) -> dict[str, float]:
 
 
 def _made(run: TrainedRun, config: PredictorConfig) -> tuple[KeptPredictor, float]:
-    copy = partial(make_copy, run.config.env)
+    copy = partial(make_snapshot_env, run.config.env)
     predictor = make_predictor(config, copy, run.task.rule, 0, run.make_env(), lambda: [run.horizon_steps])
     start = time.process_time()
     predictor.learn(open_log(run.folder))

@@ -30,7 +30,7 @@ from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.run_folder import write_json
-from ibe_rl.types import ConfigError, Mapping
+from ibe_rl.types import ConfigError, ExpressionMapping
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "robustness.json"
@@ -156,7 +156,7 @@ def losses(run: TrainedRun, moments: Moments, flaws: FlawedConfig, draw: int) ->
     return found
 
 
-def loss_of(mapping: Mapping, moments: Moments, run: TrainedRun) -> float | None:
+def loss_of(mapping: ExpressionMapping, moments: Moments, run: TrainedRun) -> float | None:
     """By how much the words tell less than the predicted change itself."""
     task, at = run.task, moments.at(run.horizon_steps)
     change, predicted = moments.realised[:, at, task.explained[0]], moments.predicted[:, 0, at]

@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from benchmarks.levels import Point, reached
 from ibe_rl.collect.rollout import EVALUATION_SEED, play
-from ibe_rl.collect.schedule import Every
+from ibe_rl.collect.schedule import Schedule
 from ibe_rl.config.settings import AgentConfig, InstructorConfig
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.make import make_gym, task_of
@@ -116,7 +116,7 @@ class Judge(BaseCallback):
 
     def __init__(self, start: float, every: int, episodes: int, levels: list[float], cap_seconds: float):
         super().__init__()
-        self._start, self._due, self._evaluating = start, Every(every), 0.0
+        self._start, self._due, self._evaluating = start, Schedule(every), 0.0
         self._episodes, self._levels, self._cap_seconds = episodes, levels, cap_seconds
         self._envs = [make_gym(LANDER_ID, {}) for _ in range(episodes)]
         self._skilled = False

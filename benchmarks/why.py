@@ -29,7 +29,7 @@ from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import MappingConfig, TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.bootstrap import episode_weights
@@ -126,7 +126,7 @@ def fly(folder: Path, episodes: int) -> Flown:
     if not kept:
         raise ConfigError(f"RUN={folder}: it has no policy yet; allowed is a finished run")
     log = TrajectoryLog.open(folder / TRAJECTORIES)
-    envs = [make_game(config.env) for _ in range(ENVS)]
+    envs = [make_env(config.env) for _ in range(ENVS)]
     task = task_of(envs[0])
     agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames, task.state_names)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))

@@ -14,7 +14,7 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 from ibe_rl.vocabulary.fitting import fit_windows
-from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons
+from ibe_rl.vocabulary.training_episodes import TrainingEpisodes, best_windows, read_training_episodes
 
 AXIS: dict[str, Any] = {"space": "rule", "normalisation": "movement", "symmetric": True, "power": 1 / 3}
 """What configs/mapping/axis.yaml picks, in the order of the ladder."""
@@ -109,15 +109,15 @@ class School:
 
     def __init__(self, log: TrajectoryLog, base: MappingConfig, task: Task):
         self.base, self.task, self._log = replace(base, memory=None), task, log
-        self._lessons: dict[tuple[Any, ...], Lessons] = {}
+        self._lessons: dict[tuple[Any, ...], TrainingEpisodes] = {}
         self._windows: dict[tuple[Any, ...], Windows] = {}
         self._axes: dict[int, ClusterMapping] = {}
 
-    def lessons(self, config: MappingConfig) -> Lessons:
+    def lessons(self, config: MappingConfig) -> TrainingEpisodes:
         """The episodes that a variant learns from."""
         key = (config.top_fraction, config.top_within)
         if key not in self._lessons:
-            self._lessons[key] = read_lessons(self._log, config, seed=0)
+            self._lessons[key] = read_training_episodes(self._log, config, seed=0)
         return self._lessons[key]
 
     def windows(self, config: MappingConfig) -> Windows:

@@ -5,8 +5,7 @@ Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``O = S + d + 1
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Dict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -82,7 +81,7 @@ class Task:
     motion: Callable[[Array], Array] | None = None
     goal_offset: Callable[[Array], Array] | None = None
     first_contact: Callable[[Array], int] | None = None
-    hidden_goal: Dict[str, Any] = field(default_factory=dict)
+    hidden_goal: Mapping[str, Any] = field(default_factory=dict)
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
     judges_success: bool = True
@@ -126,7 +125,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Watched:
+class RecordedRollout:
     """An episode flown for the viewer, with all that is needed to draw and to explain it.
 
     Attributes:

@@ -231,7 +231,7 @@ class Instructor(Protocol):
         """
 
 
-class Mapping(Protocol):
+class ExpressionMapping(Protocol):
     """f: change of the state to expression, as it was learnt at one refresh."""
 
     @property

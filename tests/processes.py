@@ -80,7 +80,7 @@ def rows_in(folder: Path) -> int:
 
 
 @contextmanager
-def under_way(
+def partial_episodes(
     folder: Path, *settings: str, within_s: float = 120.0, **variables: str
 ) -> Iterator[subprocess.Popen[str]]:
     """A training that has its first rows, and is killed at the end if it still trains."""

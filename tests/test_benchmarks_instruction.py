@@ -23,9 +23,9 @@ from ibe_rl.config.limits import check
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.instructors.flawed import FlawedConfig
-from ibe_rl.training.instruction_reward import check_obedience
+from ibe_rl.training.instruction_reward import check_instruction_reward
 from ibe_rl.types import Array
-from ibe_rl.vocabulary.tracker import check_development
+from ibe_rl.vocabulary.tracker import check_refreshing
 
 ROOT = Path(__file__).parent.parent
 ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}
@@ -126,8 +126,8 @@ def test_every_arm_can_be_trained(part: str, name: str):
     check(cfg)
     check_collect(cfg.collect)
     check_agent(cfg.agent, LANDER_TASK.state_names)
-    check_development(cfg, LANDER_TASK)
-    check_obedience(cfg)
+    check_refreshing(cfg, LANDER_TASK)
+    check_instruction_reward(cfg)
     assert cfg.total_frames == 700_000
     assert (cfg.instructor.kind == "silent") == name.startswith("silent")
     assert (cfg.agent.ignores == ["goal_x"]) == name.endswith("hidden")

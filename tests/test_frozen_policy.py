@@ -17,7 +17,7 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 pytestmark = pytest.mark.slow
 
@@ -55,7 +55,7 @@ def refreshes(request: pytest.FixtureRequest, run: TrainedRun, logs: list[Trajec
     register()
     with initialize_config_dir(str(DEMO.parent / "configs"), version_base="1.3"):
         chosen: Any = OmegaConf.to_object(compose("train", [f"mapping={request.param}"]))
-    development = Development(chosen.mapping, run.task, seed=0)
+    development = VocabularyTracker(chosen.mapping, run.task, seed=0)
     return [development.refresh(log, run.policy) for log in logs]
 
 

@@ -173,3 +173,22 @@ def test_no_module_is_a_drawer_for_everything():
     parts = {part for module in FILES for part in module.split(".")}
     for word in ("util", "utils", "helper", "helpers", "manager", "common", "misc", "base"):
         assert word not in parts
+
+
+def public_names(module: str) -> Iterator[str]:
+    """What a module defines at its top level without an underscore."""
+    for node in ast.parse(FILES[module].read_text()).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names = [node.name]
+        elif isinstance(node, ast.Assign):
+            names = [each.id for target in node.targets for each in ast.walk(target) if isinstance(each, ast.Name)]
+        else:
+            names = [node.target.id] if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) else []
+        yield from (name for name in names if not name.startswith("_"))
+
+
+def test_one_name_is_defined_in_one_place():
+    inside = [module for module in FILES if module not in SCRIPTS]
+    where = {name: module for module in inside for name in public_names(module)}
+    twice = {(name, module) for module in inside for name in public_names(module) if where[name] != module}
+    assert twice == set()

@@ -66,8 +66,8 @@ def test_the_commands_run(place: Path, capsys: Any) -> None:
     assert judged[2:] == [*again[2:4], "task=evaluate"]
     export, imported, explained = commands(LOG)
     assert (export[:3], imported[:3]) == (["python", "-m", "ibe_rl.apps.minari"],) * 2
-    assert minari_log.main(export[3:]) == 0
-    assert minari_log.main([*imported[3:], *QUICK]) == 0
+    assert minari_log.minari_command(export[3:]) == 0
+    assert minari_log.minari_command([*imported[3:], *QUICK]) == 0
     assert (place / "runs" / "imported" / "refreshes").is_dir()
     assert explained[2:] == ["run=runs/imported", "agent=model.zip"]
     assert "mine/log-v0: 12 episodes" in capsys.readouterr().out

@@ -26,7 +26,7 @@ from ibe_rl.agents import dqn, ppo
 from ibe_rl.storage.checkpoint import load
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.training.failure import how_to_go_on
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 RUN = [*SMALL, "eval_every_frames=2000", "checkpoint_every_frames=1000", "viewer=off"]
 FRAMES = [1024 * (i + 1) for i in range(6)]
@@ -226,7 +226,7 @@ class Once:
 def test_a_refresh_that_throws(where: str, tmp_path: Path, monkeypatch: Setter, capsys: Output) -> None:
     """The run goes on with the vocabulary before, and says so."""
     folder = tmp_path / "run"
-    monkeypatch.setattr(Development, where, Once(getattr(Development, where)))
+    monkeypatch.setattr(VocabularyTracker, where, Once(getattr(VocabularyTracker, where)))
     call("train", *RUN, "viewer=file", f"run_dir={folder}")
     said = capsys.readouterr().out
     details = folder / "refreshes/failed_000000004096.txt"

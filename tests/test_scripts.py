@@ -36,7 +36,7 @@ from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.training.run import TIMES
 from ibe_rl.types import DOES_NOT_KNOW
 from ibe_rl.vocabulary.probe import PROBE_WINDOWS
-from ibe_rl.vocabulary.tracker import FIGURES
+from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS
 
 SUMMARY_KEYS = {
     *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),
@@ -152,7 +152,7 @@ def in_table(name: str, refresh: Any) -> Any:
 
 def test_metrics_and_the_files_of_the_refreshes_tell_the_same(run: Path) -> None:
     table = {int(row["frames"]): row for row in rows(run)}
-    columns = set(FIGURES) - {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"}
+    columns = set(REFRESH_COLUMNS) - {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"}
     first, *later = refreshes(run)
     assert {name for name in columns if table[first["frame"]][name]} <= {
         *("ibe/episodes", "ibe/windows", *(f"ibe/{name}" for name in SCORES))
@@ -194,7 +194,7 @@ def test_a_vocabulary_that_is_not_stale_is_kept(tmp_path: Path) -> None:
     [only] = refreshes(folder)
     assert sorted(path.name for path in (folder / "refreshes").iterdir()) == [f"{only['frame']:012d}.json", "probe.npz"]
     table = rows(folder)
-    assert set(table[0]) >= set(FIGURES)
+    assert set(table[0]) >= set(REFRESH_COLUMNS)
     asked = [row for row in table if row["ibe/windows"]]
     assert len(asked) == 1 + summary["refreshes_kept"]
     for row in asked[1:]:

@@ -24,7 +24,7 @@ from ibe_rl.envs.lander_task import LANDER_TASK, X
 from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episodes
 from ibe_rl.metrics.drift import vocabulary_drift
 from ibe_rl.metrics.quality import realised_phrases, vocabulary_scores
-from ibe_rl.task import Task, Watched
+from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, Episode, Explanation, Moment
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports
@@ -40,7 +40,7 @@ def _lander() -> Any:
     return gymnasium.make(LANDER_ID).unwrapped
 
 
-def fly(seed: int, wander: float = 0.0, max_steps: int = 400) -> Watched:
+def fly(seed: int, wander: float = 0.0, max_steps: int = 400) -> RecordedRollout:
     """Fly one episode by gymnasium's rule of thumb, aimed ``wander`` half widths beside the pad at first."""
     env, random = _lander(), np.random.default_rng(seed)
     state, _ = env.reset(seed=seed)
@@ -58,7 +58,9 @@ def fly(seed: int, wander: float = 0.0, max_steps: int = 400) -> Watched:
     return _watched(np.array(states), actions, rewards, figures, bool(info.get("landed")), env.background())
 
 
-def _watched(states: Array, actions: Any, rewards: Any, figures: Any, success: bool, background: Any) -> Watched:
+def _watched(
+    states: Array, actions: Any, rewards: Any, figures: Any, success: bool, background: Any
+) -> RecordedRollout:
     steps = len(actions)
     given = np.ones(steps, bool)
     given[steps // 2 : steps // 2 + 15] = False  # the instructor falls silent for a while
@@ -67,11 +69,11 @@ def _watched(states: Array, actions: Any, rewards: Any, figures: Any, success: b
         states, np.array(actions), np.array(rewards), instructions, given, True, success, TASK.context(states[0])
     )
     moments = [Moment(states[t], instructions[t], bool(given[t])) for t in range(steps)]
-    return Watched(episode, moments, background, figures)
+    return RecordedRollout(episode, moments, background, figures)
 
 
 @cache
-def flights(count: int = 12) -> tuple[Watched, ...]:
+def flights(count: int = 12) -> tuple[RecordedRollout, ...]:
     return tuple(fly(seed, wander=0.4) for seed in range(count))
 
 
@@ -99,7 +101,7 @@ def refreshed(frame: int = 50_000, count: int = 12, n_clusters: int = 8) -> Refr
     )
 
 
-def explain(watched: Watched, refresh: Refresh, seed: int = 0) -> list[Explanation]:
+def explain(watched: RecordedRollout, refresh: Refresh, seed: int = 0) -> list[Explanation]:
     """Explain every step from the real future, bent a little as a predictor would bend it."""
     states, random = watched.episode.states, np.random.default_rng(seed)
     steps = len(watched.moments)
@@ -157,12 +159,12 @@ def held_against(before: Refresh, after: Refresh) -> Refresh:
     return replace(after, mapping=mapping, change=change, scores=scores[1])
 
 
-def real(watched: Watched, refresh: Refresh) -> list[str]:
+def real(watched: RecordedRollout, refresh: Refresh) -> list[str]:
     """What the vocabulary calls what happened."""
     return realised_phrases(watched.episode, HORIZON_STEPS, refresh.standing, TASK.phrases)
 
 
-def filmed(number: int = 1, refresh: Refresh | None = None) -> tuple[Watched, list[Explanation], list[str]]:
+def filmed(number: int = 1, refresh: Refresh | None = None) -> tuple[RecordedRollout, list[Explanation], list[str]]:
     """A flight with what is said of it and what happened, as ``watched`` of a recorder takes them."""
     watched, words = flights()[number], refresh or refreshed()
     return watched, explain(watched, words), real(watched, words)

@@ -124,7 +124,7 @@ class Copyable(gymnasium.Wrapper[Array, Any, Array, Any]):
             self.env.unwrapped.np_random = noise
 
 
-def make_game(world: World, task: Task, reward: Reward | None, lamp: bool) -> gymnasium.Env[Any, Any]:
+def make_env(world: World, task: Task, reward: Reward | None, lamp: bool) -> gymnasium.Env[Any, Any]:
     """The environment of a situation; without ``reward`` it keeps its own."""
     game = TimeLimit(world.make(), world.steps)
     game = game if reward is None else OtherReward(game, reward)

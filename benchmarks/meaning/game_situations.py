@@ -12,7 +12,7 @@ from benchmarks.meaning.environments import CAR, CART, LANDER, PENDULUM, TUTORIA
 from benchmarks.meaning.policies import anything, drive, steer_cart, twist
 from benchmarks.meaning.situation import Situation
 from benchmarks.meaning.trial import Truth
-from ibe_rl.envs.lander_task import instruct as to_the_pad
+from ibe_rl.envs.lander_task import lander_instruction as to_the_pad
 from ibe_rl.types import Array
 
 

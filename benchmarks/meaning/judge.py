@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.meaning.trial import Trial, Truth
 from ibe_rl.ibe import delta_states
 from ibe_rl.metrics.quality import motion_auc
-from ibe_rl.types import Array, Mapping
+from ibe_rl.types import Array, ExpressionMapping
 
 STRIDE_STEPS = 4
 SPOKEN = 0.2
@@ -42,7 +42,7 @@ def fresh_changes(trial: Trial) -> Array:
     )
 
 
-def judge(mapping: Mapping, trial: Trial, truth: Truth) -> Verdict:
+def judge(mapping: ExpressionMapping, trial: Trial, truth: Truth) -> Verdict:
     """Compare a vocabulary with the truth.
 
     Raises:

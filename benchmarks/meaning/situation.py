@@ -8,7 +8,7 @@ from typing import Any
 
 import gymnasium
 
-from benchmarks.meaning.environments import Reward, World, make_game, make_task
+from benchmarks.meaning.environments import Reward, World, make_env, make_task
 from benchmarks.meaning.rules import MakeInstructor, Rule
 from benchmarks.meaning.trial import Trial, Truth, cached, code_version, play_both
 from ibe_rl.apps.external.policy import EpsilonGreedy
@@ -57,7 +57,7 @@ class Situation:
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """Make the environment."""
-        return make_game(self.world, self.task, self.reward, self.lamp)
+        return make_env(self.world, self.task, self.reward, self.lamp)
 
     def make(self, seed: int, cache: Path | None = None) -> Trial:
         """Play its episodes.

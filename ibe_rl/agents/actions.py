@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from ibe_rl.types import ConfigError
 
-DRAWN = "action_drawn"
+RAW_ACTION = "action_drawn"
 """Entry of a batch: the continuous draw itself, before it is put into the environment's units and bounds."""
 Mode = Callable[[Tensor], Tensor]
 
@@ -105,7 +105,7 @@ class Normal:
         first_std: standard deviation that learning begins with, in units of half the range.
     """
 
-    learnt_from = DRAWN
+    learnt_from = RAW_ACTION
 
     def __init__(self, low: Tensor, high: Tensor, first_std: float):
         self.outputs, self._low, self._high, self._first_std = len(low), low, high, first_std
@@ -120,7 +120,7 @@ class Normal:
         mean, log_std = outputs.chunk(2, dim=-1)
         drawn = mean + log_std.exp() * torch.randn_like(mean)
         log_prob, _ = self.judge(outputs, drawn)
-        return {"action": self._bounded(drawn), "action_log_prob": log_prob, DRAWN: drawn}
+        return {"action": self._bounded(drawn), "action_log_prob": log_prob, RAW_ACTION: drawn}
 
     def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """See ``Actions``; densities are those of the draw in its own units."""

@@ -19,7 +19,7 @@ class ExternalPolicyConfig(AgentConfig):
     made_from: str = "an object in Python"  # for messages
 
 
-class ExternalPolicy:
+class ExternalAgent:
     """Stands for an agent that no run folder holds."""
 
     kind, settings = "guest", ExternalPolicyConfig

@@ -58,7 +58,7 @@ class SamplingPolicy(TensorDictModuleBase):
         return tensordict
 
 
-class Steps(NamedTuple):
+class PPOSteps(NamedTuple):
     """What PPO learns from, ``B`` steps.
 
     Attributes:
@@ -77,7 +77,7 @@ class Steps(NamedTuple):
 
 
 def clipped_losses(
-    log_prob: Tensor, entropy: Tensor, values: Tensor, steps: Steps, clip: float
+    log_prob: Tensor, entropy: Tensor, values: Tensor, steps: PPOSteps, clip: float
 ) -> tuple[Tensor, Tensor, Tensor]:
     """The clipped objective of Schulman et al. (2017), equation 7, the squared error of the values, the mean entropy.
 
@@ -143,19 +143,19 @@ class PPO:
         steps = self._prepare(batch)
         for _ in range(self._config.epochs):
             for rows in torch.randperm(batch.numel()).split(self._config.minibatch_size):
-                losses = self._step(Steps(*(column[rows] for column in steps)), left * self._config.entropy)
+                losses = self._step(PPOSteps(*(column[rows] for column in steps)), left * self._config.entropy)
         check_finite(losses, self._parameters)
         self.greedy.follow(self._actor)
         return losses
 
-    def _prepare(self, batch: TensorDictBase) -> Steps:
+    def _prepare(self, batch: TensorDictBase) -> PPOSteps:
         """Estimate advantages, which needs whole rows of time, then forget which row a step came from."""
         ends = [("next", name) for name in ("observation", "done", "terminated")]
         data = batch.select("observation", *ends)
         data["next", "reward"] = learning_reward(batch, self._config)
         with torch.no_grad():
             self._estimate(data)
-        return Steps(
+        return PPOSteps(
             observation=data["observation"].flatten(0, 1),
             drawn=batch[self._actions.learnt_from].flatten(0, 1),
             log_prob=batch["action_log_prob"].flatten(),
@@ -163,7 +163,7 @@ class PPO:
             value_target=data["value_target"].flatten(),
         )
 
-    def _step(self, steps: Steps, entropy_weight: float) -> dict[str, float]:
+    def _step(self, steps: PPOSteps, entropy_weight: float) -> dict[str, float]:
         judged = self._actions.judge(self._actor(steps.observation), steps.drawn)
         values = self._critic(steps.observation).squeeze(-1)
         policy_loss, value_loss, entropy = clipped_losses(*judged, values, steps, self._config.clip)

@@ -1,10 +1,10 @@
 """Applications: what not every user needs, built on the core.
 
 In: runs and their folders, agents and logs from elsewhere, people who teach.
-Out: reports with figures (``paper``, ``sweep``), runs of others (``external``, ``minari``), lessons (``teach``),
+Out: reports with figures (``paper``, ``sweep``), runs of others (``external``, ``minari``), lessons (``teach``), and
 workers on a cluster (``ray``).
-Imports: every other room. None of them imports this one: they reach it by listeners, registries or import strings, so
-that the core trains, explains and evaluates without it.
+Imports: every other room. None of them imports this one: they reach it by listeners, registries or import strings,
+so that the core trains, explains and evaluates without it.
 
 ``report_page`` writes the page of a report from a template and its figures, ``plot_style`` is how these look.
 """

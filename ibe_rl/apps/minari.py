@@ -20,7 +20,7 @@ from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.external.policy import check_same_actions
 from ibe_rl.config.command_line import composed, load_config
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, create_run_folder, find_run, refuse_special_files
 from ibe_rl.task import Task
@@ -58,7 +58,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     if not count:
         raise ConfigError(f"run={folder}: no episode has ended in its log; allowed is one with episodes")
     episodes = log.read(range(max(0, count - (newest or count)), count))
-    env = make_game(config.env)
+    env = make_env(config.env)
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
     try:
         with warnings.catch_warnings():
@@ -122,7 +122,7 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
     except (OSError, ValueError, ImportError) as error:
         raise ConfigError(f"dataset={dataset_id}: {' '.join(str(error).split())[:200]}") from None
     config = external_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
-    env = make_game(config.env)
+    env = make_env(config.env)
     task = task_of(env)
     check_same_actions(f"dataset={dataset_id}", dataset, env.action_space)
     _check_observations(dataset_id, dataset.observation_space, task)

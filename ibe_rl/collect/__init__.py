@@ -4,6 +4,6 @@
 the greedy policy, to be counted, or to be recorded and explained; ``schedule`` says what is due at which frame.
 
 In: environments, an instructor, a policy.
-Out: batches ``[N, T]``, ``Episode``, ``Moment``, ``Watched``.
+Out: batches ``[N, T]``, ``Episode``, ``Moment``, ``RecordedRollout``.
 Imports: agents, instructors, envs and what stands below them.
 """

@@ -19,12 +19,12 @@ from torchrl.envs import EnvBase
 
 from ibe_rl.agents import Agent
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.envs.make import join, make_game
+from ibe_rl.envs.make import make_env, make_vector_env
 from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.runtime.workers import Processes, Workers, end_with_parent, next_of, starting
-from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 
@@ -44,25 +44,25 @@ def env_of_worker(
     instructor: InstructorConfig,
     seed: int,
     lesson: OpenLesson | None = None,
-    under_way: Sequence[UnderWay] = (),
+    partial_episodes: Sequence[PartialEpisode] = (),
 ) -> EnvBase:
-    """Make a worker's environments, ``under_way`` those of all workers; runs in the worker's own process."""
+    """Make a worker's environments, ``partial_episodes`` those of all workers; runs in the worker's own process."""
     torch.set_num_threads(1)
     if apart(collect):
         end_with_parent(OUTLIVES_TRAINER_S if lesson else 0.0)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
-    games = [make_game(env) for _ in range(collect.envs_per_process)]
+    games = [make_env(env) for _ in range(collect.envs_per_process)]
     person = lesson(games) if lesson else None
-    mine = under_way[worker * collect.envs_per_process :][: collect.envs_per_process]
-    made = join(games, make_instructor(instructor, task, first, person), first, mine)
+    mine = partial_episodes[worker * collect.envs_per_process :][: collect.envs_per_process]
+    made = make_vector_env(games, make_instructor(instructor, task, first, person), first, mine)
     torch.manual_seed(_draws(first, mine))  # the exploring policy's, whatever was drawn to make all this
     return made
 
 
-def _draws(first: int, under_way: Sequence[UnderWay]) -> int:
+def _draws(first: int, partial_episodes: Sequence[PartialEpisode]) -> int:
     """Seed of the exploration: of a run that is taken up other draws than at its beginning."""
-    begun = [first, *(one.ended for one in under_way), *(len(one.actions) for one in under_way)]
-    return int(np.random.SeedSequence(begun).generate_state(1)[0]) if under_way else first
+    begun = [first, *(one.ended for one in partial_episodes), *(len(one.actions) for one in partial_episodes)]
+    return int(np.random.SeedSequence(begun).generate_state(1)[0]) if partial_episodes else first
 
 
 def apart(collect: CollectConfig) -> bool:
@@ -78,7 +78,7 @@ def make_collector(
     instructor: InstructorConfig,
     seed: int,
     lesson: OpenLesson | None = None,
-    under_way: Sequence[UnderWay] = (),
+    partial_episodes: Sequence[PartialEpisode] = (),
 ) -> BaseCollector:
     """Make the collector; each of its processes has an instructor of its own.
 
@@ -90,13 +90,13 @@ def make_collector(
         instructor: see ``make_instructor``.
         seed: of the run.
         lesson: wants a single process.
-        under_way: the episodes that all rows take up.
+        partial_episodes: the episodes that all rows take up.
 
     Raises:
         LostWorkerError: if a process dies, or hangs, before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
-    settings = (env, collect, task, instructor, seed, lesson, under_way)
+    settings = (env, collect, task, instructor, seed, lesson, partial_episodes)
     factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     if collect.engine == "ray":

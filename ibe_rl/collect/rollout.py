@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
 
 EVALUATION_SEED = TRAINING_SEEDS
@@ -154,9 +154,9 @@ def _step_all(flights: Sequence[_Flight], policy: Policy, instructor: Instructor
         flights[row].add(*step)
 
 
-def watch(
+def record_rollout(
     env: gymnasium.Env[Any, Any], policy: Policy, instructor: Instructor, seed: int, context: str | None = None
-) -> Watched:
+) -> RecordedRollout:
     """Fly one episode and keep all that is needed to draw and to explain it.
 
     Args:
@@ -173,4 +173,4 @@ def watch(
     while not flight.done:
         _step_all([flight], policy, instructor)
         figures.append(drawn(env, "figure"))
-    return Watched(flight.episode(), flight.moments, background, figures)
+    return RecordedRollout(flight.episode(), flight.moments, background, figures)

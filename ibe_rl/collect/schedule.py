@@ -8,10 +8,10 @@ from ibe_rl.config.settings import TrainConfig
 
 REFRESHES_OF_A_RUN, REFRESH_AT_MOST_EVERY = 8, 250_000
 DENSE = 200
-"""After ``2 * DENSE`` firings the interval of a ``Rarer`` schedule doubles whenever the frame count does."""
+"""After ``2 * DENSE`` firings the interval of a ``GeometricSchedule`` doubles whenever the frame count does."""
 
 
-class Every:
+class Schedule:
     """A clock: true once in every ``frames`` frames, at the first batch that reaches them, and at the end.
 
     Args:
@@ -37,7 +37,7 @@ def refresh_interval(config: TrainConfig) -> int | None:
     return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
 
 
-class Rarer:
+class GeometricSchedule:
     """A clock for what stays for ever: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
 
     Args:

@@ -15,14 +15,14 @@ from gymnasium import spaces
 from gymnasium.envs.classic_control.cartpole import CartPoleEnv
 
 from ibe_rl.envs.cart_pole_task import (
+    CART_POLE_EPISODE_STEPS,
     CART_POLE_TASK,
-    MAX_EPISODE_STEPS,
-    NEAR,
+    ON_TARGET,
     PER_METRE,
     RAIL_END,
     RAIL_Y,
     TARGET_X,
-    scene_path,
+    cart_pole_scene_path,
     scene_x,
 )
 from ibe_rl.task import Shape
@@ -103,8 +103,8 @@ class CartPoleTarget(CartPoleEnv):
         self._steps += 1
         self._move_target()
         distance = abs(float(state[0]) - TARGET_X[self.target])
-        pay = 0.5 * max(0.0, 1.0 - distance / RAIL_END) + 0.5 * max(0.0, 1.0 - distance / (2 * NEAR))
-        there = not fallen and self._steps >= MAX_EPISODE_STEPS and distance <= NEAR
+        pay = 0.5 * max(0.0, 1.0 - distance / RAIL_END) + 0.5 * max(0.0, 1.0 - distance / (2 * ON_TARGET))
+        there = not fallen and self._steps >= CART_POLE_EPISODE_STEPS and distance <= ON_TARGET
         return self._with_target(state), 0.0 if fallen else pay, fallen, False, {"there": there}
 
     def _move_target(self) -> None:
@@ -143,8 +143,8 @@ class CartPoleTarget(CartPoleEnv):
 
     def figure(self) -> list[Shape]:
         """Cart, pole and target as they are now, for a drawing in scene units."""
-        (x, axle), angle = scene_path(np.array(self.state)).tolist(), float(self.state[2])
-        target, near = float(scene_x(np.array(TARGET_X[self.target]))), PER_METRE * NEAR
+        (x, axle), angle = cart_pole_scene_path(np.array(self.state)).tolist(), float(self.state[2])
+        target, near = float(scene_x(np.array(TARGET_X[self.target]))), PER_METRE * ON_TARGET
         cart = np.array([(x + right, axle + up) for right, up in ((-0.8, -0.4), (0.8, -0.4), (0.8, 0.4), (-0.8, 0.4))])
         tip = (x + PER_METRE * math.sin(angle), axle + PER_METRE * math.cos(angle))  # gymnasium's pole is 1 m long
         mark = np.array([(target, RAIL_Y - 0.9), (target - near, RAIL_Y - 1.9), (target + near, RAIL_Y - 1.9)])

@@ -11,38 +11,38 @@ from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array
 
 TARGET_X: dict[str, float] = {"left": -1.2, "center": 0.0, "right": 1.2}
-MAX_EPISODE_STEPS = 400
-NEAR = 0.2
+CART_POLE_EPISODE_STEPS = 400
+ON_TARGET = 0.2
 """This near to the target the cart is there, and told to stay."""
 RAIL_END = 2.4
-STEP_S = 0.02
+CART_STEP_S = 0.02
 
-X, VX, ANGLE, TARGET = 0, 1, 2, 4
+CART_X, CART_VX, ANGLE, CART_TARGET = 0, 1, 2, 4
 PER_METRE = 4.0
 """Scene units in a metre; the scene is as large as others, so that lines and labels look alike."""
 SCENE_WIDTH, SCENE_HEIGHT, RAIL_Y, AXLE_Y = 22.0, 11.0, 3.0, 3.5
 
 
-def instruct(states: Array) -> Array:
+def cart_pole_instruction(states: Array) -> Array:
     """Say which way to go: states ``(..., 5)`` to ``(..., 1)`` float32, -1 right of the target, +1 left of it."""
-    offset = goal_offset(states)
-    instruction = np.where(offset < -NEAR, -1.0, np.where(offset > NEAR, 1.0, 0.0))
+    offset = cart_pole_goal_offset(states)
+    instruction = np.where(offset < -ON_TARGET, -1.0, np.where(offset > ON_TARGET, 1.0, 0.0))
     return instruction.astype(np.float32)
 
 
 def place_of(state: Array) -> str:
     """Name the place that the target in ``state`` ``(5,)`` is at."""
-    return min(TARGET_X, key=lambda name: abs(TARGET_X[name] - float(state[TARGET])))
+    return min(TARGET_X, key=lambda name: abs(TARGET_X[name] - float(state[CART_TARGET])))
 
 
-def motion(states: Array) -> Array:
+def cart_pole_motion(states: Array) -> Array:
     """States ``(..., 5)`` to the change ``(..., 1)`` of x in one step at the present velocity, in m."""
-    return STEP_S * states[..., VX, None]
+    return CART_STEP_S * states[..., CART_VX, None]
 
 
-def goal_offset(states: Array) -> Array:
+def cart_pole_goal_offset(states: Array) -> Array:
     """States ``(..., 5)`` to how far ``(..., 1)`` right of the cart the target lies, in m."""
-    return (states[..., TARGET] - states[..., X])[..., None]
+    return (states[..., CART_TARGET] - states[..., CART_X])[..., None]
 
 
 def scene_x(x: Array) -> Array:
@@ -50,9 +50,9 @@ def scene_x(x: Array) -> Array:
     return SCENE_WIDTH / 2 + PER_METRE * x
 
 
-def scene_path(states: Array) -> Array:
+def cart_pole_scene_path(states: Array) -> Array:
     """States ``(..., 5)`` to the place of the cart's axle ``(..., 2)`` in scene units, y up."""
-    x = scene_x(states[..., X])
+    x = scene_x(states[..., CART_X])
     return np.stack([x, np.full_like(x, AXLE_Y)], axis=-1)
 
 
@@ -60,7 +60,7 @@ CART_POLE_TASK = Task(
     name="Cart-pole with a moving target",
     state_names=("x", "vx", "angle", "angular_velocity", "target_x"),
     state_units=("m", "m/s", "rad", "rad/s", "m"),
-    rule=instruct,
+    rule=cart_pole_instruction,
     instruction_values=(-1.0, 0.0, 1.0),
     phrases=(
         Phrases(
@@ -74,12 +74,12 @@ CART_POLE_TASK = Task(
     contexts=tuple(TARGET_X),
     context_option="target",
     success_key="there",
-    explained=(X,),
+    explained=(CART_X,),
     explained_band=(0.1,),
-    max_episode_steps=MAX_EPISODE_STEPS,
+    max_episode_steps=CART_POLE_EPISODE_STEPS,
     explained_range=(2 * RAIL_END,),
-    motion=motion,
-    goal_offset=goal_offset,
-    scene_path=scene_path,
+    motion=cart_pole_motion,
+    goal_offset=cart_pole_goal_offset,
+    scene_path=cart_pole_scene_path,
     scene_size=(SCENE_WIDTH, SCENE_HEIGHT),
 )

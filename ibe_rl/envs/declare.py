@@ -18,7 +18,7 @@ from ibe_rl.types import Array, ConfigError
 ANY = "any"
 """The context where none is declared."""
 
-DRAWN = ("background", "figure")
+SHAPE_FUNCTIONS = ("background", "figure")
 
 
 def load_function(key: str, name: str) -> Callable[..., Any]:
@@ -51,7 +51,7 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
     }
     task = _task(env, config, made)
     _try(env, task, config)
-    draw = {part: made[part] for part in DRAWN if part in made}
+    draw = {part: made[part] for part in SHAPE_FUNCTIONS if part in made}
     return Declared(env, task, made.get("success"), draw)
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ibe_rl.envs.lander_task import LANDER_TASK, VY, X, Y, goal_offset, instruct, motion
+from ibe_rl.envs.lander_task import LANDER_TASK, VY, X, Y, lander_goal_offset, lander_instruction, lander_motion
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array
 
@@ -35,17 +35,17 @@ def instruct_both(states: Array) -> Array:
     """
     slow = too_slow(states)
     speed = np.where(slow > SPEED_TOLERANCE, -1.0, np.where(slow < -SPEED_TOLERANCE, 1.0, 0.0))
-    return np.concatenate([instruct(states), speed.astype(np.float32)[..., None]], axis=-1)
+    return np.concatenate([lander_instruction(states), speed.astype(np.float32)[..., None]], axis=-1)
 
 
 def motion_of_both(states: Array) -> Array:
     """States ``(..., 9)`` to the changes ``(..., 2)`` of x and vy in one step, if the velocity stays what it is."""
-    return np.concatenate([motion(states), np.zeros_like(states[..., [VY]])], axis=-1)
+    return np.concatenate([lander_motion(states), np.zeros_like(states[..., [VY]])], axis=-1)
 
 
 def offset_of_both(states: Array) -> Array:
     """States ``(..., 9)`` to how far ``(..., 2)`` the pad's middle and the wanted velocity lie above x and vy."""
-    return np.concatenate([goal_offset(states), -too_slow(states)[..., None]], axis=-1)
+    return np.concatenate([lander_goal_offset(states), -too_slow(states)[..., None]], axis=-1)
 
 
 LANDER_SPEED_TASK = replace(

@@ -25,7 +25,7 @@ PAD_Y = HEIGHT / 4
 X, Y, VX, VY, LEFT_LEG, RIGHT_LEG, GOAL_X = 0, 1, 2, 3, 6, 7, 8
 
 
-def instruct(states: Array) -> Array:
+def lander_instruction(states: Array) -> Array:
     """Say which way to fall (the paper's equation 7).
 
     Args:
@@ -44,7 +44,7 @@ def pad_of(state: Array) -> str:
     return min(PAD_X, key=lambda name: abs(PAD_X[name] - float(state[GOAL_X])))
 
 
-def motion(states: Array) -> Array:
+def lander_motion(states: Array) -> Array:
     """States ``(..., 9)`` to the change ``(..., 1)`` of x in one step at the present velocity: 0.01 vx, in half widths.
 
     vx is m/s times half the width over the frames of a second, gymnasium's way; dividing by half the width once gives
@@ -53,7 +53,7 @@ def motion(states: Array) -> Array:
     return states[..., [VX]] / (WIDTH / 2) ** 2
 
 
-def goal_offset(states: Array) -> Array:
+def lander_goal_offset(states: Array) -> Array:
     """States ``(..., 9)`` to how far ``(..., 1)`` right of the lander the pad's middle lies, in half widths."""
     return states[..., [GOAL_X]] - states[..., [X]]
 
@@ -64,7 +64,7 @@ def first_contact(states: Array) -> int:
     return int(touching[0]) if len(touching) else len(states) - 1
 
 
-def scene_path(states: Array) -> Array:
+def lander_scene_path(states: Array) -> Array:
     """States ``(..., 9)`` to the place of the lander's centre ``(..., 2)`` in metres, y up."""
     x = (states[..., X] + 1.0) * WIDTH / 2
     y = states[..., Y] * HEIGHT / 2 + PAD_Y + game.LEG_DOWN / game.SCALE
@@ -75,7 +75,7 @@ LANDER_TASK = Task(
     name="Lunar Lander with pads",
     state_names=("x", "y", "vx", "vy", "angle", "angular_velocity", "left_leg", "right_leg", "goal_x"),
     state_units=("half widths", "half heights", "5 m/s", "7.5 m/s", "rad", "2.5 rad/s", "0/1", "0/1", "half widths"),
-    rule=instruct,
+    rule=lander_instruction,
     instruction_values=(-1.0, 0.0, 1.0),
     phrases=(
         Phrases(
@@ -93,11 +93,11 @@ LANDER_TASK = Task(
     explained_band=(0.05,),
     max_episode_steps=MAX_EPISODE_STEPS,
     explained_range=(2.0,),
-    motion=motion,
-    goal_offset=goal_offset,
+    motion=lander_motion,
+    goal_offset=lander_goal_offset,
     first_contact=first_contact,
     hidden_goal={"flat": True, "flags": False},
-    scene_path=scene_path,
+    scene_path=lander_scene_path,
     scene_size=(WIDTH, HEIGHT),
 )
 

@@ -22,7 +22,7 @@ from ibe_rl.envs.declare import declare
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
-from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Shape, Task
 from ibe_rl.types import Array, ConfigError, Instructor, observe
 
@@ -84,18 +84,18 @@ def _check_registered(env_id: str) -> None:
         raise ConfigError(f"env.id={env_id}: not registered with gymnasium; of ours allowed are {ours}")
 
 
-def make_game(env: EnvConfig) -> gymnasium.Env[Any, Any]:
+def make_env(env: EnvConfig) -> gymnasium.Env[Any, Any]:
     """As ``make_gym``, from the settings of an environment."""
     return make_gym(env.id, env.kwargs, env.task)
 
 
-def make_copy(env: EnvConfig) -> Stoppable:
+def make_snapshot_env(env: EnvConfig) -> Stoppable:
     """One more game to predict in.
 
     Raises:
         ConfigError: if such games cannot be taken up exactly.
     """
-    made = stoppable(make_game(env))
+    made = stoppable(make_env(env))
     if made is None:
         raise ConfigError(
             f"predictor=simulator with env.id={env.id}: this environment cannot be stopped and taken up again exactly "
@@ -129,15 +129,18 @@ class InstructedEnvs(EnvBase):
     Args:
         games: environments of one kind that declare a task.
         instructor: instructs all rows.
-        under_way: the episode of each row that the first reset takes up, instead of beginning anew.
+        partial_episodes: the episode of each row that the first reset takes up, instead of beginning anew.
     """
 
     def __init__(
-        self, games: Sequence[gymnasium.Env[Any, Any]], instructor: Instructor, under_way: Sequence[UnderWay] = ()
+        self,
+        games: Sequence[gymnasium.Env[Any, Any]],
+        instructor: Instructor,
+        partial_episodes: Sequence[PartialEpisode] = (),
     ):
         super().__init__(batch_size=[len(games)])
         self._games, self._instructor, self._task = games, instructor, task_of(games[0])
-        self._under_way, self._first_seed, self._begun = list(under_way), 0, [0] * len(games)
+        self._under_way, self._first_seed, self._begun = list(partial_episodes), 0, [0] * len(games)
         self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
         self._said = np.zeros((len(games), self._task.instruction_size + 1), np.float32)
         self._declare()
@@ -190,22 +193,22 @@ class InstructedEnvs(EnvBase):
         Returns:
             the rows ``(N,)`` that came out otherwise, or of which none was under way: they have to begin anew.
         """
-        under_way, self._under_way = self._under_way, []
-        self._begun = [one.ended for one in under_way]
-        going = np.array([one.state is not None for one in under_way])
+        partial_episodes, self._under_way = self._under_way, []
+        self._begun = [one.ended for one in partial_episodes]
+        going = np.array([one.state is not None for one in partial_episodes])
         for row in np.flatnonzero(going).tolist():
             self._states[row] = self._begin(row)
         self._instructor.reset(going)
-        for step in range(max(len(one.actions) for one in under_way)):
-            playing = going & [step < len(one.actions) for one in under_way]
+        for step in range(max(len(one.actions) for one in partial_episodes)):
+            playing = going & [step < len(one.actions) for one in partial_episodes]
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
-                action = plain(under_way[row].actions[step])
+                action = plain(partial_episodes[row].actions[step])
                 self._states[row], _, terminated, truncated, _ = self._games[row].step(action)
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
-            for state, one in zip(self._states, under_way, strict=True)
+            for state, one in zip(self._states, partial_episodes, strict=True)
         ]
         return ~(going & same)
 
@@ -253,14 +256,14 @@ def plain(actions: Array) -> Any:
     return actions.tolist() if actions.dtype.kind in "iu" else actions
 
 
-def join(
+def make_vector_env(
     games: Sequence[gymnasium.Env[Any, Any]],
     instructor: Instructor,
     seed: int,
-    under_way: Sequence[UnderWay] = (),
+    partial_episodes: Sequence[PartialEpisode] = (),
 ) -> EnvBase:
     """Let environments step together, seeded ``seed`` and up; see ``InstructedEnvs``."""
-    env = InstructedEnvs(games, instructor, under_way)
+    env = InstructedEnvs(games, instructor, partial_episodes)
     env.set_seed(seed)
     return env
 

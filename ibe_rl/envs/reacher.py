@@ -19,7 +19,7 @@ STEP_S = 0.02
 NEAR = 0.02
 """Nearer than this along an axis the instructor says to stay where it is."""
 REACHED = 0.03
-SCALE, HALF_SCENE = 10.0, 3.0
+SCENE_SCALE, HALF_SCENE = 10.0, 3.0
 COS_1, COS_2, SIN_1, SIN_2, SPEED_1, SPEED_2 = 0, 1, 2, 3, 6, 7
 TARGET, OFFSET = slice(4, 6), slice(8, 10)
 
@@ -73,7 +73,7 @@ def goal_offset(states: Array) -> Array:
 
 def scene_path(states: Array) -> Array:
     """States ``(..., 10)`` to the place of the fingertip ``(..., 2)`` in the drawing."""
-    return HALF_SCENE + SCALE * (states[..., TARGET] + states[..., OFFSET])
+    return HALF_SCENE + SCENE_SCALE * (states[..., TARGET] + states[..., OFFSET])
 
 
 def background(game: Any) -> list[Shape]:
@@ -84,10 +84,10 @@ def background(game: Any) -> list[Shape]:
 def figure(game: Any) -> list[Shape]:
     """The arm."""
     joints = [(0.0, 0.0), game.get_body_com("body1")[:2], game.get_body_com("fingertip")[:2]]
-    arm = HALF_SCENE + SCALE * np.array(joints)
+    arm = HALF_SCENE + SCENE_SCALE * np.array(joints)
     return [Shape(arm, (165, 148, 249), radius=0.06), Shape(_circle(joints[-1], 0.01), (165, 148, 249), closed=True)]
 
 
 def _circle(middle: Any, radius: float) -> Array:
     turns = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    return HALF_SCENE + SCALE * (np.asarray(middle) + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1))
+    return HALF_SCENE + SCENE_SCALE * (np.asarray(middle) + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping as Dict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ ASK_FOR_IT = (
 )
 
 
-def verdict_of(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> dict[str, Any]:
+def verdict_of(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> dict[str, Any]:
     """The verdict of an evaluation, as quality.json keeps it.
 
     Args:
@@ -60,7 +59,7 @@ def verdict_of(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> di
     }
 
 
-def verdicts_from(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> list[Verdict]:
+def verdicts_from(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> list[Verdict]:
     """A verdict for each number of the instruction, at the run's own horizon."""
     own = {row["explainer"]: row for row in rows if row["horizon_steps"] == run.horizon_steps}
     names, meanings = run.task.number_names, run.mapping.meanings
@@ -74,10 +73,10 @@ def verdicts_from(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) ->
     return found
 
 
-def _of_number(row: Dict[str, Any] | None, number: int) -> Dict[str, Any]:
+def _of_number(row: Mapping[str, Any] | None, number: int) -> Mapping[str, Any]:
     if row is None:
         return dict.fromkeys(("value", "low", "high"))
-    told: Dict[str, Any] = row["each"][number]["motion_auc"] if "each" in row else row["motion_auc"]
+    told: Mapping[str, Any] = row["each"][number]["motion_auc"] if "each" in row else row["motion_auc"]
     return told
 
 
@@ -101,7 +100,7 @@ def text_of(verdicts: Sequence[Verdict], run: TrainedRun) -> str:
 
 
 def advice(
-    verdicts: Sequence[Verdict], run: TrainedRun, rows: Sequence[Dict[str, Any]] = (), ours: str = ""
+    verdicts: Sequence[Verdict], run: TrainedRun, rows: Sequence[Mapping[str, Any]] = (), ours: str = ""
 ) -> list[str]:
     """What to do about a verdict, the likeliest first; nothing if it is good.
 
@@ -152,7 +151,7 @@ def _judged_in(path: Path) -> dict[str, float]:
         return {}
 
 
-def _horizons(rows: Sequence[Dict[str, Any]], ours: str, run: TrainedRun) -> list[str]:
+def _horizons(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> list[str]:
     """A horizon at which the words tell clearly more: its interval lies above that of the run's own."""
     told = {row["horizon_steps"]: row["motion_auc"] for row in rows if row["explainer"] == ours}
     own = told.pop(run.horizon_steps, None)

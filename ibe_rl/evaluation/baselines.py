@@ -17,7 +17,7 @@ from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.metrics.quality import direction
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Episode, Mapping
+from ibe_rl.types import Array, Episode, ExpressionMapping
 
 MAX_REGRESSION_WINDOWS = 60_000
 """The regressor learns from at most so many windows, drawn at random."""
@@ -55,8 +55,8 @@ class Learnt:
         regressors: from the state alone to the change, one for each number of an instruction.
     """
 
-    vocabularies: dict[str, Mapping]
-    ensembles: dict[str, Sequence[Mapping]]
+    vocabularies: dict[str, ExpressionMapping]
+    ensembles: dict[str, Sequence[ExpressionMapping]]
     regressors: Sequence[StateRegressor]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Dict
+from collections.abc import Mapping
 from typing import Any
 
 from ibe_rl.evaluation.moments import Moments, Plan
@@ -12,13 +12,13 @@ from ibe_rl.evaluation.verbalise import speak
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.quality import motion_scores
 from ibe_rl.task import Task
-from ibe_rl.types import Mapping, Policy
+from ibe_rl.types import ExpressionMapping, Policy
 
 AGE_METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
 
 
 def judge_all_ages(
-    rollouts: Rollouts, policies: Dict[int, Policy], vocabularies: Dict[int, Mapping]
+    rollouts: Rollouts, policies: Mapping[int, Policy], vocabularies: Mapping[int, ExpressionMapping]
 ) -> list[dict[str, Any]]:
     """Each kept policy in the vocabularies of its own age and of all before.
 
@@ -40,7 +40,7 @@ def judge_all_ages(
 
 def judge_ages(
     policy_frame: int,
-    vocabularies: Dict[int, Mapping],
+    vocabularies: Mapping[int, ExpressionMapping],
     moments: Moments,
     horizon_steps: int,
     task: Task,

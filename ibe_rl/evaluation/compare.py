@@ -19,7 +19,7 @@ from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import EVALUATION, write_json
-from ibe_rl.types import ConfigError, Mapping
+from ibe_rl.types import ConfigError, ExpressionMapping
 
 AS_REFRESHED = "ibe:as_refreshed"
 """The vocabulary that the run itself spoke at the end, which remembers earlier ones; the others start from nothing."""
@@ -68,7 +68,7 @@ def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str
 def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
     """Learn all of them from nothing; the paper's is the baseline."""
     own = run.horizon_steps
-    vocabularies: dict[str, Mapping] = {AS_REFRESHED: run.mapping}
+    vocabularies: dict[str, ExpressionMapping] = {AS_REFRESHED: run.mapping}
     with progress_bar("vocabularies", len(configs)) as step:
         for name, config in configs.items():
             prefix = "baseline:" if name == "paper" else "ibe:"

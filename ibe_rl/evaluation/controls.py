@@ -13,14 +13,14 @@ from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.space import scaled
 from ibe_rl.ibe.vocabulary import normalise
-from ibe_rl.types import Array, Episode, Mapping
+from ibe_rl.types import Array, Episode, ExpressionMapping
 
 
 @dataclass(frozen=True)
 class Flipped:
     """A vocabulary with every expression turned into its opposite."""
 
-    mapping: Mapping
+    mapping: ExpressionMapping
 
     @property
     def ids(self) -> Array:

@@ -26,7 +26,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
-from ibe_rl.types import Mapping
+from ibe_rl.types import ExpressionMapping
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers beside the one in question in tables and figures over the horizons."""
@@ -115,7 +115,7 @@ def watch_all(
     """The report of the observer, and all rows with what the observer adds to those of the run's own horizon."""
     own = run.horizon_steps
     here = learnt[own]
-    vocabularies: dict[str, Sequence[Mapping]] = {
+    vocabularies: dict[str, Sequence[ExpressionMapping]] = {
         ours: [here.vocabularies[ours]],
         "baseline:paper": [here.vocabularies["baseline:paper"]],
         "baseline:flipped": [Flipped(here.vocabularies[ours])],

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
@@ -22,7 +22,7 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
-from ibe_rl.task import Task, Watched
+from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
 from ibe_rl.view.film import SILENCE
 from ibe_rl.view.sentences import short
@@ -52,10 +52,10 @@ def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0
     )
 
 
-def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[Explanation]]:
+def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollout, list[Explanation]]:
     """Play one episode, then explain each of its steps."""
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
-    watched = watch(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
+    watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     voice = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
         said = explain(watched.moments, run.policy, predictor, voice)
@@ -63,7 +63,7 @@ def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[Watched, list[
 
 
 def print_narration(
-    run: TrainedRun, watched: Watched, said: Sequence[Explanation], console: Console | None = None
+    run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], console: Console | None = None
 ) -> None:
     """Print what was said, one row for each stretch of steps with the same words."""
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
@@ -114,7 +114,7 @@ def _spoken(said: Explanation, task: Task) -> list[str]:
     return [text if one.trusted else f"{text} {NOT_TRUSTED}" for text, one in zip(words, spans, strict=True)]
 
 
-def _table(run: TrainedRun, watched: Watched, said: Sequence[Explanation], true: np.ndarray) -> Table:
+def _table(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: np.ndarray) -> Table:
     episode, words = watched.episode, run.task.phrases
     told = [
         short([phrase(moment.instruction, words)], words)[0] if moment.given else SILENCE for moment in watched.moments

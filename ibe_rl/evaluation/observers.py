@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping as Dict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from ibe_rl.evaluation.rows import Samples, estimate_json
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Mapping
+from ibe_rl.types import Array, ExpressionMapping
 
 NO_EXPLANATION, _PAPER = "no_explanation", "baseline:paper"
 
@@ -24,7 +23,7 @@ def observe_all(
     calibrating: Array,
     horizon_steps: int,
     task: Task,
-    vocabularies: Dict[str, Sequence[Mapping]],
+    vocabularies: Mapping[str, Sequence[ExpressionMapping]],
     resamples: int,
     seed: int,
 ) -> tuple[dict[str, Samples], dict[str, Any]]:
@@ -60,7 +59,7 @@ def observe_all(
     return samples, _report(samples, observer, len(seen), horizon_steps)
 
 
-def add_errors(rows: Sequence[dict[str, Any]], samples: Dict[str, Samples], horizon_steps: int) -> None:
+def add_errors(rows: Sequence[dict[str, Any]], samples: Mapping[str, Samples], horizon_steps: int) -> None:
     """Put ``observer_error`` into the rows of one horizon."""
     for row in rows:
         if row["horizon_steps"] == horizon_steps and row["explainer"] in samples:
@@ -78,7 +77,7 @@ def _expected(
     observer: Observer,
     horizon_steps: int,
     task: Task,
-    vocabularies: Dict[str, Sequence[Mapping]],
+    vocabularies: Mapping[str, Sequence[ExpressionMapping]],
 ) -> dict[str, list[Array]]:
     """Explainer to the positions ``(E,)`` that the observer expects, one array for each of its vocabularies."""
     assert task.motion is not None
@@ -96,7 +95,7 @@ def _expected(
     }
 
 
-def _report(samples: Dict[str, Samples], observer: Observer, episodes: int, horizon_steps: int) -> dict[str, Any]:
+def _report(samples: Mapping[str, Samples], observer: Observer, episodes: int, horizon_steps: int) -> dict[str, Any]:
     errors = {name: each["observer_error"] for name, each in samples.items()}
     return {
         "episodes": episodes,

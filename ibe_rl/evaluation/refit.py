@@ -15,9 +15,9 @@ from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.task import Task
-from ibe_rl.types import ConfigError, Episode, Mapping
+from ibe_rl.types import ConfigError, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
-from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons
+from ibe_rl.vocabulary.training_episodes import TrainingEpisodes, best_windows, read_training_episodes
 
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000
@@ -33,7 +33,7 @@ def fit_shuffled(
     horizon_steps: int,
     count: int,
     step: Callable[[], None] = lambda: None,
-) -> list[Mapping]:
+) -> list[ExpressionMapping]:
     """Learn ``count`` vocabularies, each from episodes that were given the instructions of others.
 
     A shuffle that no vocabulary can be learnt from (its axis may be one on which hardly anything moves) is drawn
@@ -41,7 +41,7 @@ def fit_shuffled(
     """
     random = np.random.default_rng(seed)
     quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
-    found: list[Mapping] = []
+    found: list[ExpressionMapping] = []
     for _ in range(MOST_REDRAWN * count):
         lessons = shuffle_instructions(best, heard, random)
         try:
@@ -68,7 +68,7 @@ class Refits:
     def __init__(self, run: TrainedRun, seed: int):
         self._run, self._seed, self._log = run, seed, open_log(run.folder)
 
-    def lessons(self, config: MappingConfig) -> Lessons:
+    def lessons(self, config: MappingConfig) -> TrainingEpisodes:
         """The episodes that ``config`` learns from.
 
         Raises:
@@ -76,9 +76,9 @@ class Refits:
         """
         used = replace(config, newest_frames=self._run.config.mapping.newest_frames)
         with self._enough():
-            return read_lessons(self._log, used, self._seed)
+            return read_training_episodes(self._log, used, self._seed)
 
-    def fit(self, config: MappingConfig, horizon_steps: int, lessons: Lessons | None = None) -> ClusterMapping:
+    def fit(self, config: MappingConfig, horizon_steps: int, lessons: TrainingEpisodes | None = None) -> ClusterMapping:
         """Learn a vocabulary from nothing, from the log or from given lessons.
 
         Raises:
@@ -98,7 +98,7 @@ class Refits:
 
     def shuffled(
         self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
-    ) -> list[Mapping]:
+    ) -> list[ExpressionMapping]:
         """``count`` vocabularies, each from episodes that were given the instructions of others.
 
         Raises:
@@ -112,7 +112,7 @@ class Refits:
             )
         return found
 
-    def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[Mapping]:
+    def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[ExpressionMapping]:
         """``count`` vocabularies with clusters around windows drawn at random."""
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
         with self._enough():

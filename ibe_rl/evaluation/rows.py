@@ -17,7 +17,7 @@ from ibe_rl.metrics.bootstrap import estimate, weighted_mean
 from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at
 from ibe_rl.metrics.quality import direction, instruction_f1, mean_over_numbers, motion_scores
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Mapping
+from ibe_rl.types import Array, ExpressionMapping
 
 Samples = dict[str, Array]
 """Metric to values ``(R,)``; of an instruction with several numbers also ``metric[i]``, of number i by itself."""
@@ -91,7 +91,7 @@ class Judged:
     spoken: dict[str, Spoken] = field(default_factory=dict)
     calibrations: dict[str, Calibration] = field(default_factory=dict)
     probabilities: dict[str, Array] = field(default_factory=dict)
-    mappings: dict[str, Mapping] = field(default_factory=dict)
+    mappings: dict[str, ExpressionMapping] = field(default_factory=dict)
 
 
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:

@@ -14,7 +14,7 @@ import torch
 
 from ibe_rl.config.command_line import named_settings
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig
-from ibe_rl.envs.make import make_copy
+from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.predict import KeptPredictor, is_learnt, make_predictor
 from ibe_rl.storage.checkpoint import PREDICTOR, as_arrays, load, policies
@@ -43,7 +43,7 @@ def predictor_of(
     Raises:
         ConfigError: if it can neither be read nor learnt.
     """
-    make_one = partial(make_copy, env or run.config.env)
+    make_one = partial(make_snapshot_env, env or run.config.env)
     horizons = [run.horizon_steps, *run.config.mapping.spans_steps]
     making = config, make_one, run.task.rule, seed, run.make_env()
     with closing(make_predictor(*making, lambda: horizons)) as predictor:

@@ -17,7 +17,7 @@ from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.config.command_line import load_config, named_settings
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe.interpret import Reactions
@@ -93,7 +93,7 @@ def load_run(folder: Path, external_policy: MakePolicy | None = None) -> Trained
         ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
     """
     config = run_config(folder)
-    env = make_game(config.env)
+    env = make_env(config.env)
     task = task_of(env)
     if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_game
+from ibe_rl.envs.make import make_env
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.confidence import Calibration
@@ -55,7 +55,7 @@ class TrainedRun:
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """One more environment of the run's kind."""
-        return make_game(self.config.env)
+        return make_env(self.config.env)
 
 
 def open_log(folder: Path) -> TrajectoryLog:

@@ -11,10 +11,10 @@ from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
-from ibe_rl.types import Mapping
+from ibe_rl.types import ExpressionMapping
 
 
-def speak(mapping: Mapping, moments: Moments, horizon_steps: int, words: Sequence[Phrases]) -> Spoken:
+def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, words: Sequence[Phrases]) -> Spoken:
     """Put the futures of each moment and what really happened into words."""
     at = moments.at(horizon_steps)
     predicted, rows = moments.predicted[:, :, at], np.arange(len(moments))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Dict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,11 +11,11 @@ from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
-from ibe_rl.types import Array, Episode, Explanation, Mapping, Moment, Policy, Predictor
+from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Predictor
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
 """Features of the calibrated confidence: the share of trusted futures with the spoken phrase, and
-``Mapping.confidence``."""
+``ExpressionMapping.confidence``."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,10 @@ class ExplainerState:
         min_confidence: below it the agent says that it does not know.
     """
 
-    mapping: Mapping
+    mapping: ExpressionMapping
     horizon_steps: int
     words: Sequence[Phrases]
-    spans: Dict[int, Mapping] = field(default_factory=dict)
+    spans: Mapping[int, ExpressionMapping] = field(default_factory=dict)
     futures: int = 1
     calibration: Calibration | None = None
     min_confidence: float = 0.0
@@ -113,7 +112,7 @@ def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> l
 
 
 def majority_phrases(
-    deltas: Array, mapping: Mapping, words: Sequence[Phrases], trusted: Array | None = None
+    deltas: Array, mapping: ExpressionMapping, words: Sequence[Phrases], trusted: Array | None = None
 ) -> tuple[list[str], Array, Array]:
     """The most frequent phrase among the futures of each moment; the first one of equally frequent ones.
 
@@ -136,7 +135,9 @@ def majority_phrases(
     return called[rows, which].tolist(), which, votes.sum(axis=1) / futures
 
 
-def phrase_hits_in(mapping: Mapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]) -> Array:
+def phrase_hits_in(
+    mapping: ExpressionMapping, episode: Episode, said: Sequence[Explanation], words: Sequence[Phrases]
+) -> Array:
     """As ``metrics.phrase_hits``, ``(T,)``, but of the phrases of another vocabulary for the same futures."""
     futures = np.stack([one.futures for one in said])
     phrases, which, _ = majority_phrases(futures, mapping, words)

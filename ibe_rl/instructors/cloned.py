@@ -12,7 +12,7 @@ from ibe_rl.types import Array
 MAX_STEPS = 5_000
 """The newest that the habits are learnt from."""
 MIN_STEPS = 100
-SILENCE = 2.0
+NOTHING_SAID = 2.0
 """Stands for it among the instructions, which are at most 1."""
 
 
@@ -39,7 +39,7 @@ class Habits:
             instructions: ``(T, d)``.
             given: ``(T, 1)``.
         """
-        self._episodes.append((states, np.where(given > 0, instructions, SILENCE)))
+        self._episodes.append((states, np.where(given > 0, instructions, NOTHING_SAID)))
         while sum(len(one) for one, _ in self._episodes) - len(self._episodes[0][0]) >= MAX_STEPS:
             self._episodes.popleft()
         seen, said = (np.concatenate(column) for column in zip(*self._episodes, strict=True))
@@ -58,5 +58,5 @@ class Habits:
         if self._tree is None:
             return np.zeros((len(states), self._size), np.float32), np.zeros((len(rows), 1), np.float32)
         said = np.array(self._said, np.float32)[self._tree.predict(states)]
-        silent = (said == SILENCE).any(axis=1, keepdims=True)
+        silent = (said == NOTHING_SAID).any(axis=1, keepdims=True)
         return np.where(silent, 0.0, said).astype(np.float32), (~silent).astype(np.float32)

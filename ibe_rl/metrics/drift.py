@@ -10,7 +10,7 @@ from sklearn.metrics import adjusted_rand_score
 
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.task import Phrases
-from ibe_rl.types import Array, Mapping
+from ibe_rl.types import Array, ExpressionMapping
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,9 @@ class VocabularyDrift:
     cluster_agreement: float
 
 
-def vocabulary_drift(before: Mapping, after: Mapping, probe: Array, words: Sequence[Phrases]) -> VocabularyDrift:
+def vocabulary_drift(
+    before: ExpressionMapping, after: ExpressionMapping, probe: Array, words: Sequence[Phrases]
+) -> VocabularyDrift:
     """Compare two mappings on fixed changes of the state ``(P, S)``."""
     expressions = [mapping.express(probe) for mapping in (before, after)]
     spoken = [phrases_of(each, words) for each in expressions]

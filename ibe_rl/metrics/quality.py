@@ -13,7 +13,7 @@ from ibe_rl.ibe.delta import Windows, delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.bootstrap import weighted_auc, weighted_f1, weighted_spearman
 from ibe_rl.task import Phrases, Task
-from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation, Mapping
+from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation, ExpressionMapping
 
 SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1", "echo_auc")
 """What ``vocabulary_scores`` tells."""
@@ -22,7 +22,7 @@ OF_THE_MOMENTS = "echo_auc"
 
 
 def realised_phrases(
-    episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]
+    episode: Episode, horizon_steps: int, mapping: ExpressionMapping, vocabulary: Sequence[Phrases]
 ) -> list[str]:
     """What a vocabulary calls the real change over the horizon, from each of the ``T`` steps of an episode.
 
@@ -33,7 +33,7 @@ def realised_phrases(
 
 
 def phrase_hits(
-    episode: Episode, said: Sequence[Explanation], mapping: Mapping, vocabulary: Sequence[Phrases]
+    episode: Episode, said: Sequence[Explanation], mapping: ExpressionMapping, vocabulary: Sequence[Phrases]
 ) -> Array:
     """At which moments of an episode the spoken phrase is that of ``realised_phrases``.
 
@@ -57,7 +57,9 @@ def phrase_accuracy(true: Array) -> float:
     return float(counted.mean()) if len(counted) else float("nan")
 
 
-def outcomes(episode: Episode, horizon_steps: int, mapping: Mapping, vocabulary: Sequence[Phrases]) -> list[str]:
+def outcomes(
+    episode: Episode, horizon_steps: int, mapping: ExpressionMapping, vocabulary: Sequence[Phrases]
+) -> list[str]:
     """As ``realised_phrases``, for people: what the vocabulary has no known word for is called so."""
     known = mapping.knows(delta_states(episode.states, horizon_steps, end="clamp"))
     real = realised_phrases(episode, horizon_steps, mapping, vocabulary)
@@ -158,7 +160,7 @@ def instruction_f1(expression: Array, instruction: Array, values: Sequence[float
     return weighted_f1(said, real, len(allowed), weights)
 
 
-def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[str, float]:
+def vocabulary_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> dict[str, float]:
     """What can be had without a predictor: put into words what really realised_phrases, and see whether the words fit.
 
     Each number of the expressions is held against the dimension that ``task`` says it speaks of; the scores are the
@@ -178,7 +180,7 @@ def vocabulary_scores(mapping: Mapping, windows: Windows, task: Task) -> dict[st
     return mean_scores(number_scores(mapping, windows, task))
 
 
-def number_scores(mapping: Mapping, windows: Windows, task: Task) -> list[dict[str, float]]:
+def number_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> list[dict[str, float]]:
     """As ``vocabulary_scores``, of each number of the instruction by itself."""
     if not len(windows):  # the newest episodes may all have been flown in silence
         return [dict.fromkeys(SCORES, float("nan"))] * task.instruction_size

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping as Dict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ibe_rl.ibe.meaning import Meaning
@@ -91,7 +90,7 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
     return min(verdicts, key=lambda one: WORST_FIRST.index(one.level))
 
 
-def verdicts_of(scores: Sequence[Dict[str, float]], meanings: Sequence[Meaning], task: Task) -> list[Verdict]:
+def verdicts_of(scores: Sequence[Mapping[str, float]], meanings: Sequence[Meaning], task: Task) -> list[Verdict]:
     """A verdict for each number of the instruction.
 
     Args:
@@ -99,7 +98,7 @@ def verdicts_of(scores: Sequence[Dict[str, float]], meanings: Sequence[Meaning],
         meanings: of the vocabulary; empty: all count as known.
         task: the environment's own.
     """
-    nothing: list[Dict[str, float]] = [{}] * task.instruction_size
+    nothing: list[Mapping[str, float]] = [{}] * task.instruction_size
     return [
         verdict(
             each.get("motion_auc", math.nan),

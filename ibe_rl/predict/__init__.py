@@ -72,7 +72,7 @@ def check_predictor(config: PredictorConfig, instructor: InstructorConfig, env: 
 
 def make_predictor(
     config: PredictorConfig,
-    make_copy: Callable[[], Any],
+    make_snapshot_env: Callable[[], Any],
     rule: Callable[[Any], Any],
     seed: int,
     env: Any,
@@ -82,7 +82,7 @@ def make_predictor(
 
     Args:
         config: of one of the kinds.
-        make_copy: makes one game that can be stopped and taken up again; only asked for the exact one.
+        make_snapshot_env: makes one game that can be stopped and taken up again; only asked for the exact one.
         rule: the environment's instruction rule.
         seed: of its chance.
         env: one environment, whose spaces tell what it has to learn.
@@ -91,7 +91,13 @@ def make_predictor(
     Raises:
         ConfigError: if it cannot learn such actions.
     """
-    given = {"make_copy": make_copy, "rule": rule, "seed": seed, "env": env, "horizons_steps": horizons_steps}
+    given = {
+        "make_snapshot_env": make_snapshot_env,
+        "rule": rule,
+        "seed": seed,
+        "env": env,
+        "horizons_steps": horizons_steps,
+    }
     predictor: KeptPredictor = made("predictor", config, **given)
     return predictor
 

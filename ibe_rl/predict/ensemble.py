@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Self
@@ -14,11 +14,11 @@ from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
 from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
+from ibe_rl.predict.simulator import Rule
 from ibe_rl.predict.trust import Trust, measure
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, ConfigError, Moment, Policy, Prediction, columns_of, observe
 
-Rule = Callable[[Array], Array]
 FROM_NOTHING = 3
 """The first time it learns takes so many times the updates."""
 

@@ -56,9 +56,11 @@ class Simulator:
         self._pool: ProcessPool | None = None
 
     @classmethod
-    def make(cls, config: PredictorConfig, *, make_copy: MakeEnv, rule: Rule, seed: int, **_: Any) -> Self:
+    def make(cls, config: PredictorConfig, *, make_snapshot_env: MakeEnv, rule: Rule, seed: int, **_: Any) -> Self:
         """See ``ibe_rl.predict.KeptPredictor``."""
-        return cls(make_copy, rule, config.future_instruction, config.moments_at_once, config.processes or 1, seed)
+        return cls(
+            make_snapshot_env, rule, config.future_instruction, config.moments_at_once, config.processes or 1, seed
+        )
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.types.Predictor``."""

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ibe_rl.storage.arrays import make_array, map_array
-from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.storage.run_folder import read_json, write_atomically, write_json
 from ibe_rl.types import Array, Episode
 
@@ -125,7 +125,7 @@ class TrajectoryLog:
                 self._ended[row] += 1
                 yield {name: np.concatenate([part[name] for part in parts]) for name in steps}
 
-    def under_way(self) -> list[UnderWay]:
+    def partial_episodes(self) -> list[PartialEpisode]:
         """Where each environment stands."""
         return [_stands(parts, ended) for parts, ended in zip(self._open, self._ended, strict=True)]
 
@@ -290,7 +290,7 @@ def _rows(joined: Mapping[str, Array], steps: Sequence[int]) -> list[list[dict[s
     ]
 
 
-def _stands(parts: Sequence[dict[str, Array]], ended: int) -> UnderWay:
+def _stands(parts: Sequence[dict[str, Array]], ended: int) -> PartialEpisode:
     if not parts:
-        return UnderWay(ended, np.zeros(0, np.int64), None)
-    return UnderWay(ended, np.concatenate([part["action"] for part in parts]), parts[-1]["next_state"][-1])
+        return PartialEpisode(ended, np.zeros(0, np.int64), None)
+    return PartialEpisode(ended, np.concatenate([part["action"] for part in parts]), parts[-1]["next_state"][-1])

@@ -8,7 +8,7 @@ from ibe_rl.types import Array
 
 
 @dataclass(frozen=True)
-class UnderWay:
+class PartialEpisode:
     """Where an environment stands in the middle of an episode, as far as it can be brought there again.
 
     Attributes:

@@ -16,7 +16,7 @@ from ibe_rl.collect.collector import batches, make_collector, timed
 from ibe_rl.config.command_line import output_folder, run_name, save_config
 from ibe_rl.config.kinds import make_listeners, make_metrics
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_copy, make_game, task_of
+from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
@@ -32,7 +32,7 @@ from ibe_rl.storage.run_folder import (
 )
 from ibe_rl.training.check import check_run
 from ibe_rl.training.failure import nothing_lost, resumable
-from ibe_rl.training.instruction_reward import make_obedience
+from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import State, clear_way, must_fit, take_up
@@ -41,7 +41,7 @@ from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
 @contextmanager
@@ -55,7 +55,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
         ConfigError: naming the key, the value and what is allowed.
     """
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
-    env = make_game(cfg.env)
+    env = make_env(cfg.env)
     for note in check_run(cfg, env):
         print(note)  # noqa: T201 - talks to a person
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
@@ -150,11 +150,11 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
     """
     torch.set_num_threads(1)
     torch.manual_seed(cfg.seed)
-    env = make_game(cfg.env)
+    env = make_env(cfg.env)
     task = task_of(env)
-    vocabulary = Development(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
+    vocabulary = VocabularyTracker(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     recorder = _recorder(cfg, folder, task, owned, state)
-    snapshots = partial(make_copy, cfg.env)
+    snapshots = partial(make_snapshot_env, cfg.env)
     predictor = make_predictor(cfg.predictor, snapshots, task.rule, cfg.seed, env, lambda: vocabulary.horizons_steps)
     run = Run(
         cfg=cfg,
@@ -162,13 +162,13 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         stop=stop,
         task=task,
         agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
-        reward=make_obedience(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
+        reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         vocabulary=vocabulary,
         predictor=owned.enter_context(closing(predictor)),
         instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
         env=env,
-        evaluation_envs=[make_game(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
+        evaluation_envs=[make_env(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
         recorder=recorder,
         metrics=make_metrics(cfg),
     )

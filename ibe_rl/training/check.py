@@ -10,14 +10,14 @@ from ibe_rl.agents import check_actions, check_agent
 from ibe_rl.collect.collector import check_collect
 from ibe_rl.config.command_line import is_sweep
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_copy, task_of
+from ibe_rl.envs.make import make_snapshot_env, task_of
 from ibe_rl.instructors import check_instructor
 from ibe_rl.predict import check_predictor, is_learnt
 from ibe_rl.runtime.apps import load_app
-from ibe_rl.training.instruction_reward import check_obedience
+from ibe_rl.training.instruction_reward import check_instruction_reward
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.rule_reads import check_dimensions
-from ibe_rl.vocabulary.tracker import check_development
+from ibe_rl.vocabulary.tracker import check_refreshing
 
 
 def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
@@ -40,13 +40,13 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     check_agent(cfg.agent, task.state_names)
     check_actions(cfg.agent, env.action_space)
     check_instructor(cfg.instructor, cfg.collect, task)
-    check_development(cfg, task)
-    check_obedience(cfg)
+    check_refreshing(cfg, task)
+    check_instruction_reward(cfg)
     if cfg.report:
         load_app("report=true").check_report(cfg, task)
     check_predictor(cfg.predictor, cfg.instructor, env)
     if not is_learnt(cfg.predictor):
-        make_copy(cfg.env)  # to predict in
+        make_snapshot_env(cfg.env)  # to predict in
     notes = check_dimensions(cfg.mapping, task, env)
     if not task.judges_success:
         notes.append(

@@ -24,7 +24,7 @@ Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to what they mean ``(W, d)`` on the instructor's scale."""
 
 
-class Obedience:
+class InstructionReward:
     """Adds ``extra_reward`` to batches.
 
     Args:
@@ -102,12 +102,12 @@ def _none(like: Array, steps: int) -> Array:
     return np.zeros((len(like), steps, *like.shape[2:]), like.dtype)
 
 
-def make_obedience(
+def make_instruction_reward(
     cfg: TrainConfig,
     task: Task,
     horizons_steps: Callable[[], Sequence[int]],
     mapping_of: Callable[[int], ClusterMapping | None],
-) -> Obedience:
+) -> InstructionReward:
     """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for.
 
     Args:
@@ -130,7 +130,7 @@ def make_obedience(
             return None
         return mapping.express
 
-    return Obedience(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt)
+    return InstructionReward(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt)
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
@@ -150,7 +150,7 @@ def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
     return judge
 
 
-def check_obedience(cfg: TrainConfig) -> None:
+def check_instruction_reward(cfg: TrainConfig) -> None:
     """Refuse an extra reward that nothing could be judged for.
 
     Raises:

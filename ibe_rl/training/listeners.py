@@ -8,13 +8,13 @@ from typing import Any
 
 from torchrl import timeit
 
-from ibe_rl.collect.schedule import Every, Rarer
+from ibe_rl.collect.schedule import GeometricSchedule, Schedule
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, MetricsTable, write_json
 from ibe_rl.vocabulary.listener import Listener, Refreshed
-from ibe_rl.vocabulary.tracker import FIGURES
+from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS
 
-LATER_COLUMNS = ("eval/return_mean", "eval/success_rate", *FIGURES, "ibe/skipped")
+LATER_COLUMNS = ("eval/return_mean", "eval/success_rate", *REFRESH_COLUMNS, "ibe/skipped")
 """Columns of metrics.csv that only some rows fill."""
 
 
@@ -116,7 +116,7 @@ class Checkpoints(Listener):
     def begin(self, run: Any) -> None:
         """Keep the state of the beginning: from here on the run can be resumed, whenever it is killed."""
         self._run, frames = run, run.log.frames
-        self._state_due, self._policy_due = Every(self._often[0], frames), Rarer(self._often[1], frames)
+        self._state_due, self._policy_due = Schedule(self._often[0], frames), GeometricSchedule(self._often[1], frames)
         if not run.resumed:
             save_state(self._folder, run.state_dict())
 

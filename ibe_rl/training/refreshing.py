@@ -18,7 +18,7 @@ from ibe_rl.predict import asks_policy, is_learnt
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.training.run import Run
 from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.listener import Refreshed
@@ -87,8 +87,8 @@ def skip(run: Run, error: Exception) -> dict[str, float]:
     return {"ibe/skipped": run.counts.skipped}
 
 
-def told(
-    run: Run, refresh: Refresh, rollout: Watched, said: Sequence[Explanation], voice: ExplainerState
+def judge_and_tell(
+    run: Run, refresh: Refresh, rollout: RecordedRollout, said: Sequence[Explanation], voice: ExplainerState
 ) -> dict[str, float]:
     """Judge what was said of an episode and tell the listeners; returns columns of metrics.csv."""
     with timeit("explain"):

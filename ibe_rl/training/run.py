@@ -15,19 +15,19 @@ from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
 from ibe_rl.agents import Agent
-from ibe_rl.collect.schedule import Every, refresh_interval
+from ibe_rl.collect.schedule import Schedule, refresh_interval
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.predict import KeptPredictor
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.checkpoint import as_arrays, as_tensors
 from ibe_rl.storage.log import TrajectoryLog, UnreadableLogError
-from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
-from ibe_rl.training.instruction_reward import Obedience
+from ibe_rl.training.instruction_reward import InstructionReward
 from ibe_rl.training.resume import PARTS, State, must_fit
 from ibe_rl.types import ConfigError, Instructor
 from ibe_rl.vocabulary.listener import Listener
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
 
@@ -83,9 +83,9 @@ class Run:
     stop: StopRequest
     task: Task
     agent: Agent
-    reward: Obedience
+    reward: InstructionReward
     log: TrajectoryLog
-    vocabulary: Development
+    vocabulary: VocabularyTracker
     predictor: KeptPredictor
     instructor: Instructor
     env: gymnasium.Env[Any, Any]
@@ -97,7 +97,7 @@ class Run:
     batches: Iterator[TensorDictBase] = field(default_factory=lambda: iter(()))
     random: GlobalRNGState = field(default_factory=GlobalRNGState)
     counts: Counts = field(default_factory=Counts)
-    partial_episodes: list[UnderWay] = field(default_factory=list)
+    partial_episodes: list[PartialEpisode] = field(default_factory=list)
     started_s: float = field(default_factory=time.perf_counter)
     resumed: bool = False
     last: bool = False
@@ -108,8 +108,8 @@ class Run:
     def schedule(self) -> None:
         """Let the schedules begin at the frames logged so far."""
         now = self.log.frames
-        self.refresh_due = Every(refresh_interval(self.cfg), now)
-        self.evaluation_due = Every(self.cfg.eval_every_frames, now)
+        self.refresh_due = Schedule(refresh_interval(self.cfg), now)
+        self.evaluation_due = Schedule(self.cfg.eval_every_frames, now)
 
     @property
     def wall_s(self) -> float:
@@ -159,7 +159,7 @@ class Run:
             self.reward.load_state_dict(as_arrays(state["obedience"]))
             self.predictor.load_state_dict(as_arrays(state["predictor"]))
             self.counts = Counts(**state["counts"])
-            self.partial_episodes = self.log.under_way()
+            self.partial_episodes = self.log.partial_episodes()
         self.resumed = True
         self.schedule()
 

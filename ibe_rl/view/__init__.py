@@ -1,9 +1,9 @@
 """The live view: a run as a rerun recording, and its server.
 
 In: what the environment declares (``Task``), refreshes, recorded episodes with their explanations, rows of metrics.
-Out: a recording file that grows (``recorder``), the process that serves it in the browser (``relay``), the viewer of
-finished runs (``viewer``), the curves of several runs in the same plots (``overlay``), sentences for people
-(``sentences``), and the colours that every figure shares (``palette``).
+Out: a recording file that grows (``recorder``), and the process that serves it in the browser (``relay``).
+``viewer`` opens finished runs, ``overlay`` lays the curves of several over each other. ``sentences`` and ``wording``
+are for people, ``palette`` has the colours that every figure shares.
 Imports: ``types``, ``task``, ``runtime``, ``storage``, ``ibe``, ``metrics`` and, of ``vocabulary``, what a refresh is.
 It knows nothing of training: nothing here opens a connection to the trainer, and what fails here ends no training.
 

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from ibe_rl.ibe.vocabulary import phrase
-from ibe_rl.task import Task, Watched
+from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, Explanation
 from ibe_rl.view import blueprint as view
 from ibe_rl.view import palette as colours
@@ -44,7 +44,7 @@ class _Take:
     """One episode of ``T`` steps on its way into the recording; see ``Film.send``."""
 
     place: Place
-    watched: Watched
+    watched: RecordedRollout
     said: Sequence[Explanation]
     real: Sequence[str]
     instructed: Sequence[str]
@@ -69,7 +69,7 @@ class Film:
     def send(
         self,
         place: Place,
-        watched: Watched,
+        watched: RecordedRollout,
         said: Sequence[Explanation],
         real: Sequence[str],
         head: str,

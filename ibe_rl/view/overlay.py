@@ -66,7 +66,7 @@ class GrowingTable:
         return list(reader)
 
 
-def _new_curves(table: GrowingTable, path: Path) -> dict[str, Curve]:
+def new_curves(table: GrowingTable, path: Path) -> dict[str, Curve]:
     """The curves of ``PLOT_COLUMNS`` in the rows completed since the last call.
 
     Raises:
@@ -112,7 +112,7 @@ class Overlay:
         Raises:
             ConfigError: if a file is not what train.py writes.
         """
-        new = {name: _new_curves(*table) for name, table in self._tables.items()}
+        new = {name: new_curves(*table) for name, table in self._tables.items()}
         columns = {column for curves in new.values() for column, curve in curves.items() if curve}
         if columns - self._columns:  # a run that has just begun has none yet
             self._columns |= columns

@@ -25,7 +25,7 @@ RUN_COLOURS = (
     *((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167)),
     *((240, 228, 66), (213, 94, 0), (0, 114, 178), (240, 240, 240)),
 )
-"""Of runs and conditions beside each other: Okabe and Ito's, for the colour-blind too; white for their black."""
+"""Of runs and conditions beside each other: Okabe and Ito's, safe for the colour-blind, white in place of black."""
 
 
 def of_expressions(values: Array) -> Array:

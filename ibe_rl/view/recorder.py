@@ -3,10 +3,9 @@
 A viewer that hangs can block whoever sends to it, so nothing here opens a connection; ``ibe_rl.view.relay`` serves
 the growing file from a process of its own. ``ibe_rl.view.run_recorder`` keeps what goes wrong here from the training.
 
-Two timelines: ``frames``, training frames, step j of an episode watched at frame F lying at F + j; and
-``watched_step``, which counts the steps of all watched episodes one after the other, so that playing it is a
-film of them, each with the vocabulary of its time. While an episode plays, the curves grow by the frames that
-were trained from it to the next one.
+There are two timelines. ``frames`` counts training frames; step j of an episode recorded at frame F lies at F + j.
+``watched_step`` counts the steps of all recorded episodes one after the other. Playing it is a film of them, each with
+the vocabulary of its time. While an episode plays, the curves grow by the frames trained until the next one.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
-from ibe_rl.task import Task, Watched
+from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Explanation
 from ibe_rl.view import blueprint as view
 from ibe_rl.view import chart, sentences
@@ -174,7 +173,7 @@ class Recorder:
         self._at(frames).set(self._recording)
         self._log_line(line, colours.PINK)
 
-    def watched(self, frames: int, watched: Watched, said: Sequence[Explanation], real: Sequence[str]) -> None:
+    def watched(self, frames: int, watched: RecordedRollout, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.
 
         Args:

@@ -14,7 +14,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -230,14 +230,14 @@ def follow(recording: Path, server: ViewerServer, stop: _Stop) -> None:
                 time.sleep(MOMENT_S)
 
 
-def _main() -> int:
+def _main(arguments: Sequence[str] | None = None) -> int:
     """Be the process that a ``Relay`` started."""
     what = "Started by the trainer; to open a run: python -m ibe_rl.viewer RUN"
     parser = argparse.ArgumentParser(prog="python -m ibe_rl.view.relay", description=what)
     parser.add_argument("recording", type=Path)
     for number in ("--grpc-port", "--web-port", "--parent"):
         parser.add_argument(number, type=int, required=True)
-    asked = parser.parse_args()
+    asked = parser.parse_args(arguments)
     return relay(asked.recording, Ports(asked.grpc_port, asked.web_port), _Stop(asked.parent))
 
 

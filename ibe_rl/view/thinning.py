@@ -12,8 +12,8 @@ STEP_BYTES, REFRESH_BYTES = 800.0, 50_000.0
 MARGIN = 1.25
 """How much larger the next one may be."""
 GROWTH = 4
-"""Each time half of the room that was left is used, one of ``GROWTH`` times as many is kept. With 2 each half
-would last equally long, and the room a few times as long as its first half; with 4 each lasts twice as long."""
+"""Whenever half of the remaining room is used, only one of ``GROWTH`` times as many is kept. With 2 each half would
+last equally long; with 4 each lasts twice as long as the one before."""
 LATER = 2
 """Vocabularies are small: they begin to be thinned out so many halves later."""
 

@@ -23,7 +23,14 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 from ibe_rl.vocabulary.refresh import Refresh, Spans
-from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_lessons, said_in, steps_of, told_windows
+from ibe_rl.vocabulary.training_episodes import (
+    TrainingEpisodes,
+    best_windows,
+    horizon_of,
+    read_training_episodes,
+    said_in,
+    told_windows,
+)
 
 
 def fit_mapping(
@@ -51,7 +58,7 @@ def fit_mapping(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    windows = best_windows(best, config, horizon_steps or steps_of(config))
+    windows = best_windows(best, config, horizon_steps or horizon_of(config))
     return fit_windows(windows, heard, config, task, seed, last, interpretation)
 
 
@@ -149,7 +156,8 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     try:
         estimator = _estimator(config, task, 0, None)
         if isinstance(estimator, IBEMapping):
-            check_settings(estimator.set_params(memory=0.0, last=refreshed or None))
+            vars(estimator).update(memory=0.0, last=refreshed or None)  # a subclass need not take these
+            check_settings(estimator)
     except ValueError as error:
         reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
         raise ConfigError(f"mapping.{reason}") from None
@@ -192,7 +200,7 @@ def learn_vocabulary(
     Raises:
         TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
     """
-    lessons, last, steps = read_lessons(log, config, seed), last or {}, steps_of(config)
+    lessons, last, steps = read_training_episodes(log, config, seed), last or {}, horizon_of(config)
     top = best_windows(lessons.best, config, steps)
     meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
     mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
@@ -215,7 +223,7 @@ def learn_vocabulary(
 
 
 def _learn_spans(
-    lessons: Lessons, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
+    lessons: TrainingEpisodes, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
 ) -> dict[int, ClusterMapping]:
     """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
     found = {}

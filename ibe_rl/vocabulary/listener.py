@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.refresh import Refresh
 
@@ -30,7 +30,7 @@ class Refreshed:
     frames: int
     number: int
     refresh: Refresh
-    rollout: Watched
+    rollout: RecordedRollout
     said: Sequence[Explanation]
     real: Sequence[str]
     voice: ExplainerState

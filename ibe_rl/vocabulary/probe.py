@@ -12,7 +12,7 @@ from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.types import Array, observe
-from ibe_rl.vocabulary.training_episodes import steps_of
+from ibe_rl.vocabulary.training_episodes import horizon_of
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 
@@ -37,7 +37,7 @@ class Probe:
 def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
     """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
     random = np.random.default_rng(seed)
-    steps = steps_of(config)
+    steps = horizon_of(config)
     shortest = steps if config.window_end == "drop" else 1  # that a window fits into
     long_enough = np.flatnonzero(log.index["steps"] >= shortest)
     episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])

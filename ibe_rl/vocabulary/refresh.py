@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping as Dict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,9 +19,9 @@ from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
-from ibe_rl.vocabulary.training_episodes import steps_of
+from ibe_rl.vocabulary.training_episodes import horizon_of
 
-Spans = Dict[int, ClusterMapping]
+Spans = Mapping[int, ClusterMapping]
 """Vocabularies by their horizon in steps."""
 
 
@@ -45,7 +44,7 @@ class Change:
     transition: ClusterTransition
     drift: VocabularyDrift
     policy_drift: float
-    last_scores: Dict[str, float]
+    last_scores: Mapping[str, float]
     staleness: float
 
 
@@ -81,14 +80,14 @@ class Refresh:
     episodes_logged: int
     episodes_counted: int
     episodes_used: int
-    episodes_by_context: Dict[str, int]
-    windows_by_context: Dict[str, int]
-    windows_by_instruction: Dict[str, int]
+    episodes_by_context: Mapping[str, int]
+    windows_by_context: Mapping[str, int]
+    windows_by_instruction: Mapping[str, int]
     change: Change | None = None
-    scores: Dict[str, float] = field(default_factory=dict)
+    scores: Mapping[str, float] = field(default_factory=dict)
     taken: bool = True
     reactions: Reactions | None = None
-    scores_of_numbers: Sequence[Dict[str, float]] = ()
+    scores_of_numbers: Sequence[Mapping[str, float]] = ()
     horizon_found: bool = False
 
     @property
@@ -125,7 +124,7 @@ def save_refresh(
         path,
         {
             "frame": refresh.frame,
-            "horizon_steps": steps_of(config),
+            "horizon_steps": horizon_of(config),
             "episodes": episodes | {"by_context": refresh.episodes_by_context},
             "windows": windows | {"by_instruction": refresh.windows_by_instruction},
             "clusters": clusters,
@@ -153,7 +152,7 @@ def _change(change: Change) -> dict[str, Any]:
     }
 
 
-def _without_nan(values: Dict[str, float]) -> dict[str, float | None]:
+def _without_nan(values: Mapping[str, float]) -> dict[str, float | None]:
     """JSON has no word for what cannot be told; null is the nearest."""
     return {name: None if math.isnan(value) else value for name, value in values.items()}
 
@@ -178,7 +177,7 @@ class Saved:
     spans: Spans
     calibration: Calibration | None
     reactions: Reactions | None = None
-    scores_of_numbers: Sequence[Dict[str, float]] = ()
+    scores_of_numbers: Sequence[Mapping[str, float]] = ()
 
 
 def load_refresh(path: Path) -> Saved:

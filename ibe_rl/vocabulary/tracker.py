@@ -27,24 +27,24 @@ from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
-from ibe_rl.vocabulary.training_episodes import find_steps, settled, steps_of
+from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
 
 JUDGED_EPISODES = 200
 """The newest ones, that the confidence is calibrated on."""
 OTHER_HORIZON = 1.5
 """By this factor a horizon found in the log has to differ from the one before."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
-FIGURES = (
+REFRESH_COLUMNS = (
     *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
     *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
     *(f"ibe/{name}" for name in SCORES),
     *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
 )
-"""What ``figures`` and ``Development.judge`` can tell of a refresh; columns of metrics.csv."""
+"""What ``figures`` and ``VocabularyTracker.judge`` can tell of a refresh; columns of metrics.csv."""
 
 
-class Development:
+class VocabularyTracker:
     """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
 
     Args:
@@ -88,7 +88,7 @@ class Development:
             self._config = settled(self._asked_for, found)
             self.mapping = self.probe = self._actions = self.calibration = None
             self.spans, self._judged = {}, deque(maxlen=JUDGED_EPISODES)
-        return steps_of(self._config)
+        return horizon_of(self._config)
 
     def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
         """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
@@ -104,7 +104,7 @@ class Development:
         if self._config.horizon_steps is None:
             self.settle(log)
         found = self._asked_for.horizon_steps is None and self.mapping is None
-        last = {} if self.mapping is None else {steps_of(self._config): self.mapping, **self.spans}
+        last = {} if self.mapping is None else {horizon_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions)
         learnt = replace(learnt, horizon_found=found)
         newest = self._newest(log)
@@ -190,7 +190,7 @@ class Development:
     def voice(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
         """What the agent speaks with as it is now, after the first refresh."""
         assert self.mapping is not None
-        steps, words = steps_of(self._config), self._task.phrases
+        steps, words = horizon_of(self._config), self._task.phrases
         return ExplainerState(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
 
     def judge(
@@ -252,11 +252,11 @@ class Development:
         """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
         count = len(log.index)
         episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
-        windows = cut_windows(episodes, steps_of(self._config), "clamp")
+        windows = cut_windows(episodes, horizon_of(self._config), "clamp")
         return windows[np.asarray(windows.given) & (windows.step % SCORED_EVERY_STEPS == 0)]
 
 
-def check_development(config: TrainConfig, task: Task) -> None:
+def check_refreshing(config: TrainConfig, task: Task) -> None:
     """Refuse settings of the refreshes that cannot work, or that nothing would read.
 
     Raises:

@@ -23,7 +23,7 @@ FLOWN, HEARD_AXIS_STATES = 100, 2_000
 
 
 @dataclass(frozen=True)
-class Lessons:
+class TrainingEpisodes:
     """Episodes of a log.
 
     Attributes:
@@ -41,7 +41,7 @@ class Lessons:
     others: Sequence[Episode]
 
 
-def read_lessons(log: TrajectoryLog, config: MappingConfig, seed: int) -> Lessons:
+def read_training_episodes(log: TrajectoryLog, config: MappingConfig, seed: int) -> TrainingEpisodes:
     """Choose episodes of the log and read them.
 
     Raises:
@@ -53,7 +53,7 @@ def read_lessons(log: TrajectoryLog, config: MappingConfig, seed: int) -> Lesson
     best = log.read(counted[is_best])
     share = len(best) / max(1, np.sum(~is_best))
     some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
-    return Lessons(len(log.index), len(counted), best, [*others, *(best[row] for row in some)], others)
+    return TrainingEpisodes(len(log.index), len(counted), best, [*others, *(best[row] for row in some)], others)
 
 
 def _ranked(log: TrajectoryLog, config: MappingConfig) -> tuple[Array, Array]:
@@ -73,7 +73,7 @@ def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
     return counted
 
 
-def steps_of(config: MappingConfig) -> int:
+def horizon_of(config: MappingConfig) -> int:
     """The n of a mapping that has one, set or found.
 
     Raises:

@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from ibe_rl.agents import Agent, make_agent
-from ibe_rl.agents.actions import DRAWN, Choice, Normal, Spread, make_actions
+from ibe_rl.agents.actions import RAW_ACTION, Choice, Normal, Spread, make_actions
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.types import ConfigError
@@ -60,8 +60,8 @@ def test_the_mode_is_the_mean_in_the_environments_units_and_bounds():
 def test_draws_are_put_on_the_bounds_and_learnt_from_as_they_were_drawn():
     actions, outputs = normal(), torch.tensor([[0.9, 0.0, 0.0, -1.0]]).repeat(20_000, 1)
     drawn = actions.draw(outputs)
-    assert set(drawn) == {"action", "action_log_prob", DRAWN}
-    action, free = drawn["action"].numpy(), drawn[DRAWN]
+    assert set(drawn) == {"action", "action_log_prob", RAW_ACTION}
+    action, free = drawn["action"].numpy(), drawn[RAW_ACTION]
     assert all(BOX.contains(one) for one in action[:100])
     assert (action.min(axis=0) >= BOX.low).all()
     assert (action.max(axis=0) <= BOX.high).all()

@@ -12,7 +12,7 @@ from torchrl.objectives import ClipPPOLoss
 
 from ibe_rl.agents.actions import Actions, Choice, Normal
 from ibe_rl.agents.networks import make_network
-from ibe_rl.agents.ppo import Steps, clipped_losses
+from ibe_rl.agents.ppo import PPOSteps, clipped_losses
 
 COUNT, CLIP = 200, 0.2
 
@@ -52,7 +52,7 @@ def test_losses_and_gradients_are_torchrls(actions: Actions, policy: Any):
     with torch.no_grad():
         drawn = actions.draw(actor(seen))
     noted = drawn["action_log_prob"] + 0.3 * torch.randn(COUNT)
-    steps = Steps(seen, drawn[actions.learnt_from], noted, 2 * torch.randn(COUNT) + 1, torch.randn(COUNT))
+    steps = PPOSteps(seen, drawn[actions.learnt_from], noted, 2 * torch.randn(COUNT) + 1, torch.randn(COUNT))
     ours = clipped_losses(*actions.judge(actor(seen), steps.drawn), critic(seen).squeeze(-1), steps, CLIP)
 
     theirs = ClipPPOLoss(

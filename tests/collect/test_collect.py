@@ -25,7 +25,7 @@ from ibe_rl.collect.collector import (
     steps_of,
 )
 from ibe_rl.collect.rollout import EVALUATION_SEED
-from ibe_rl.collect.schedule import DENSE, Every, Rarer, refresh_interval
+from ibe_rl.collect.schedule import DENSE, GeometricSchedule, Schedule, refresh_interval
 from ibe_rl.config.settings import MAX_SEED, CollectConfig, EnvConfig, InstructorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -281,16 +281,16 @@ def test_runs_of_different_seeds_share_no_environment(monkeypatch: pytest.Monkey
 
 
 def test_every_is_true_once_at_each_multiple():
-    due = Every(100)
+    due = Schedule(100)
     assert [due(frames) for frames in (50, 99, 100, 150, 199, 350, 399, 400, 1000, 1001)] == [
         False, False, True, False, False, True, False, True, True, False,
     ]  # fmt: skip
 
 
 def test_every_is_true_at_the_end_unless_it_never_is():
-    assert [Every(100)(150, last) for last in (False, True)] == [True, True]
-    assert [Every(100)(50, last) for last in (False, True)] == [False, True]
-    assert [Every(None)(150, last) for last in (False, True)] == [False, False]
+    assert [Schedule(100)(150, last) for last in (False, True)] == [True, True]
+    assert [Schedule(100)(50, last) for last in (False, True)] == [False, True]
+    assert [Schedule(None)(150, last) for last in (False, True)] == [False, False]
 
 
 def test_a_run_has_eight_refreshes_unless_it_is_long_or_they_are_asked_for():
@@ -304,7 +304,7 @@ def test_a_run_has_eight_refreshes_unless_it_is_long_or_they_are_asked_for():
 
 
 def kept(every: int, until: int, batch: int, now: int = 0) -> list[int]:
-    due = Rarer(every, now)
+    due = GeometricSchedule(every, now)
     return [frames for frames in range(now + batch, until + 1, batch) if due(frames)]
 
 
@@ -326,4 +326,4 @@ def test_a_clock_that_is_taken_up_rings_as_if_it_had_never_stood_still():
 
 
 def test_a_rare_clock_that_never_rings():
-    assert not Rarer(None)(10**9)
+    assert not GeometricSchedule(None)(10**9)

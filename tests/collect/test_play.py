@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from ibe_rl.collect.rollout import moments_apart, play, play_moments, watch
+from ibe_rl.collect.rollout import moments_apart, play, play_moments, record_rollout
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -116,7 +116,7 @@ def test_the_policy_reads_what_the_instructor_said():
 
 @pytest.mark.parametrize("context", [None, "left", "right"])
 def test_watching_an_episode_is_flying_it(context: str | None):
-    watched = watch(make(1)[0], swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 7, context)
+    watched = record_rollout(make(1)[0], swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 7, context)
     if context is None:
         assert_same(watched.episode, fly([7], 1)[0])
     else:
@@ -125,7 +125,7 @@ def test_watching_an_episode_is_flying_it(context: str | None):
 
 def test_a_watched_episode_has_a_moment_for_each_step_and_a_drawing_for_each_state():
     env = make(1)[0]
-    watched = watch(env, swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 7, "left")
+    watched = record_rollout(env, swing, make_instructor(InstructorConfig("oracle"), LANDER_TASK), 7, "left")
     episode, steps = watched.episode, len(watched.episode)
     assert len(watched.moments) == steps
     assert len(watched.figures) == steps + 1
@@ -166,7 +166,7 @@ class Counter(gymnasium.Env[Array, int]):
 
 def test_what_cannot_be_drawn_can_be_watched():
     instructor, env = make_instructor(InstructorConfig("oracle"), Counter.task), Counter()
-    watched = watch(env, lambda observations: np.zeros(len(observations), int), instructor, 4)
+    watched = record_rollout(env, lambda observations: np.zeros(len(observations), int), instructor, 4)
     assert (watched.background, list(watched.figures)) == ([], [[]] * 4)
     assert [moment.snapshot for moment in watched.moments] == [0, 1, 2]
     assert watched.episode.success

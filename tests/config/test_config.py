@@ -37,7 +37,7 @@ from ibe_rl.envs.lander_task import LANDER_TASK
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.fitting import check_mapping
-from ibe_rl.vocabulary.tracker import check_development
+from ibe_rl.vocabulary.tracker import check_refreshing
 
 ROOT = Path(__file__).parents[2]
 CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
@@ -116,7 +116,7 @@ def test_every_sweep_varies_what_it_is_called_after_and_each_of_its_runs_can_wor
         if "seed=0" not in run:  # the others differ in nothing else
             continue
         cfg = composed("train", f"sweep={name}", *run)
-        check_development(cfg, LANDER_TASK)
+        check_refreshing(cfg, LANDER_TASK)
         assert replace(cfg, run_dir="") == replace(composed("train", *run), run_dir="")  # nothing else is changed
 
 

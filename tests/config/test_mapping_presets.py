@@ -15,8 +15,10 @@ from omegaconf import OmegaConf
 from ibe_rl.config.kinds import register
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.types import Array, Episode, Mapping
+from ibe_rl.types import Array, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import fit_mapping
+
+pytestmark = pytest.mark.slow
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PRESETS = sorted(path.stem for path in (CONFIGS / "mapping").glob("*.yaml"))
@@ -66,7 +68,7 @@ def test_there_are_presets():
 
 @EVERY_PRESET
 def test_it_keeps_to_the_protocol(preset: str):
-    mapping: Mapping = learn(preset)
+    mapping: ExpressionMapping = learn(preset)
     delta, k = changes(), settings(preset).n_clusters
     assert mapping.ids.tolist() == list(range(k))
     clusters, said, sure = mapping.cluster(delta), mapping.express(delta), mapping.confidence(delta)

@@ -10,7 +10,13 @@ from gymnasium.utils.env_checker import check_env
 
 from ibe_rl.envs import CART_POLE_ID, CART_POLE_TASK
 from ibe_rl.envs.cart_pole import MOVES_FROM, MOVES_UNTIL
-from ibe_rl.envs.cart_pole_task import MAX_EPISODE_STEPS, TARGET_X, goal_offset, instruct, motion
+from ibe_rl.envs.cart_pole_task import (
+    CART_POLE_EPISODE_STEPS,
+    TARGET_X,
+    cart_pole_goal_offset,
+    cart_pole_instruction,
+    cart_pole_motion,
+)
 from ibe_rl.types import Array
 
 
@@ -73,7 +79,7 @@ def test_the_target_moves_once_between_its_steps_to_any_other_place(episodes: An
 
 def test_a_target_that_does_not_move_stays():
     states, _, _ = play(make(moving=False), seed=1)
-    assert len(states) == MAX_EPISODE_STEPS + 1
+    assert len(states) == CART_POLE_EPISODE_STEPS + 1
     assert np.ptp(states[:, 4]) == 0
 
 
@@ -89,7 +95,7 @@ def test_success_is_to_stand_at_the_target_at_the_end(episodes: Any):
     for states, steps, _ in episodes:
         assert not any(info["there"] for *_, info in steps[:-1])
         _, terminated, truncated, info = steps[-1]
-        there = len(steps) == MAX_EPISODE_STEPS and abs(states[-1, 4] - states[-1, 0]) <= 0.2
+        there = len(steps) == CART_POLE_EPISODE_STEPS and abs(states[-1, 4] - states[-1, 0]) <= 0.2
         assert info["there"] == (there and not terminated)
         outcomes[info["there"], truncated] += 1
     assert min(outcomes[True, True], outcomes[False, True]) > 5
@@ -98,7 +104,7 @@ def test_success_is_to_stand_at_the_target_at_the_end(episodes: Any):
 def test_an_end_elsewhere_or_a_fall_is_no_success():
     env = make(moving=False, target="right")
     state, _ = env.reset(seed=0)
-    for _ in range(MAX_EPISODE_STEPS):
+    for _ in range(CART_POLE_EPISODE_STEPS):
         state, _, _, truncated, info = env.step(pilot(np.append(state[:4], 0)))  # it stays in the middle
     assert truncated
     assert not info["there"]
@@ -131,15 +137,15 @@ def test_a_fixed_target_shifts_no_later_draw():
 
 def test_what_the_task_says_of_states():
     states = np.array([[1.0, 2, 0, 0, 0], [-0.2, 0, 0, 0, 0], [0.1, -3, 0, 0, 1.2]], np.float32)
-    assert instruct(states)[:, 0].tolist() == [-1, 0, 1]
-    np.testing.assert_allclose(goal_offset(states)[:, 0], [-1, 0.2, 1.1], atol=1e-6)
-    np.testing.assert_allclose(motion(states)[:, 0], [0.04, 0, -0.06], atol=1e-6)
+    assert cart_pole_instruction(states)[:, 0].tolist() == [-1, 0, 1]
+    np.testing.assert_allclose(cart_pole_goal_offset(states)[:, 0], [-1, 0.2, 1.1], atol=1e-6)
+    np.testing.assert_allclose(cart_pole_motion(states)[:, 0], [0.04, 0, -0.06], atol=1e-6)
     assert [CART_POLE_TASK.context(state) for state in states] == ["center", "center", "right"]
 
 
 def test_motion_is_the_change_of_x_in_one_step(episodes: Any):
     states = episodes[0][0]
-    np.testing.assert_allclose(motion(states)[:-1, 0], np.diff(states[:, 0]), atol=1e-6)
+    np.testing.assert_allclose(cart_pole_motion(states)[:-1, 0], np.diff(states[:, 0]), atol=1e-6)
 
 
 def test_a_restored_game_repeats_the_original_to_the_last_bit(episodes: Any):

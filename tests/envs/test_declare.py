@@ -11,7 +11,7 @@ from rules import WORDS, declared
 
 from ibe_rl.config.settings import EnvConfig, PhrasesConfig
 from ibe_rl.envs.declare import declare, load_function
-from ibe_rl.envs.make import drawn, join, make_game, make_gym, task_of
+from ibe_rl.envs.make import drawn, make_env, make_gym, make_vector_env, task_of
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.ibe import phrase
 from ibe_rl.instructors.oracle import Oracle
@@ -97,8 +97,8 @@ def test_states_of_64_bits_are_handed_on_as_32():
 
 def test_many_of_them_step_together():
     settings = EnvConfig("CartPole-v1", {}, declared(success="rules:stood"))
-    games = [make_game(settings) for _ in range(3)]
-    batch = join(games, Oracle(task_of(games[0]).rule), seed=0).rollout(30, break_when_any_done=False)
+    games = [make_env(settings) for _ in range(3)]
+    batch = make_vector_env(games, Oracle(task_of(games[0]).rule), seed=0).rollout(30, break_when_any_done=False)
     assert batch["observation"].shape == (3, 30, 6)
     assert batch["next", "done"].any()
 

@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.lander_task import first_contact, goal_offset, motion
+from ibe_rl.envs.lander_task import first_contact, lander_goal_offset, lander_motion
 from ibe_rl.types import Array
 
 
@@ -24,13 +24,13 @@ def fall(seed: int, pad: str) -> Array:
 def test_motion_is_the_change_of_x_in_one_step():
     states = fall(3, "left")
     aloft = slice(0, first_contact(states) - 5)
-    np.testing.assert_allclose(motion(states[aloft])[:, 0], np.diff(states[:, 0])[aloft], atol=2e-4)
-    assert np.abs(motion(states[aloft])).max() > 1e-3
+    np.testing.assert_allclose(lander_motion(states[aloft])[:, 0], np.diff(states[:, 0])[aloft], atol=2e-4)
+    assert np.abs(lander_motion(states[aloft])).max() > 1e-3
 
 
 def test_the_goal_is_where_it_is():
     states = fall(0, "right")
-    np.testing.assert_allclose(states[:, :1] + goal_offset(states), 0.6, atol=1e-6)
+    np.testing.assert_allclose(states[:, :1] + lander_goal_offset(states), 0.6, atol=1e-6)
 
 
 def test_the_first_contact_is_that_of_a_leg():

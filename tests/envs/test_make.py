@@ -13,16 +13,16 @@ from torchrl.envs.utils import check_env_specs, step_mdp
 
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed, join, make_gym, task_of
+from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed, make_gym, make_vector_env, task_of
 from ibe_rl.instructors import make_instructor
-from ibe_rl.storage.partial_episode import UnderWay
+from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.types import Array, ConfigError, observe
 
 ROWS, STEPS, SEED = 3, 500, 110
 
 
 def make(kind: str = "oracle", rows: int = ROWS, **kwargs: Any) -> Any:
-    return join(
+    return make_vector_env(
         [make_gym(LANDER_ID, kwargs) for _ in range(rows)], make_instructor(InstructorConfig(kind), LANDER_TASK), SEED
     )
 
@@ -133,7 +133,7 @@ class Noting:
 
 def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
     instructor = Noting()
-    env = join([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
+    env = make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     instructor.resets.clear()
     torch.manual_seed(0)
     data = env.rollout(200, break_when_any_done=False)
@@ -147,7 +147,7 @@ def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
 def test_each_row_is_asked_once_for_each_of_its_steps():
     """Neither again because another row begins anew, nor where the game is over."""
     instructor = Noting()
-    env = join([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
+    env = make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     torch.manual_seed(0)
     data = env.rollout(200, break_when_any_done=False)
     over = int(data["next", "terminated"][:, -1].sum())
@@ -188,20 +188,20 @@ STOP = 130
 """Steps of ``flown`` after which it is taken up again."""
 
 
-def standing(flown: TensorDictBase) -> list[UnderWay]:
+def standing(flown: TensorDictBase) -> list[PartialEpisode]:
     """Where the rows stood after ``STOP`` steps."""
     found = []
     for row in range(ROWS):
         ends = flown["next", "done"][row, :STOP, 0].nonzero().flatten().tolist()
         begin = ends[-1] + 1 if ends else 0
         state = flown["next", "state"][row, STOP - 1].numpy() if begin < STOP else None
-        found.append(UnderWay(len(ends), flown["action"][row, begin:STOP].numpy(), state))
+        found.append(PartialEpisode(len(ends), flown["action"][row, begin:STOP].numpy(), state))
     return found
 
 
-def take_up(rows: list[UnderWay], instructor: Any = None) -> Any:
+def take_up(rows: list[PartialEpisode], instructor: Any = None) -> Any:
     instructor = instructor or make_instructor(InstructorConfig(), LANDER_TASK)
-    return join([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED, rows)
+    return make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED, rows)
 
 
 def test_episodes_under_way_go_on_to_the_last_bit(flown: TensorDictBase):
@@ -229,17 +229,19 @@ def test_episodes_under_way_with_continuous_actions_go_on_to_the_last_bit():
     rows = []
     for row in whole[:, :STOP]:
         ends = [-1, *row["next", "done"][:, 0].nonzero().flatten().tolist()]
-        rows.append(UnderWay(len(ends) - 1, row["action"][ends[-1] + 1 :].numpy(), row["next", "state"][-1].numpy()))
+        rows.append(
+            PartialEpisode(len(ends) - 1, row["action"][ends[-1] + 1 :].numpy(), row["next", "state"][-1].numpy())
+        )
     assert all(len(one.actions) for one in rows)
     games = [make_gym(LANDER_ID, {"continuous": True}) for _ in rows]
-    again = join(games, make_instructor(InstructorConfig(), LANDER_TASK), SEED, rows)
+    again = make_vector_env(games, make_instructor(InstructorConfig(), LANDER_TASK), SEED, rows)
     data = again.rollout(160 - STOP, acting(drawn[:, STOP:]), break_when_any_done=False)
     for name in ("state", "instruction", ("next", "reward"), ("next", "done"), ("next", "state")):
         assert torch.equal(data[name], whole[name][:, STOP:]), name
 
 
 def test_a_row_between_two_episodes_begins_its_next_one(flown: TensorDictBase):
-    rows = [UnderWay(7, np.zeros(0, np.int64), None), *standing(flown)[1:]]
+    rows = [PartialEpisode(7, np.zeros(0, np.int64), None), *standing(flown)[1:]]
     state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 7))[0]
     states = take_up(rows).reset()["state"]
     np.testing.assert_array_equal(states[0], state)
@@ -249,7 +251,7 @@ def test_a_row_between_two_episodes_begins_its_next_one(flown: TensorDictBase):
 @pytest.mark.parametrize("actions", [[0, 1, 2], [0] * 600])
 def test_an_episode_that_comes_out_otherwise_is_left_and_the_next_one_begun(flown: TensorDictBase, actions: list[int]):
     """Another machine or library may calculate otherwise: then the state is another one, or the game is over."""
-    rows = [UnderWay(2, np.array(actions), np.ones(9, np.float32)), *standing(flown)[1:]]
+    rows = [PartialEpisode(2, np.array(actions), np.ones(9, np.float32)), *standing(flown)[1:]]
     instructor = Noting()
     state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 3))[0]
     np.testing.assert_array_equal(take_up(rows, instructor).reset()["state"][0], state)

@@ -9,7 +9,7 @@ from rules import declared
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.make import make_copy
+from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.envs.snapshots import Copied, MuJoCo, repeats, stoppable
 from ibe_rl.types import ConfigError
 
@@ -112,4 +112,4 @@ def test_what_a_copy_does_not_repeat_is_not_stopped():
 
 def test_a_simulator_in_what_cannot_be_stopped_is_refused():
     with pytest.raises(ConfigError, match=r"predictor=simulator with env\.id=tests/Hidden-v0: this environment cannot"):
-        make_copy(EnvConfig("tests/Hidden-v0", {}, declared()))
+        make_snapshot_env(EnvConfig("tests/Hidden-v0", {}, declared()))

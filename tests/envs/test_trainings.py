@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from processes import SMALL, call
 
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.make import make_copy
+from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import explain
@@ -43,8 +43,8 @@ def test_it_trains_learns_a_vocabulary_and_explains(name: str, tmp_path: Path):
     assert logged.actions.shape == (len(logged), *shape)
     assert all(game.action_space.contains(action) for action in logged.actions)
     instructor = make_instructor(InstructorConfig(), run.task)
-    flight = watch(game, run.policy, instructor, seed=1)
+    flight = record_rollout(game, run.policy, instructor, seed=1)
     assert all(game.action_space.contains(action) for action in flight.episode.actions)
-    simulator = Simulator(partial(make_copy, run.config.env), run.task.rule)
+    simulator = Simulator(partial(make_snapshot_env, run.config.env), run.task.rule)
     said = explain(flight.moments[:3], run.policy, simulator, explainer_state(run))
     assert {one.phrase for one in said} <= set(phrases_of(run.mapping.expressions, run.task.phrases))

@@ -18,7 +18,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import CANNOT_TELL, Episode, Explanation, Moment
 
 HEIGHTS = np.array([0, 1, 2, 3, 3, 3, 3, 2, 1, 0], float)
@@ -33,15 +33,15 @@ def says(*expressions: float, **meaning: object) -> ClusterMapping:
     return replace(made, meanings=(Meaning(**meaning),)) if meaning else made  # type: ignore[arg-type]
 
 
-def watched(heights: np.ndarray = HEIGHTS) -> Watched:
+def watched(heights: np.ndarray = HEIGHTS) -> RecordedRollout:
     states = np.column_stack([heights, np.zeros((len(heights), 2))])
     steps = len(heights) - 1
     told = np.ones((steps, 1))
     episode = Episode(states, np.zeros(steps), np.zeros(steps), told, np.ones(steps, bool), True, True, "lower")
-    return Watched(episode, [Moment(states[t], told[t], True) for t in range(steps)], [], [[]] * (steps + 1))
+    return RecordedRollout(episode, [Moment(states[t], told[t], True) for t in range(steps)], [], [[]] * (steps + 1))
 
 
-def said_in(run: TrainedRun, flown: Watched) -> list[Explanation]:
+def said_in(run: TrainedRun, flown: RecordedRollout) -> list[Explanation]:
     """What is said if the next two steps are foreseen rightly."""
     states = flown.episode.states
     ahead = np.minimum(np.arange(len(states) - 1)[:, None] + np.arange(3), len(states) - 1)
@@ -54,7 +54,7 @@ def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | Non
     return TrainedRun(folder, TrainConfig(), TASK, lambda seen: seen, 9, mapping, 9, 2, {}, calibration)
 
 
-def printed(run: TrainedRun, flown: Watched, said: list[Explanation] | None = None) -> list[str]:
+def printed(run: TrainedRun, flown: RecordedRollout, said: list[Explanation] | None = None) -> list[str]:
     stream = io.StringIO()
     print_narration(run, flown, said or said_in(run, flown), Console(file=stream, highlight=False, width=250))
     return stream.getvalue().splitlines()

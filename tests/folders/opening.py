@@ -12,7 +12,7 @@ from unittest.mock import patch
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
 from ibe_rl.evaluation.trained_run import open_log
 from ibe_rl.instructors.recorded import read_lesson
@@ -20,7 +20,7 @@ from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.training.build import make_parts
 from ibe_rl.training.resume import must_fit, read_state
-from ibe_rl.view.overlay import Metrics
+from ibe_rl.view.overlay import GrowingTable, new_curves
 from ibe_rl.view.recording_file import set_back, whole_messages
 from ibe_rl.view.viewer import Messages, run_names, runs_at
 
@@ -58,7 +58,7 @@ def resumed(run: Path) -> None:
 def tabled(run: Path) -> None:
     """As resume and the viewer read metrics.csv."""
     read_rows(run / METRICS)
-    Metrics(run / METRICS).new()
+    new_curves(GrowingTable(run / METRICS), run / METRICS)
 
 
 def viewed(run: Path) -> None:
@@ -73,7 +73,7 @@ def viewed(run: Path) -> None:
 def lesson(run: Path) -> None:
     """As instructor=recorded does."""
     config: Any = load_config(run / CONFIG, TrainConfig)
-    read_lesson(run / "lesson.jsonl", task_of(make_game(config.env)).instruction_size)
+    read_lesson(run / "lesson.jsonl", task_of(make_env(config.env)).instruction_size)
 
 
 WAYS: dict[str, Callable[[Path], None]] = {

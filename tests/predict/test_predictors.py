@@ -10,10 +10,10 @@ import pytest
 import torch
 from gymnasium import spaces
 
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import EnvConfig, InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_copy, make_game
+from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
@@ -59,7 +59,7 @@ def fallen(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrajectoryLog, Seq
     log = TrajectoryLog(tmp_path_factory.mktemp("log"), 10_000, LANDER_TASK.contexts)
     instructor = make_instructor(InstructorConfig(), LANDER_TASK)
     for seed in range(6):
-        watched = watch(make_game(LANDER), fall, instructor, seed)
+        watched = record_rollout(make_env(LANDER), fall, instructor, seed)
         add(log, watched.episode)
     return log, watched.moments
 
@@ -67,7 +67,9 @@ def fallen(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrajectoryLog, Seq
 @pytest.fixture(params=KINDS)
 def predictor(request: pytest.FixtureRequest, fallen: Any) -> KeptPredictor:
     config = KINDS[request.param]
-    made = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), lambda: [10, 30])
+    made = make_predictor(
+        config, partial(make_snapshot_env, LANDER), LANDER_TASK.rule, 3, make_env(LANDER), lambda: [10, 30]
+    )
     made.learn(fallen[0])
     return made
 
@@ -88,7 +90,9 @@ def test_every_predictor_keeps_the_protocol(predictor: KeptPredictor, fallen: An
 
 def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen: Any, request: pytest.FixtureRequest):
     config = KINDS[request.node.callspec.params["predictor"]]
-    other = make_predictor(config, partial(make_copy, LANDER), LANDER_TASK.rule, 3, make_game(LANDER), lambda: [10, 30])
+    other = make_predictor(
+        config, partial(make_snapshot_env, LANDER), LANDER_TASK.rule, 3, make_env(LANDER), lambda: [10, 30]
+    )
     predictor.rollout(fallen[1][:5], fall, 3)
     predictor.forget()
     other.load_state_dict(predictor.state_dict())
@@ -100,7 +104,9 @@ def test_every_predictor_goes_on_from_its_state(predictor: KeptPredictor, fallen
 
 
 def test_the_exact_one_stands_by_all_that_it_says(fallen: Any):
-    made = Simulator.make(PredictorConfig(), make_copy=partial(make_copy, LANDER), rule=LANDER_TASK.rule, seed=0)
+    made = Simulator.make(
+        PredictorConfig(), make_snapshot_env=partial(make_snapshot_env, LANDER), rule=LANDER_TASK.rule, seed=0
+    )
     made.learn(fallen[0])
     predicted = made.rollout(fallen[1][:3], fall, 7)
     assert predicted.trusted_steps.tolist() == [7] * 3

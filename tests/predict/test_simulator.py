@@ -13,7 +13,7 @@ from gymnasium.envs.box2d.lunar_lander import heuristic
 from torch import nn
 
 from ibe_rl.agents.networks import GreedyPolicy, make_network
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -44,7 +44,7 @@ def fall(observations: Array) -> Array:
 
 
 def flown(policy: Policy = pilot, seed: int = 0, kind: str = "oracle") -> tuple[Array, list[Moment]]:
-    watched = watch(make_one(), policy, make_instructor(InstructorConfig(kind), LANDER_TASK), seed, "left")
+    watched = record_rollout(make_one(), policy, make_instructor(InstructorConfig(kind), LANDER_TASK), seed, "left")
     return watched.episode.states, list(watched.moments)
 
 
@@ -82,12 +82,12 @@ def test_several_processes_predict_the_same():
     settings = PredictorConfig(moments_at_once=4, processes=2)
     found = []
     for _ in range(2):
-        with closing(Simulator.make(settings, make_copy=make_one, rule=RULE, seed=3)) as spread:
+        with closing(Simulator.make(settings, make_snapshot_env=make_one, rule=RULE, seed=3)) as spread:
             found.append([spread.rollout(several, policy, 30).paths for _ in range(2)])
             assert len(spread._pool._workers) == 2
         assert spread._pool is None
     np.testing.assert_array_equal(*found)
-    alone = Simulator.make(PredictorConfig(moments_at_once=4), make_copy=make_one, rule=RULE, seed=3)
+    alone = Simulator.make(PredictorConfig(moments_at_once=4), make_snapshot_env=make_one, rule=RULE, seed=3)
     for paths in found[0]:
         in_flight = ~paths[..., LEGS].any(axis=(1, 2))  # on the ground a copy shows more of whom it played before
         assert np.sum(in_flight) > 4
@@ -98,7 +98,7 @@ def test_a_process_that_is_killed_is_done_without():
     _, moments = flown()
     several, policy = moments[::20], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
     with closing(
-        Simulator.make(PredictorConfig(moments_at_once=4, processes=2), make_copy=make_one, rule=RULE, seed=3)
+        Simulator.make(PredictorConfig(moments_at_once=4, processes=2), make_snapshot_env=make_one, rule=RULE, seed=3)
     ) as spread:
         whole = spread.rollout(several, policy, 30).paths
         [process] = spread._pool._workers[1]._processes.values()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs.make import make_gym, task_of
 from ibe_rl.instructors import make_instructor
@@ -37,7 +37,9 @@ def test_what_is_forgotten_is_gone():
 
     env = make_gym(ENV, {})
     simulator = Simulator(make, task_of(env).rule)
-    watched = watch(env, lambda seen: np.zeros(len(seen), int), make_instructor(InstructorConfig(), task_of(env), 0), 3)
+    watched = record_rollout(
+        env, lambda seen: np.zeros(len(seen), int), make_instructor(InstructorConfig(), task_of(env), 0), 3
+    )
     simulator.rollout(watched.moments[:4], lambda seen: np.zeros(len(seen), int), 3)
     assert len([one for one in made if one() is not None]) == 4
     simulator.forget()

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from processes import ROOT, SMALL, children, gone, under_way
+from processes import ROOT, SMALL, children, gone, partial_episodes
 from view_data import eventually
 
 from benchmarks.faults import command
@@ -43,7 +43,7 @@ def workers_of(trainer: int) -> list[int]:
 def training(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start a training of ``run`` and wait for its first rows."""
     with ExitStack() as started:
-        yield lambda *more: started.enter_context(under_way(tmp_path / "run", *RUN, *more))
+        yield lambda *more: started.enter_context(partial_episodes(tmp_path / "run", *RUN, *more))
 
 
 SETTINGS = pytest.mark.parametrize("settings", [("collect.processes=2",), ("collect.overlap=true",)])

@@ -195,7 +195,7 @@ def test_a_log_that_is_taken_up_goes_on_as_if_nothing_had_been(seed: int, tmp_pa
         log.flush()
     np.testing.assert_array_equal(again.index, whole.index)
     assert (again.frames, again.episodes_ended) == (whole.frames, whole.episodes_ended)
-    for mine, other in zip(again.under_way(), whole.under_way(), strict=True):
+    for mine, other in zip(again.partial_episodes(), whole.partial_episodes(), strict=True):
         assert mine.ended == other.ended
         np.testing.assert_array_equal(mine.actions, other.actions)
         np.testing.assert_array_equal(mine.state, other.state)
@@ -213,7 +213,7 @@ def test_where_each_row_stands(tmp_path: Path):
     log = TrajectoryLog(tmp_path, 1_000, CONTEXTS)
     line, ended = joined([make_episode(1, 5), make_episode(2, 20)], np.concatenate), make_episode(3, 10)
     log.add({name: np.stack([line[name][:10], ended[name]]) for name in line}, context_of)
-    first, second = log.under_way()
+    first, second = log.partial_episodes()
     assert (first.ended, second.ended) == (1, 1)
     np.testing.assert_array_equal(first.actions, line["action"][5:10])
     np.testing.assert_array_equal(first.state, [2, 5])
@@ -228,7 +228,7 @@ def test_an_episode_that_could_not_be_taken_up_counts_as_played_and_is_not_kept(
     other = make_episode(2, 20)
     again.add({name: column[None] for name, column in other.items()}, context_of)
     assert_same(again.read([0])[0], other)
-    assert (len(again.index), again.under_way()[0].ended) == (1, 2)
+    assert (len(again.index), again.partial_episodes()[0].ended) == (1, 2)
 
 
 def test_a_state_without_some_of_its_files_is_refused(saved: TrajectoryLog):

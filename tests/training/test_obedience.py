@@ -15,19 +15,25 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import join, make_gym
+from ibe_rl.envs.make import make_gym, make_vector_env
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
-from ibe_rl.training.instruction_reward import Judge, Obedience, check_obedience, make_obedience, meant
+from ibe_rl.training.instruction_reward import (
+    InstructionReward,
+    Judge,
+    check_instruction_reward,
+    make_instruction_reward,
+    meant,
+)
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000)
 
 
-def made(cfg: TrainConfig, development: Development, task: Task = TASK) -> Obedience:
-    return make_obedience(cfg, task, lambda: development.horizons_steps, development.mapping_of)
+def made(cfg: TrainConfig, development: VocabularyTracker, task: Task = TASK) -> InstructionReward:
+    return make_instruction_reward(cfg, task, lambda: development.horizons_steps, development.mapping_of)
 
 
 def way(delta: Array) -> Array:
@@ -56,7 +62,7 @@ def climbing(told: Sequence[float | None], done: str = "", start: float = 0.0) -
     return row(places[:-1].tolist(), places[1:].tolist(), told, done)
 
 
-def judged(obedience: Obedience, batch: TensorDictBase, frames: int = 0) -> list[float]:
+def judged(obedience: InstructionReward, batch: TensorDictBase, frames: int = 0) -> list[float]:
     """What is added to the reward of the first row."""
     obedience.add(batch, frames)
     extra = batch["next", "extra_reward"]
@@ -64,8 +70,8 @@ def judged(obedience: Obedience, batch: TensorDictBase, frames: int = 0) -> list
     return [float(one) for one in extra[0, :, 0]]
 
 
-def make(horizon_steps: int = 2, judge: Callable[[], Judge | None] = lambda: way) -> Obedience:
-    return Obedience(ORACLE, lambda: horizon_steps, judge)
+def make(horizon_steps: int = 2, judge: Callable[[], Judge | None] = lambda: way) -> InstructionReward:
+    return InstructionReward(ORACLE, lambda: horizon_steps, judge)
 
 
 def test_the_step_that_ends_a_window_gets_what_its_beginning_was_told():
@@ -120,7 +126,7 @@ def test_what_began_in_silence_is_not_judged():
 
 def test_the_weight_falls_to_nothing():
     batch, calls = climbing([1, 1]), []
-    obedience = Obedience(ORACLE, lambda: 2, lambda: calls.append(1) or way)  # type: ignore[func-returns-value]
+    obedience = InstructionReward(ORACLE, lambda: 2, lambda: calls.append(1) or way)  # type: ignore[func-returns-value]
     shown = [judged(obedience, batch.clone(), frames)[1] for frames in (0, 250, 500, 999, 1_000, 5_000)]
     assert shown == pytest.approx([0.5, 0.375, 0.25, 0.0005, 0, 0])
     assert shown[-2:] == [0, 0]
@@ -180,7 +186,7 @@ def settings(judge: str, **changes: Any) -> TrainConfig:
 def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
     """Over the shortest of its spans of time, with the mapping that stands."""
     cfg, log = settings("mapping"), TrajectoryLog(tmp_path, 10_000, TASK.contexts)
-    development = Development(cfg.mapping, TASK, seed=0)
+    development = VocabularyTracker(cfg.mapping, TASK, seed=0)
     obedience = made(cfg, development)
     size = (1, 6, 3)
     batch = TensorDict({"state": torch.arange(18.0).reshape(size), "instruction": torch.ones(1, 6, 1)}, size[:2])
@@ -203,7 +209,7 @@ def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
 
 
 def test_without_a_judge_nothing_is_added():
-    obedience, batch = made(settings("none"), Development(config(), TASK, 0)), climbing([1, 1])
+    obedience, batch = made(settings("none"), VocabularyTracker(config(), TASK, 0)), climbing([1, 1])
     assert obedience.add(batch, 0) == {}
     assert set(batch["next"].keys()) == {"state", "done"}
 
@@ -221,7 +227,7 @@ def test_what_is_meant_is_the_way_it_went():
 @pytest.mark.parametrize("judge", ["mapping", "oracle"])
 def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path: Path):
     """Then it begins with the steps that follow."""
-    development = Development(config(horizon_steps=None), TASK, 0)
+    development = VocabularyTracker(config(horizon_steps=None), TASK, 0)
     obedience, batch = made(settings(judge), development), climbing([1] * 6)
     told = obedience.add(batch, 0)
     assert np.isnan(told["obeyed"])
@@ -236,7 +242,7 @@ def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path:
 
 
 def test_the_oracle_judges_over_the_shortest_span():
-    obedience = made(settings("oracle"), Development(config(spans_steps=[3, 4]), TASK, 0))
+    obedience = made(settings("oracle"), VocabularyTracker(config(spans_steps=[3, 4]), TASK, 0))
     assert judged(obedience, climbing([1, 1, 1, -1, 0, 0])) == [0, 0, 0.5, 0.5, 0.5, -0.5]
 
 
@@ -259,13 +265,13 @@ def test_the_oracle_judges_over_the_shortest_span():
 )
 def test_a_reward_that_nothing_could_be_judged_for_is_refused(cfg: TrainConfig, expected: str):
     with pytest.raises(ConfigError, match=expected):
-        check_obedience(cfg)
+        check_instruction_reward(cfg)
 
 
 def test_what_can_be_judged_passes():
     silent = replace(settings("none"), instructor=InstructorConfig("silent"), refresh_every_frames=None)
     for cfg in (silent, settings("mapping"), settings("oracle"), settings("oracle", refresh_every_frames=None)):
-        check_obedience(cfg)
+        check_instruction_reward(cfg)
 
 
 def learner() -> Agent:
@@ -276,14 +282,16 @@ def learner() -> Agent:
 
 
 def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
-    env = join([make_gym(LANDER_ID, {}) for _ in range(4)], make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0)
+    env = make_vector_env(
+        [make_gym(LANDER_ID, {}) for _ in range(4)], make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0
+    )
     flown = env.rollout(64, learner().policy, break_when_any_done=False)
 
     def learnt(judge: str | None) -> Array:
         agent, batch, seen = learner(), flown.clone(), np.random.default_rng(0).normal(size=(50, 11))
         if judge:
             cfg = settings(judge)
-            made(cfg, Development(cfg.mapping, LANDER_TASK, 0), LANDER_TASK).add(batch, 0)
+            made(cfg, VocabularyTracker(cfg.mapping, LANDER_TASK, 0), LANDER_TASK).add(batch, 0)
         agent.update(batch)
         agent.publish()
         return agent.policy.network(torch.from_numpy(seen).float()).detach().numpy()

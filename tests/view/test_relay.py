@@ -20,7 +20,7 @@ from ibe_rl.runtime.ports import is_free
 from ibe_rl.types import ConfigError
 from ibe_rl.view import relay as module
 from ibe_rl.view.recorder import Recorder
-from ibe_rl.view.relay import Ports, Relay, choose_ports, main, rerun_binary
+from ibe_rl.view.relay import Ports, Relay, _main, choose_ports, rerun_binary
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def test_a_process_that_cannot_start_is_said_so(tmp_path: Path) -> None:
 
 def test_the_command_names_the_one_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["--help"])
+        _main(["--help"])
     assert "python -m ibe_rl.viewer RUN" in capsys.readouterr().out
 
 

@@ -6,7 +6,7 @@ from by_hand import TASK, config, defy, obey, race, stay
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.vocabulary.tracker import FIGURES, Development, figures
+from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS, VocabularyTracker, figures
 
 MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement")
@@ -19,20 +19,20 @@ ALWAYS = {"ibe/episodes", "ibe/windows"}
 
 def test_figures_tell_of_a_first_refresh_what_it_stands_on_and_its_scores(log: TrajectoryLog):
     obey(log)
-    row = figures(Development(config(), TASK, seed=0).refresh(log, stay))
+    row = figures(VocabularyTracker(config(), TASK, seed=0).refresh(log, stay))
     assert set(row) == ALWAYS | SCORED
     assert (row["ibe/episodes"], row["ibe/windows"], row["ibe/motion_auc"]) == (3, 24, 1)
 
 
 def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     obey(log)
-    development = Development(only_the_newest_count, TASK, seed=0)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     development.refresh(log, stay)
     defy(log)
     row = figures(development.refresh(log, lambda seen: stay(seen) + 1))
     assert set(row) == ALWAYS | SCORED | STALE | HELD_AGAINST | MOVED
-    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"} == set(FIGURES)
-    assert len(FIGURES) == len(set(FIGURES))
+    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"} == set(REFRESH_COLUMNS)
+    assert len(REFRESH_COLUMNS) == len(set(REFRESH_COLUMNS))
     assert (row["ibe/survived"], row["ibe/vanished"], row["ibe/emerged"]) == (3, 0, 0)
     assert row["ibe/vocabulary_drift"] == pytest.approx(2 / 3)
     assert row["ibe/expression_moved"] == pytest.approx(4 / 3)
@@ -44,7 +44,7 @@ def test_figures_tell_of_a_vocabulary_that_stays_its_own_scores(
     log: TrajectoryLog, only_the_newest_count: MappingConfig
 ):
     obey(log)
-    development = Development(only_the_newest_count, TASK, seed=0, when_stale=0.0)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=0.0)
     development.refresh(log, stay)
     race(log)
     obey(log)

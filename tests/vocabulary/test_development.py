@@ -19,7 +19,7 @@ from ibe_rl.types import Array
 from ibe_rl.vocabulary import tracker as module
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, load_refresh, save_refresh
-from ibe_rl.vocabulary.tracker import Development, figures
+from ibe_rl.vocabulary.tracker import VocabularyTracker, figures
 
 
 def names(refresh: Refresh) -> list[int]:
@@ -28,7 +28,7 @@ def names(refresh: Refresh) -> list[int]:
 
 def test_the_first_vocabulary_is_taken_and_has_nothing_before_it(log: TrajectoryLog):
     obey(log)
-    development = Development(config(), TASK, seed=0, when_stale=1.0)
+    development = VocabularyTracker(config(), TASK, seed=0, when_stale=1.0)
     assert development.mapping is None
     assert development.probe is None
     first = development.refresh(log, stay)
@@ -45,7 +45,7 @@ def test_the_first_vocabulary_is_taken_and_has_nothing_before_it(log: Trajectory
 
 def test_nothing_moves_while_nothing_new_happens(log: TrajectoryLog):
     obey(log)
-    development = Development(config(hold_within=0.0), TASK, seed=0)
+    development = VocabularyTracker(config(hold_within=0.0), TASK, seed=0)
     first = development.refresh(log, stay)
     for since_frame in (36, 72):
         obey(log)
@@ -62,7 +62,7 @@ def test_nothing_moves_while_nothing_new_happens(log: TrajectoryLog):
 
 def test_each_vocabulary_is_held_against_the_one_before(log: TrajectoryLog):
     obey(log)
-    development = Development(config(), TASK, seed=0)
+    development = VocabularyTracker(config(), TASK, seed=0)
     refreshes = [development.refresh(log, stay)]
     for _ in range(3):
         obey(log)
@@ -79,7 +79,7 @@ def test_each_vocabulary_is_held_against_the_one_before(log: TrajectoryLog):
 
 def test_without_memory_a_vocabulary_starts_from_nothing_but_keeps_its_names(log: TrajectoryLog):
     obey(log)
-    development = Development(config(memory=None, survival_overlap=0.1), TASK, seed=0)
+    development = VocabularyTracker(config(memory=None, survival_overlap=0.1), TASK, seed=0)
     development.refresh(log, stay)
     defy(log)
     second = development.refresh(log, stay)
@@ -91,7 +91,7 @@ def test_without_memory_a_vocabulary_starts_from_nothing_but_keeps_its_names(log
 
 def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     obey(log)
-    development = Development(only_the_newest_count, TASK, seed=0)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     first = development.refresh(log, stay)
     defy(log)
     second = development.refresh(log, stay)
@@ -107,7 +107,7 @@ def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog,
 
 def test_staleness_is_what_the_new_vocabulary_tells_better(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     obey(log)
-    development = Development(only_the_newest_count, TASK, seed=0)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     first = development.refresh(log, stay)
     defy(log)
     second = development.refresh(log, stay)
@@ -134,7 +134,7 @@ def test_what_is_scored_is_the_same_for_both_and_of_the_newest_episodes(
     monkeypatch.setattr(module, "number_scores", noting)
     obey(log)
     add(log, 1.0, 1.0, given=False)  # in silence: not scored
-    development = Development(config(), TASK, seed=0)
+    development = VocabularyTracker(config(), TASK, seed=0)
     first = development.refresh(log, stay)
     obey(log)
     second = development.refresh(log, stay)
@@ -152,7 +152,7 @@ def test_a_vocabulary_that_is_good_enough_stays(
     log: TrajectoryLog, only_the_newest_count: MappingConfig, tmp_path: Path
 ):
     obey(log)
-    development = Development(only_the_newest_count, TASK, seed=0, when_stale=0.0)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=0.0)
     first = development.refresh(log, stay)
     defy(log)
     second = development.refresh(log, stay)
@@ -176,7 +176,7 @@ def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
     log: TrajectoryLog, only_the_newest_count: MappingConfig, when_stale: float | None, taken: bool
 ):
     defy(log)
-    development = Development(only_the_newest_count, TASK, seed=0, when_stale=when_stale)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=when_stale)
     first = development.refresh(log, stay)
     obey(log)
     second = development.refresh(log, stay)
@@ -188,7 +188,7 @@ def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
 
 def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     obey(log)
-    development = Development(replace(only_the_newest_count, n_clusters=2), TASK, seed=0, when_stale=1.0)
+    development = VocabularyTracker(replace(only_the_newest_count, n_clusters=2), TASK, seed=0, when_stale=1.0)
     development.refresh(log, stay)
     for told in (0.0, 0.0, 1.0):
         add(log, 1.0, told)  # never down
@@ -201,7 +201,7 @@ def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_th
 def test_silence_in_the_newest_episodes_does_not_end_a_run(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(module, "SCORED_EPISODES", 1)
     obey(log)
-    development = Development(config(), TASK, seed=0)
+    development = VocabularyTracker(config(), TASK, seed=0)
     development.refresh(log, stay)
     add(log, 1.0, 1.0, given=False)
     assert np.isnan(list(development.refresh(log, stay).scores.values())).all()
@@ -209,7 +209,7 @@ def test_silence_in_the_newest_episodes_does_not_end_a_run(log: TrajectoryLog, m
 
 def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     """Three lifts of the old kind, three racing ones, and the old kind again: all come under new names."""
-    development, given = Development(only_the_newest_count, TASK, seed=0), []
+    development, given = VocabularyTracker(only_the_newest_count, TASK, seed=0), []
     for fly in (obey, race, obey):
         fly(log)
         refresh = development.refresh(log, stay)
@@ -221,7 +221,7 @@ def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: 
 
 def test_names_of_a_vocabulary_that_was_not_taken_are_free(log: TrajectoryLog):
     obey(log)
-    development = Development(config(newest_frames=3 * STEPS, memory=None), TASK, seed=0, when_stale=1.0)
+    development = VocabularyTracker(config(newest_frames=3 * STEPS, memory=None), TASK, seed=0, when_stale=1.0)
     development.refresh(log, stay)
     race(log)
     offered = development.refresh(log, stay)
@@ -236,7 +236,7 @@ def test_names_of_a_vocabulary_that_was_not_taken_are_free(log: TrajectoryLog):
 def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     def second(**changes: float) -> Refresh:
         again = TrajectoryLog(log.folder.parent / str(changes), 10_000, TASK.contexts)
-        development = Development(replace(only_the_newest_count, **changes), TASK, seed=0)
+        development = VocabularyTracker(replace(only_the_newest_count, **changes), TASK, seed=0)
         obey(again)
         development.refresh(again, stay)
         defy(again)
@@ -245,7 +245,7 @@ def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, o
     assert second(hold_within=1.99).mapping.expressions[:, 0].tolist() == [-1, 0, 1]
     held = second(hold_within=2.0)
     assert (names(held), held.mapping.expressions[:, 0].tolist()) == ([2, 1, 0], [1, 0, -1])
-    race_development = Development(replace(only_the_newest_count, survival_overlap=0.01), TASK, seed=0)
+    race_development = VocabularyTracker(replace(only_the_newest_count, survival_overlap=0.01), TASK, seed=0)
     obey(log)
     race_development.refresh(log, stay)
     race(log)
@@ -261,7 +261,7 @@ def test_policy_drift_is_told_from_the_policy_of_the_last_refresh(log: Trajector
         return lambda observations: np.isin(observations[:, -2], values).astype(int)
 
     obey(log)
-    development, drifts = Development(config(), TASK, seed=0), []
+    development, drifts = VocabularyTracker(config(), TASK, seed=0), []
     for policy in (stay, stay, when_told(1), when_told(1, 0), when_told(-1)):
         refresh = development.refresh(log, policy)
         drifts.append(refresh.change.policy_drift if refresh.change else None)
@@ -270,7 +270,7 @@ def test_policy_drift_is_told_from_the_policy_of_the_last_refresh(log: Trajector
 
 def test_policy_drift_is_told_since_the_vocabulary_that_stands(log: TrajectoryLog):
     obey(log)
-    development = Development(config(), TASK, seed=0, when_stale=1.0)  # never another one
+    development = VocabularyTracker(config(), TASK, seed=0, when_stale=1.0)  # never another one
     development.refresh(log, stay)
     for policy, expected in ((lambda seen: stay(seen) + 1, 1), (stay, 0)):
         refresh = development.refresh(log, policy)
@@ -280,7 +280,7 @@ def test_policy_drift_is_told_since_the_vocabulary_that_stands(log: TrajectoryLo
 
 def test_actions_of_several_numbers_are_compared_too(log: TrajectoryLog):
     obey(log)
-    development = Development(config(), TASK, seed=0)
+    development = VocabularyTracker(config(), TASK, seed=0)
     development.refresh(log, lambda seen: np.zeros((len(seen), 2)))
     refresh = development.refresh(log, lambda seen: np.outer(seen[:, -2] == 1, [0, 1]))
     assert refresh.change is not None
@@ -288,7 +288,7 @@ def test_actions_of_several_numbers_are_compared_too(log: TrajectoryLog):
 
 
 def test_the_probe_is_kept_with_the_first_refresh_and_a_file_with_each(log: TrajectoryLog, tmp_path: Path):
-    development = Development(config(), TASK, seed=0)
+    development = VocabularyTracker(config(), TASK, seed=0)
     folder = tmp_path / "refreshes"
     folder.mkdir()
     obey(log)
@@ -308,7 +308,7 @@ def test_the_probe_is_kept_with_the_first_refresh_and_a_file_with_each(log: Traj
 
 
 def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, only_the_newest_count: MappingConfig):
-    development = Development(only_the_newest_count, TASK, seed=0)
+    development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     with pytest.raises(TooLittleDataError, match="no episode has ended yet"):
         development.refresh(log, stay)
     assert development.probe is None
@@ -328,7 +328,7 @@ def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, onl
 def test_the_same_seed_gives_the_same(tmp_path: Path):
     def run(name: str, seed: int) -> tuple[Any, Array]:
         log = TrajectoryLog(tmp_path / name, 10_000, TASK.contexts)
-        development, told = Development(config(n_clusters=4), TASK, seed), []
+        development, told = VocabularyTracker(config(n_clusters=4), TASK, seed), []
         for fly in (obey, race, defy):
             fly(log)
             refresh = development.refresh(log, stay)
@@ -355,7 +355,7 @@ def test_words_that_go_against_what_is_declared_are_noted_and_remembered(
         return replace(learnt, mapping=replace(learnt.mapping, meanings=(Meaning(reason="seen"),)))
 
     monkeypatch.setattr(module, "learn_vocabulary", with_meaning)
-    ours = Development(config(), TASK, seed=0)
+    ours = VocabularyTracker(config(), TASK, seed=0)
     defy(log)
     refresh = ours.refresh(log, stay)
     assert refresh.scores["motion_auc"] == 0
@@ -363,13 +363,13 @@ def test_words_that_go_against_what_is_declared_are_noted_and_remembered(
     assert ours.notes == [
         "env.task.explained=[height] says that height rises with +1, but in the log +1 asks it to fall: check the sign"
     ]
-    again = Development(config(), TASK, seed=0)
+    again = VocabularyTracker(config(), TASK, seed=0)
     again.load_state_dict(ours.state_dict())
     assert again.notes == ours.notes
 
 
 def test_the_scores_of_each_number_are_those_of_the_vocabulary_that_stands(log: TrajectoryLog, tmp_path: Path):
-    ours = Development(config(), TASK, seed=0, when_stale=0.0)
+    ours = VocabularyTracker(config(), TASK, seed=0, when_stale=0.0)
     obey(log)
     first = ours.refresh(log, stay)
     assert [one["motion_auc"] for one in first.scores_of_numbers] == [first.scores["motion_auc"]] == [1]
@@ -390,7 +390,7 @@ def test_the_scores_of_each_number_are_those_of_the_vocabulary_that_stands(log: 
 def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: TrajectoryLog, tmp_path: Path):
     """A lift that never turns is explained for a fifth of an episode, but at least 5 steps."""
     obey(log)
-    development = Development(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
+    development = VocabularyTracker(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
     assert (development.horizon_steps, development.horizons_steps) == (None, [])
     first = development.refresh(log, stay)
     assert first.horizon_found
@@ -401,7 +401,7 @@ def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: 
     second = development.refresh(log, stay)
     assert not second.horizon_found
     assert second.top.horizon_steps == development.horizon_steps == 5
-    taken_up = Development(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
+    taken_up = VocabularyTracker(config(horizon_steps=None, spans_steps=[2, 5]), TASK, seed=0)
     taken_up.load_state_dict(development.state_dict())
     assert taken_up.horizons_steps == [5, 2]
     assert taken_up.refresh(log, stay).mapping.to_dict() == development.refresh(log, stay).mapping.to_dict()
@@ -410,9 +410,9 @@ def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: 
 
 
 def test_a_first_refresh_that_fails_finds_no_horizon_for_good(log: TrajectoryLog):
-    development = Development(config(horizon_steps=None, n_clusters=8, n_init=1), TASK, seed=0)
+    development = VocabularyTracker(config(horizon_steps=None, n_clusters=8, n_init=1), TASK, seed=0)
     add(log, 1.0, 1.0, steps=3)
     with pytest.raises(TooLittleDataError), development.all_or_nothing():
         development.refresh(log, stay)
     assert development.horizon_steps is None
-    assert Development(config(), TASK, seed=0).horizons_steps == [5]
+    assert VocabularyTracker(config(), TASK, seed=0).horizons_steps == [5]

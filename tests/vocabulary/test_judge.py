@@ -17,7 +17,7 @@ from ibe_rl.types import Episode, Explanation
 from ibe_rl.vocabulary import tracker as module
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Change, Refresh, load_refresh
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
 def says(*expressions: float) -> ClusterMapping:
@@ -56,8 +56,8 @@ def upwards(steps: int) -> Episode:
     )
 
 
-def development() -> Development:
-    return Development(config(), TASK, seed=0)
+def development() -> VocabularyTracker:
+    return VocabularyTracker(config(), TASK, seed=0)
 
 
 def judge(refresh: Refresh, ways: Sequence[float | Sequence[float]], every_steps: int = 1) -> dict[str, float]:
@@ -176,14 +176,14 @@ def test_only_the_newest_episodes_count_for_the_calibration(log: TrajectoryLog, 
     assert len(ours.state_dict()["judged"]) == 2
 
 
-def chance(ours: Development, agreement: float) -> float:
+def chance(ours: VocabularyTracker, agreement: float) -> float:
     assert ours.calibration is not None
     return float(ours.calibration.probability(np.array([[agreement, 1.0]]))[0])
 
 
 def test_the_agent_speaks_with_what_stands(log: TrajectoryLog):
     """With the newest vocabularies of all spans; with the calibration of the episodes so far."""
-    ours = Development(config(spans_steps=[2]), TASK, seed=0)
+    ours = VocabularyTracker(config(spans_steps=[2]), TASK, seed=0)
     obey(log)
     refresh = ours.refresh(log, stay)
     assert ours.voice() == ExplainerState(refresh.mapping, 5, TASK.phrases, refresh.spans)
@@ -198,7 +198,7 @@ def test_the_agent_speaks_with_what_stands(log: TrajectoryLog):
 
 
 def test_a_vocabulary_that_stays_is_spoken_on(log: TrajectoryLog):
-    ours = Development(config(spans_steps=[2]), TASK, seed=0, when_stale=1.0)
+    ours = VocabularyTracker(config(spans_steps=[2]), TASK, seed=0, when_stale=1.0)
     obey(log)
     first = ours.refresh(log, stay)
     obey(log)

@@ -14,7 +14,14 @@ from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary import fitting
 from ibe_rl.vocabulary import training_episodes as module
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping
-from ibe_rl.vocabulary.training_episodes import best_windows, find_steps, read_lessons, settled, steps_of, told_windows
+from ibe_rl.vocabulary.training_episodes import (
+    best_windows,
+    find_steps,
+    horizon_of,
+    read_training_episodes,
+    settled,
+    told_windows,
+)
 
 
 @pytest.fixture
@@ -27,31 +34,40 @@ def rewards(episodes: Any) -> list[int]:
 
 
 def test_the_best_are_apart_from_the_others(log: TrajectoryLog):
-    lessons = read_lessons(log, better_half(), seed=0)
+    lessons = read_training_episodes(log, better_half(), seed=0)
     assert (lessons.logged, lessons.counted) == (8, 8)
     assert [round(episode.total_reward) for episode in lessons.best] == [100, 99, 98, 97]  # oldest first
     assert rewards(lessons.others) == [47, 48, 49, 50]
 
 
 def test_the_best_can_be_those_of_each_context(log: TrajectoryLog):
-    lessons = read_lessons(log, better_half(top_within="context"), seed=0)
+    lessons = read_training_episodes(log, better_half(top_within="context"), seed=0)
     assert rewards(lessons.best) == [49, 50, 99, 100]
     assert rewards(lessons.others) == [47, 48, 97, 98]
 
 
 def test_the_instructor_is_heard_in_good_and_bad_episodes_as_they_are(log: TrajectoryLog, monkeypatch: Any):
-    assert rewards(read_lessons(log, better_half(), seed=0).heard) == [47, 48, 49, 50, 97, 98, 99, 100]
+    assert rewards(read_training_episodes(log, better_half(), seed=0).heard) == [47, 48, 49, 50, 97, 98, 99, 100]
     monkeypatch.setattr(module, "OTHER_EPISODES", 2)  # of four: so two of the four best too
-    heard = rewards(read_lessons(log, better_half(), seed=0).heard)
+    heard = rewards(read_training_episodes(log, better_half(), seed=0).heard)
     assert len(heard) == 4
     assert sum(reward > 60 for reward in heard) == 2
     monkeypatch.setattr(module, "OTHER_EPISODES", 3)  # of six: so one of the two best
-    heard = rewards(read_lessons(log, better_half(top_fraction=0.25), seed=0).heard)
+    heard = rewards(read_training_episodes(log, better_half(top_fraction=0.25), seed=0).heard)
     assert len(heard) == 4
     assert sum(reward > 98 for reward in heard) == 1
-    assert rewards(read_lessons(log, config(), seed=0).heard) == [47, 48, 49, 50, 97, 98, 99, 100]  # all are best
+    assert rewards(read_training_episodes(log, config(), seed=0).heard) == [
+        47,
+        48,
+        49,
+        50,
+        97,
+        98,
+        99,
+        100,
+    ]  # all are best
     monkeypatch.setattr(module, "OTHER_EPISODES", 7)
-    one = rewards(read_lessons(log, better_half(top_fraction=0.1), seed=0).heard)
+    one = rewards(read_training_episodes(log, better_half(top_fraction=0.1), seed=0).heard)
     assert one == [47, 48, 49, 50, 97, 98, 99, 100]  # at least one of the best
 
 
@@ -60,7 +76,7 @@ def test_the_instructor_is_heard_in_good_and_bad_episodes_as_they_are(log: Traje
 )
 def test_only_what_ended_in_the_newest_frames_counts(log: TrajectoryLog, newest_frames: int | None, counted: int):
     """Eight episodes of twelve frames ended at frame 12, 24, ... 96; the newest 84 frames are 13 to 96."""
-    lessons = read_lessons(log, better_half(newest_frames=newest_frames), seed=0)
+    lessons = read_training_episodes(log, better_half(newest_frames=newest_frames), seed=0)
     assert (lessons.logged, lessons.counted) == (8, counted)
     assert len(lessons.best) == np.ceil(counted / 2)
     assert len(lessons.others) == counted - len(lessons.best)
@@ -69,27 +85,27 @@ def test_only_what_ended_in_the_newest_frames_counts(log: TrajectoryLog, newest_
 def test_if_nothing_ended_lately_nothing_is_learnt(log: TrajectoryLog):
     log.frames += 100  # an episode that is still flown
     with pytest.raises(TooLittleDataError, match="no episode has ended in the newest 100 frames"):
-        read_lessons(log, config(newest_frames=100), seed=0)
-    assert read_lessons(log, config(newest_frames=101), seed=0).counted == 1
+        read_training_episodes(log, config(newest_frames=100), seed=0)
+    assert read_training_episodes(log, config(newest_frames=101), seed=0).counted == 1
 
 
 def test_without_an_episode_nothing_is_learnt(tmp_path: Path):
     with pytest.raises(TooLittleDataError, match="no episode has ended yet"):
-        read_lessons(TrajectoryLog(tmp_path, 1_000, TASK.contexts), config(), seed=0)
+        read_training_episodes(TrajectoryLog(tmp_path, 1_000, TASK.contexts), config(), seed=0)
 
 
 def test_the_others_are_a_sample(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(module, "OTHER_EPISODES", 1)
-    drawn = [rewards(read_lessons(log, better_half(), seed).others) for seed in (0, 0, *range(1, 6))]
+    drawn = [rewards(read_training_episodes(log, better_half(), seed).others) for seed in (0, 0, *range(1, 6))]
     assert drawn[0] == drawn[1]
     assert len(drawn[0]) == 1
     assert len({tuple(each) for each in drawn}) > 1
-    assert read_lessons(log, config(), seed=0).others == []
+    assert read_training_episodes(log, config(), seed=0).others == []
 
 
 def test_windows_without_an_instruction_are_not_learnt_from(log: TrajectoryLog):
     add(log, 1000, 1.0, given=False)  # the best of all
-    lessons = read_lessons(log, better_half(), seed=0)
+    lessons = read_training_episodes(log, better_half(), seed=0)
     windows = best_windows(lessons.best, better_half(), 5)
     assert (lessons.logged, len(lessons.best)) == (9, 5)
     assert windows.given.all()
@@ -135,7 +151,7 @@ def test_without_episodes_there_is_no_window():
 
 
 def test_too_short_episodes_are_too_little(log: TrajectoryLog):
-    best = read_lessons(log, better_half(), seed=0).best
+    best = read_training_episodes(log, better_half(), seed=0).best
     with pytest.raises(
         TooLittleDataError, match=r"the best 4 episodes have no window of 20 .*the longest has 12 steps"
     ):
@@ -147,12 +163,12 @@ def test_silence_is_too_little(tmp_path: Path):
     for told in (1.0, -1.0, 0.0):
         add(silent, 1, told, given=False)
     with pytest.raises(TooLittleDataError, match="have no window of 5 steps with an instruction"):
-        best_windows(read_lessons(silent, config(), seed=0).best, config(), 5)
+        best_windows(read_training_episodes(silent, config(), seed=0).best, config(), 5)
 
 
 def fit(log: TrajectoryLog, last: Any = None, horizon_steps: int | None = None, **changes: Any) -> Any:
     settings = better_half(**changes)
-    lessons = read_lessons(log, settings, seed=0)
+    lessons = read_training_episodes(log, settings, seed=0)
     return fit_mapping(lessons.best, lessons.heard, settings, TASK, 0, last, horizon_steps)
 
 
@@ -294,9 +310,9 @@ def test_what_was_found_stands_and_spans_that_are_not_shorter_are_left_out():
 
 
 def test_a_horizon_that_has_not_been_found_is_asked_for_by_nobody():
-    assert steps_of(config(horizon_steps=7)) == 7
+    assert horizon_of(config(horizon_steps=7)) == 7
     with pytest.raises(ValueError, match=r"mapping\.horizon_steps=null: it has not been found yet"):
-        steps_of(config(horizon_steps=None))
+        horizon_of(config(horizon_steps=None))
 
 
 def swinging(folder: Path, episodes: int = 20, told: Any = None) -> TrajectoryLog:

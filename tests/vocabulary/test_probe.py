@@ -9,12 +9,12 @@ from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, observe
 from ibe_rl.vocabulary import probe as module
-from ibe_rl.vocabulary.tracker import Development, Probe, draw_probe
+from ibe_rl.vocabulary.tracker import Probe, VocabularyTracker, draw_probe
 
 
 def test_the_probe_stays_the_same(log: TrajectoryLog):
     obey(log)
-    development, asked = Development(config(), TASK, seed=0), []
+    development, asked = VocabularyTracker(config(), TASK, seed=0), []
 
     def noting(observations: Array) -> Array:
         asked.append(observations)

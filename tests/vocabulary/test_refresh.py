@@ -76,7 +76,7 @@ def test_the_best_and_the_others_are_of_those_that_count(log: TrajectoryLog):
 
 
 def changed(last: Refresh, refresh: Refresh, taken: bool, staleness: float = 0.25) -> Refresh:
-    """What ``Development`` makes of a refresh, in numbers that can be told apart."""
+    """What ``VocabularyTracker`` makes of a refresh, in numbers that can be told apart."""
     change = Change(
         last=last.mapping,
         since_frame=48,

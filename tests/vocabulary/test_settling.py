@@ -9,13 +9,13 @@ from by_hand import TASK, WAYS, add, config, obey, stay
 from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary import tracker as module
-from ibe_rl.vocabulary.tracker import Development
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 SPANS = [2, 5]
 
 
-def to_be_found() -> Development:
-    return Development(config(horizon_steps=None, spans_steps=SPANS), TASK, seed=0)
+def to_be_found() -> VocabularyTracker:
+    return VocabularyTracker(config(horizon_steps=None, spans_steps=SPANS), TASK, seed=0)
 
 
 def obey_for_long(log: TrajectoryLog, episodes: int = 15) -> None:
@@ -24,13 +24,13 @@ def obey_for_long(log: TrajectoryLog, episodes: int = 15) -> None:
         add(log, 1.0, WAYS[number % 3], steps=90)
 
 
-def names(development: Development) -> set[int]:
+def names(development: VocabularyTracker) -> set[int]:
     assert development.mapping is not None
     return set(development.mapping.ids.tolist())
 
 
 @pytest.fixture
-def begun(log: TrajectoryLog) -> Development:
+def begun(log: TrajectoryLog) -> VocabularyTracker:
     """It explains 5 steps, and has an episode judged."""
     obey(log)
     development = to_be_found()
@@ -42,7 +42,7 @@ def begun(log: TrajectoryLog) -> Development:
     return development
 
 
-def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: Development):
+def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: VocabularyTracker):
     before, given = begun.mapping, names(begun)
     obey_for_long(log)
     assert begun.settle(log) == 18
@@ -59,7 +59,7 @@ def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: Devel
     assert names(begun) == {3, 4, 5}
 
 
-def test_a_name_is_not_given_twice_by_who_goes_on_later(log: TrajectoryLog, begun: Development):
+def test_a_name_is_not_given_twice_by_who_goes_on_later(log: TrajectoryLog, begun: VocabularyTracker):
     """Back and forth, over a file each time."""
     given = [names(begun)]
     for steps in (90, 12, 90):
@@ -77,7 +77,7 @@ def test_a_name_is_not_given_twice_by_who_goes_on_later(log: TrajectoryLog, begu
 
 @pytest.mark.parametrize(("found", "stays"), [(5, True), (7, True), (8, False), (4, True), (3, False)])
 def test_a_horizon_that_hardly_differs_stays(
-    log: TrajectoryLog, begun: Development, monkeypatch: pytest.MonkeyPatch, found: int, stays: bool
+    log: TrajectoryLog, begun: VocabularyTracker, monkeypatch: pytest.MonkeyPatch, found: int, stays: bool
 ):
     """By a factor of one and a half."""
     mapping = begun.mapping
@@ -91,7 +91,7 @@ def test_a_horizon_that_hardly_differs_stays(
 
 def test_a_horizon_that_is_set_stays_whatever_the_log_says(log: TrajectoryLog):
     obey(log)
-    development = Development(config(horizon_steps=6), TASK, seed=0)
+    development = VocabularyTracker(config(horizon_steps=6), TASK, seed=0)
     assert development.settle(log) == 6
     first = development.refresh(log, stay)
     obey_for_long(log)
@@ -101,7 +101,7 @@ def test_a_horizon_that_is_set_stays_whatever_the_log_says(log: TrajectoryLog):
 
 
 def test_a_refresh_that_fails_afterwards_takes_it_back(
-    log: TrajectoryLog, begun: Development, monkeypatch: pytest.MonkeyPatch
+    log: TrajectoryLog, begun: VocabularyTracker, monkeypatch: pytest.MonkeyPatch
 ):
     def fails(*_: object) -> None:
         assert (begun.horizon_steps, begun.mapping) == (18, None)

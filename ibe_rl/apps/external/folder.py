@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.config.command_line import composed, write_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
@@ -24,7 +24,7 @@ from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, save_refresh
 from ibe_rl.vocabulary.rule_reads import check_dimensions
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_told, settled, steps_of
+from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, horizon_told, settled
 
 
 def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
@@ -34,7 +34,7 @@ def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainC
         ConfigError: if the vocabulary cannot be learnt like this in this environment.
     """
     config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
-    env = make_game(config.env)
+    env = make_env(config.env)
     check_mapping(config.mapping, task_of(env))
     _say(*check_dimensions(config.mapping, task_of(env), env))
     return replace(
@@ -69,7 +69,7 @@ def keep_run(
     Raises:
         ConfigError: if they teach none; the episodes are kept all the same.
     """
-    task = task_of(make_game(config.env))
+    task = task_of(make_env(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
     for episode in episodes:
         log.add(episode.as_steps(), task.context)
@@ -91,7 +91,7 @@ def keep_run(
     try:
         with threadpool_limits(1):  # as the scripts: the last digits depend on it
             mapping = settled(config.mapping, find_steps(log, config.mapping, task, config.seed))
-            learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(steps_of(mapping)))
+            learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(horizon_of(mapping)))
     except TooLittleDataError as error:
         raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
     if config.mapping.horizon_steps is None:

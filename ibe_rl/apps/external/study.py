@@ -22,7 +22,7 @@ from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import composed, settings_at_hand
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.make import episode_seed, make_copy, make_game, task_of
+from ibe_rl.envs.make import episode_seed, make_env, make_snapshot_env, task_of
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.evaluation.moments import Plan
 from ibe_rl.evaluation.narration import check_context, explain_rollout, print_narration
@@ -36,7 +36,7 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.storage.run_folder import EVALUATION, REFRESHES, create_run_folder, read_json
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Episode, Explanation, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.vocabulary.refresh import save_refresh
@@ -58,7 +58,7 @@ class Narration:
     """
 
     run: TrainedRun
-    watched: Watched
+    watched: RecordedRollout
     said: Sequence[Explanation]
 
     def __str__(self) -> str:
@@ -192,7 +192,7 @@ def _found(agent: Any) -> Any:
 
 
 def _policy(agent: Any, config: TrainConfig, sees_instruction: bool | None) -> Policy:
-    env = make_game(config.env)
+    env = make_env(config.env)
     task = task_of(env)
     states = np.array([env.reset(seed=seed)[0] for seed in range(EXAMPLES)])
     examples = observe(states, task.rule(states), np.ones((EXAMPLES, 1)))
@@ -233,7 +233,7 @@ def first_calibration(run: TrainedRun, cfg: ExplainConfig) -> Calibration | None
 
 def _can_be_copied(run: TrainedRun) -> bool:
     try:
-        make_copy(run.config.env)
+        make_snapshot_env(run.config.env)
     except ConfigError:
         return False
     return True
@@ -245,17 +245,17 @@ def _reactions(
     """What the agent does if it is told otherwise, where a predictor can tell that has nothing to learn first."""
     if is_learnt(config.predictor):
         return None
-    envs = [make_game(config.env) for _ in range(ASKED_AT)]
+    envs = [make_env(config.env) for _ in range(ASKED_AT)]
     task, typical_steps = task_of(envs[0]), int(np.median([len(episode) for episode in episodes]))
     seeds = [episode_seed(config.seed, len(episodes) + number) for number in range(ASKED_AT)]
-    instructor, copies = make_instructor(config.instructor, task, config.seed), partial(make_copy, config.env)
+    instructor, copies = make_instructor(config.instructor, task, config.seed), partial(make_snapshot_env, config.env)
     with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], list)) as predictor:
         return ask_in_flight(envs, policy, instructor, predictor, seeds, typical_steps, horizon_steps)
 
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:
     """Let the agent act, while the instructor's rule is heard beside it."""
-    envs = [make_game(config.env) for _ in range(min(ENVS_AT_ONCE, cfg.episodes))]
+    envs = [make_env(config.env) for _ in range(min(ENVS_AT_ONCE, cfg.episodes))]
     acting = (
         EpsilonGreedy(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
     )

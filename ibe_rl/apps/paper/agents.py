@@ -66,8 +66,8 @@ def screen(
     Args:
         policies: training frames to policies, in rising order.
         run_all: runs their episodes.
-        seeds: at least as many as the last round asks for. Each policy has others, as far as there are enough: were
-            they the same for all and a little harder than most, then all would be found less skilled than they are.
+        seeds: at least as many as the last round asks for. Each policy has others, as far as there are enough: seeds
+            that are harder than most would make every policy look less skilled than it is.
         step: called after each policy of each round.
 
     Returns:

@@ -26,7 +26,7 @@ from ibe_rl.apps.paper.prediction_task import (
 )
 from ibe_rl.apps.paper.report_context import ReportContext, find_agents, report_protocol
 from ibe_rl.config.settings import ExplainConfig, FiguresConfig
-from ibe_rl.envs.make import make_game
+from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
@@ -41,7 +41,7 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.effect import corrected
 from ibe_rl.metrics.observer import Observer, calibrate_observer
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
-from ibe_rl.types import Array, ConfigError, Episode, Mapping
+from ibe_rl.types import Array, ConfigError, Episode, ExpressionMapping
 
 ByAgentAndCut = dict[str, dict[str, ObservedEpisodes]]
 TRIES_EACH = 10
@@ -183,13 +183,13 @@ def foretell(
     hidden = replace(env, kwargs={**env.kwargs, **context.task.hidden_goal})
     known = {name: taught[name] for name in (PAPERS, DEFAULT)}
     shuffled, observer = learn_shuffled(context, agent), typical(context, agent, checked)
-    shown = hidden_episodes(context, agent, make_game(hidden))
-    futures, found = predictor_config.futures, {}
+    shown = hidden_episodes(context, agent, make_env(hidden))
+    found = {}
     with predictor_of(
         context.run, with_processes(predictor_config, PROCESSES), context.config.seed, hidden
     ) as predictor:
         for cut in (AT_END, AT_CONTACT):
-            guesses = ask_observers(
+            found[cut] = ask_observers(
                 shown,
                 cut,
                 agent.policy,
@@ -199,13 +199,12 @@ def foretell(
                 observer=observer,
                 task=context.task,
                 horizon_steps=context.horizon_steps,
-                futures=futures,
+                futures=predictor_config.futures,
             )
-            found[cut] = ObservedEpisodes(shown, cut, guesses, known, context.task, context.horizon_steps)
     return found
 
 
-def learn_shuffled(context: ReportContext, agent: PaperAgent) -> list[Mapping]:
+def learn_shuffled(context: ReportContext, agent: PaperAgent) -> list[ExpressionMapping]:
     """Vocabularies that cannot be right.
 
     Raises:
@@ -261,7 +260,7 @@ def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: Fig
     """How far off the observers are, over all episodes and in each."""
     cuts = {}
     for cut, one in told.items():
-        errors = one.guesses.errors(one.task.explained_range[0])
+        errors = one.errors()
         means, tests = error_tests(errors, config.resamples, config.seed)
         cuts[cut] = {
             "error": {name: each.to_dict() for name, each in means.items()},
@@ -274,16 +273,16 @@ def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: Fig
 
 def episode_json(told: ObservedEpisodes, row: int, errors: dict[str, Array]) -> dict[str, Any]:
     """One episode of the prediction task."""
-    shown, guesses = told.shown[row], told.guesses
+    shown = told.shown[row]
     return {
         "seed": shown.seed,
         "context": shown.watched.episode.context,
         "success": shown.watched.episode.success,
         "foretold_at_step": told.last_seen(row),
-        "position": float(guesses.position[row]),
-        "end": float(guesses.end[row]),
-        "said": {name: said[row].tolist() for name, said in guesses.said.items()},
-        "expected": {name: float(np.mean(each[:, row])) for name, each in guesses.expected.items()},
+        "position": float(told.position[row]),
+        "end": float(told.end[row]),
+        "said": {name: said[row].tolist() for name, said in told.said.items()},
+        "expected": {name: float(np.mean(each[:, row])) for name, each in told.expected.items()},
         "errors": {name: float(each[row]) for name, each in errors.items()},
     }
 

@@ -75,8 +75,8 @@ def followed(moves: Movements, told: float) -> tuple[Array, Array]:
     """How far each episode went as it was told.
 
     Returns:
-        numbers ``(F,)`` of the episodes that were told so, and their mean movement the instructed way; after 0 it is
-        the mean magnitude of the movement, less than nothing, since staying is what was asked for.
+        Numbers ``(F,)`` of the episodes that were told so, and their mean movement the instructed way. After 0 it is
+        the negative mean magnitude of the movement: staying is what was asked for.
     """
     rows = moves.told == told
     way = np.sign(told) * moves.change[rows] if told else -np.abs(moves.change[rows])

@@ -24,7 +24,7 @@ from ibe_rl.apps.paper.names import (
     SWAPPED,
     TRUE_END,
 )
-from ibe_rl.collect.rollout import watch
+from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.explain.explainer import majority_phrases
@@ -32,8 +32,8 @@ from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.effect import paired_p
 from ibe_rl.metrics.observer import Observer, carries_on, observer_errors
-from ibe_rl.task import Task, Watched
-from ibe_rl.types import Array, Instructor, Mapping, Policy, Predictor
+from ibe_rl.task import RecordedRollout, Task
+from ibe_rl.types import Array, ExpressionMapping, Instructor, Policy, Predictor
 
 COMPARED = (
     *(
@@ -60,7 +60,7 @@ class ShownEpisode:
     """
 
     seed: int
-    watched: Watched
+    watched: RecordedRollout
     ends: dict[str, int]
 
 
@@ -78,7 +78,7 @@ def pick_episodes(
     assert task.first_contact is not None
     found: list[ShownEpisode] = []
     for seed in seeds:
-        watched = watch(env, policy, instructor, seed)
+        watched = record_rollout(env, policy, instructor, seed)
         contact = task.first_contact(watched.episode.states)
         if watched.episode.terminated and contact >= SEEN_STEPS + horizon_steps:
             found.append(ShownEpisode(seed, watched, {AT_END: len(watched.episode), AT_CONTACT: contact}))
@@ -89,48 +89,38 @@ def pick_episodes(
 
 
 @dataclass(frozen=True)
-class ObserverGuesses:
-    """What the observers of ``E`` episodes were told, and where they expect the end.
+class ObservedEpisodes:
+    """The prediction task with one agent at one cut: what observers of ``E`` episodes were told, and what they expect.
 
     Attributes:
+        shown: ``E`` episodes.
+        cut: where they end.
+        task: with ``scene_path``.
+        horizon_steps: from the last frame that observers see to the end.
+        vocabularies: the paper's and ours.
         said: vocabulary to the expressions ``(E, SEEN_STEPS)`` at the frames they see, the last one as they foretell.
         position: ``(E,)`` where it is then.
         end: ``(E,)`` where it really ends.
         expected: observer to the ends that it expects ``(V, E)``, one row for each of its vocabularies.
     """
 
+    shown: Sequence[ShownEpisode]
+    cut: str
+    task: Task
+    horizon_steps: int
+    vocabularies: dict[str, ClusterMapping]
     said: dict[str, Array]
     position: Array
     end: Array
     expected: dict[str, Array]
 
-    def errors(self, width: float) -> dict[str, Array]:
+    def errors(self) -> dict[str, Array]:
         """Observer to its error in each episode ``(E,)``, in % of the width; the mean over its vocabularies."""
+        width = self.task.explained_range[0]
         return {
             name: np.mean([observer_errors(row, self.end, width) for row in rows], axis=0)
             for name, rows in self.expected.items()
         }
-
-
-@dataclass(frozen=True)
-class ObservedEpisodes:
-    """The prediction task with one agent at one cut: its episodes, what was said of them and what was foretold.
-
-    Attributes:
-        shown: ``E`` episodes.
-        cut: where they end.
-        guesses: what was said and foretold.
-        vocabularies: that it was said in.
-        task: with ``scene_path``.
-        horizon_steps: from the last frame that observers see to the end.
-    """
-
-    shown: Sequence[ShownEpisode]
-    cut: str
-    guesses: ObserverGuesses
-    vocabularies: dict[str, ClusterMapping]
-    task: Task
-    horizon_steps: int
 
     def last_seen(self, row: int) -> int:
         """The step at which the observers foretell."""
@@ -148,10 +138,6 @@ class ObservedEpisodes:
         state[self.task.explained[0]] = expected
         return self.task.scene_path(state)
 
-    def errors(self, row: int) -> dict[str, float]:
-        """Observer to its error in % of the width."""
-        return {name: float(each[row]) for name, each in self.guesses.errors(self.task.explained_range[0]).items()}
-
 
 def ask_observers(
     shown: Sequence[ShownEpisode],
@@ -159,12 +145,12 @@ def ask_observers(
     policy: Policy,
     predictor: Predictor,
     vocabularies: dict[str, ClusterMapping],
-    shuffled: Sequence[Mapping],
+    shuffled: Sequence[ExpressionMapping],
     observer: Observer,
     task: Task,
     horizon_steps: int,
     futures: int,
-) -> ObserverGuesses:
+) -> ObservedEpisodes:
     """Let the agent say at every frame that is shown what it will do, and the observers foretell at the last one.
 
     Args:
@@ -202,10 +188,11 @@ def ask_observers(
         PREDICTED_CHANGE: (position + deltas[:, -1, 0, task.explained[0]])[None],
         TRUE_END: end[None],
     }
-    return ObserverGuesses({name: said[name] for name in vocabularies}, position, end, expected)
+    heard = {name: said[name] for name in vocabularies}
+    return ObservedEpisodes(shown, cut, task, horizon_steps, vocabularies, heard, position, end, expected)
 
 
-def _say(mapping: Mapping, deltas: Array, task: Task) -> Array:
+def _say(mapping: ExpressionMapping, deltas: Array, task: Task) -> Array:
     """The expressions ``(E, T)`` of what most futures ``(E, T, F, S)`` are called."""
     flat = deltas.reshape(-1, *deltas.shape[2:])
     _, which, _ = majority_phrases(flat, mapping, task.phrases)

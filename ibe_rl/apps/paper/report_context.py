@@ -18,7 +18,7 @@ from ibe_rl.apps.paper.vocabularies import variants
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import choices
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
-from ibe_rl.envs.make import make_game, task_of
+from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rollouts import EPISODES_AT_ONCE, SEEDS_EACH, seeds_for
@@ -81,7 +81,7 @@ class EpisodeRunner:
         """Run an episode for each seed."""
         torch.set_num_threads(1)
         while len(self._envs) < min(EPISODES_AT_ONCE, len(seeds)):
-            self._envs.append(make_game(self._env))
+            self._envs.append(make_env(self._env))
         return play(self._envs, policy, make_instructor(self._instructor, task_of(self._envs[0])), seeds)
 
 

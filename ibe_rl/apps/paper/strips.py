@@ -47,9 +47,11 @@ def episode_strip(observed: ObservedEpisodes, row: int, title: str) -> Figure:
     scale.set_title(f"What it said in these {SEEN_STEPS} frames")
     before.set_title(f"The first {SEEN_STEPS} frames: all that observers see")
     after.set_title(f"The last {observed.horizon_steps} frames, and what was foretold")
-    errors = observed.errors(row)
+    errors = observed.errors()
     handles, labels = after.get_legend_handles_labels()
-    named = [f"{label} ({errors[name]:.1f} % off)" for name, label in zip((*GUESSES, TRUE_END), labels, strict=True)]
+    named = [
+        f"{label} ({errors[name][row]:.1f} % off)" for name, label in zip((*GUESSES, TRUE_END), labels, strict=True)
+    ]
     named[-1] = "where it really came down"
     figure.legend(handles, named, loc="outside lower center", ncols=4)
     figure.suptitle(title)
@@ -60,7 +62,7 @@ def _scales(axis: Axes, observed: ObservedEpisodes, row: int) -> None:
     """For each vocabulary its expressions as ticks on one scale, and what was said, frame by frame downwards."""
     for band, name in enumerate((PAPERS, DEFAULT)):
         top = band * (SEEN_STEPS + 6)
-        said = observed.guesses.said[name][row]
+        said = observed.said[name][row]
         marks = observed.vocabularies[name].expressions[:, 0]
         axis.vlines(marks, top - 1, top + SEEN_STEPS, color=LINE, linewidth=1.2)
         axis.axhline(top - 1, color=FAINT, linewidth=0.8)
@@ -116,7 +118,7 @@ def _guesses(axis: Axes, observed: ObservedEpisodes, row: int, size: float = 8) 
     """Where each observer expects it to come down, and where it did; each in a line of its own below the ground."""
     step = LINE_APART * observed.task.scene_size[1]
     for number, name in enumerate((*GUESSES, TRUE_END)):
-        x, y = observed.place(row, float(observed.guesses.expected[name][0, row]))
+        x, y = observed.place(row, float(observed.expected[name][0, row]))
         x = min(max(x, 0.0), observed.task.scene_size[0])  # what lies outside is shown at the edge
         below = y - (1.6 + number) * step
         axis.plot([x, x], [below, y], color=OBSERVER_COLOURS[name], linewidth=1, linestyle=":")
@@ -134,7 +136,7 @@ def _guesses(axis: Axes, observed: ObservedEpisodes, row: int, size: float = 8) 
 @rc_context(DARK)
 def gallery(observed: ObservedEpisodes, title: str) -> Figure:
     """All episodes: the frames that observers see in the colours of what was said, then the rest and the guesses."""
-    count = len(observed.shown)
+    count, errors = len(observed.shown), observed.errors()
     lines = -(-count // _COLUMNS)
     highest = _highest(observed, range(count))
     figure, rows = grid(lines, _COLUMNS, 13, (3.3 * highest / observed.task.scene_size[0] + 0.35) * lines + 1.3)
@@ -143,18 +145,15 @@ def gallery(observed: ObservedEpisodes, title: str) -> Figure:
         last, end = observed.last_seen(row), observed.shown[row].ends[observed.cut]
         _lines(axis, observed.shown[row].watched.background, 1, 1)
         axis.plot(*observed.path(row, last, end).T, color=hexed(colours.PALE), linewidth=1)
-        said = observed.guesses.said[DEFAULT][row]
+        said = observed.said[DEFAULT][row]
         seen = observed.path(row, last - SEEN_STEPS + 1, last)
         axis.scatter(seen[:, 0], seen[:, 1], color=expression_colours(said), s=18, zorder=3)
         for step in (last, end):
             _lines(axis, observed.shown[row].watched.figures[step], 0.9, 0.9)
         _guesses(axis, observed, row, 5)
         _frame(axis, observed, highest)
-        errors = observed.errors(row)
-        axis.set_title(
-            f"{row + 1}:  none {errors[NO_WORDS]:.1f}, paper's {errors[PAPERS]:.1f}, ours {errors[DEFAULT]:.1f} % off",
-            fontsize=9,
-        )
+        none, papers, ours = (errors[name][row] for name in GUESSES)
+        axis.set_title(f"{row + 1}:  none {none:.1f}, paper's {papers:.1f}, ours {ours:.1f} % off", fontsize=9)
     for axis in axes[count:]:
         axis.set_visible(False)
     legend_of(axes[:1], figure, 4)

@@ -68,7 +68,7 @@ class Command:
         return text, status
 
 
-def run(address: str, processors: int, command: Sequence[str]) -> int:
+def run_command(address: str, processors: int, command: Sequence[str]) -> int:
     """Run a command on the cluster; returns its exit status, negative as ``subprocess`` gives it.
 
     Raises:
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str]) -> int:
     """Be the process that stands for a command elsewhere."""
     address, processors, *command = arguments
     try:
-        status = run(address, int(processors), command)
+        status = run_command(address, int(processors), command)
     except ConfigError as error:
         sys.stderr.write(f"error: {error}\n")
         return 1

@@ -20,7 +20,7 @@ from ibe_rl.config.command_line import installed
 from ibe_rl.storage.run_folder import METRICS
 
 TAIL_BYTES = 20_000
-"""Of a growing table: enough for a few rows."""
+"""Read from the end of a growing table: enough for a few rows."""
 
 
 @dataclass

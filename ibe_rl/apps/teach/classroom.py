@@ -19,8 +19,9 @@ from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
 from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Desk
+from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_copy, task_of
+from ibe_rl.envs.make import make_snapshot_env, task_of
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable
@@ -32,7 +33,7 @@ from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, asked_port, free_port
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
-from ibe_rl.types import CANNOT_TELL, ConfigError, Instructor
+from ibe_rl.types import CANNOT_TELL, ConfigError
 from ibe_rl.view.palette import of_clusters
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 
@@ -41,7 +42,6 @@ STEPS_PER_SECOND = 50.0
 """Where an environment does not say how fast it is played (gymnasium's ``render_fps``)."""
 FAREWELL_S = 3.0
 Games = MutableSequence[gymnasium.Env[Any, Any]]
-OpenLesson = Callable[[Games], Instructor]
 
 
 @dataclass(frozen=True)
@@ -204,19 +204,25 @@ def open_classroom(
         "others_instructed_by": cfg.instructor.others,
         "live_view": live_view,
     }
-    print(invitation(cfg.instructor.host, port))  # noqa: T201 - talks to a person
+    print(page_invitation(cfg.instructor.host, port))  # noqa: T201 - talks to a person
     return Classroom(
         cfg.instructor,
         port,
         folder / LESSON,
         task,
         partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
-        partial(Simulator.make, cfg.predictor, make_copy=partial(make_copy, cfg.env), rule=task.rule, seed=cfg.seed),
+        partial(
+            Simulator.make,
+            cfg.predictor,
+            make_snapshot_env=partial(make_snapshot_env, cfg.env),
+            rule=task.rule,
+            seed=cfg.seed,
+        ),
         about,
     )
 
 
-def invitation(host: str, port: int) -> str:
+def page_invitation(host: str, port: int) -> str:
     """What to tell the person who is to teach."""
     shown = f"[{host}]" if ":" in host else host
     lines = [f"teach it here: http://{shown}:{port}/"]

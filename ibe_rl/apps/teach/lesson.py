@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.live_explainer import Speaker, told
+from ibe_rl.apps.teach.live_explainer import Speaker, explanation_fields
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import NOBODY, ORACLE, Desk, Said
 from ibe_rl.envs.make import drawn, task_of
@@ -148,7 +148,7 @@ class Lesson:
     def _explained(self, episode: int, said: Explanation) -> None:
         """Post what the agent says; from the speaker's thread."""
         path = None if self._task.scene_path is None else self._task.scene_path(said.path)
-        self._server.post("explanation", {"episode": episode, **told(said, path)})
+        self._server.post("explanation", {"episode": episode, **explanation_fields(said, path)})
 
     def _snapshot(self) -> Any:
         game = stoppable(self._stage.env)

@@ -89,7 +89,7 @@ class Speaker:
         return said
 
 
-def told(said: Explanation, path: Array | None) -> dict[str, Any]:
+def explanation_fields(said: Explanation, path: Array | None) -> dict[str, Any]:
     """What a page shows of an explanation; ``path`` ``(H + 1, 2)`` in scene units.
 
     No number where the meaning of the word is not known, no confidence that is no probability.

@@ -49,7 +49,7 @@ MAX_BAD = 10
 GOODBYE, LEAVING, NOT_OURS, TOO_MANY = 1000, 1001, 1003, 1008  # close codes of RFC 6455
 PING_S = 6.0
 """A page that has been quiet for so long is asked whether it is there; it is gone after half as long again."""
-START_S, STOP_S, CUT_S = 10.0, 2.0, 0.1
+SERVER_START_S, STOP_S, CUT_S = 10.0, 2.0, 0.1
 OPEN_S = 5.0
 """A connection that has asked for nothing for so long is closed."""
 UNREAD_BYTES = 1 << 15
@@ -79,7 +79,7 @@ class Server:
         self._started, self._stop = Future[None](), asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="classroom", daemon=True)
         self._thread.start()
-        self._started.result(START_S)
+        self._started.result(SERVER_START_S)
 
     def post(self, kind: str, fields: Mapping[str, Any]) -> None:
         """Show pages something; only the newest of each kind waits for a page that is slow. Waits for nothing.

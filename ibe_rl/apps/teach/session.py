@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed
 
-ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN = "accepted", "watching", "repeated", "past", "unknown value"
+ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN_VALUE = "accepted", "watching", "repeated", "past", "unknown value"
 """What becomes of a message; all but the first change nothing."""
 PERSON, HELD, ORACLE, NOBODY = "person", "held", "oracle", "nobody"
 """Who says what is said at a step."""
@@ -145,7 +145,7 @@ class Desk:
         if message.sequence <= self._present[page]:
             return REPEATED
         if isinstance(message, Press) and message.value not in self._values:
-            return UNKNOWN
+            return UNKNOWN_VALUE
         self._present[page] = message.sequence
         if message.episode != self._episode:
             return PAST

@@ -104,7 +104,7 @@ def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(studied: Study, mon
     silent = replace(studied.run, config=replace(studied.run.config, instructor=InstructorConfig("silent")))
     monkeypatch.setattr(own_agent, "CALIBRATION_EPISODES", 2)
     assert own_agent.first_calibration(silent, studied.config) is None
-    monkeypatch.setattr(own_agent, "make_copy", refused)
+    monkeypatch.setattr(own_agent, "make_snapshot_env", refused)
     assert own_agent.first_calibration(studied.run, studied.config) is None
 
 

@@ -22,10 +22,10 @@ from ibe_rl.apps.paper.names import (
     SIGNS_KEPT,
     SPLIT_MINMAX,
 )
-from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ObserverGuesses, ShownEpisode
+from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ShownEpisode
 from ibe_rl.config.settings import FiguresConfig
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.task import Shape, Task, Watched
+from ibe_rl.task import RecordedRollout, Shape, Task
 from ibe_rl.types import Array, Episode
 
 TASK: Task = replace(
@@ -214,10 +214,10 @@ def flights(cut: str = AT_END, episodes: int = 20) -> ObservedEpisodes:
     expected = {name: (landing + each)[None] for name, each in off.items()}
     said = {name: np.tile(np.resize(SAID[name], SEEN_STEPS), (episodes, 1)) for name in (PAPERS, DEFAULT)}
     words = {name: on_a_line(np.arange(8.0).tolist(), SAID[name]) for name in (PAPERS, DEFAULT)}
-    return ObservedEpisodes(shown, cut, ObserverGuesses(said, position, landing, expected), words, TASK, HORIZON_STEPS)
+    return ObservedEpisodes(shown, cut, TASK, HORIZON_STEPS, words, said, position, landing, expected)
 
 
-def sledge(row: int) -> Watched:
+def sledge(row: int) -> RecordedRollout:
     """One way down, from (2 + row / 4, 9) to 8 further right and 5 further down."""
     way = np.linspace((2 + row / 4, 9, 0), (10 + row / 4, 4, 0), STEPS + 1).astype(np.float32)
     episode = Episode(
@@ -231,7 +231,7 @@ def sledge(row: int) -> Watched:
         context="lower",
     )
     ground = Shape(np.array([(0.0, 4.0), (20.0, 4.0)]), (190, 190, 200))
-    return Watched(episode, [], [ground], [[outline(state[:2])] for state in way])
+    return RecordedRollout(episode, [], [ground], [[outline(state[:2])] for state in way])
 
 
 def outline(at: Array) -> Shape:

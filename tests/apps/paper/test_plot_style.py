@@ -29,7 +29,7 @@ def test_colours_are_written_as_matplotlib_takes_them() -> None:
 
 
 def test_every_observer_has_its_words_its_colour_and_its_marker() -> None:
-    observers = flights().guesses.expected.keys()
+    observers = flights().expected.keys()
     assert OBSERVER_LABELS.keys() == OBSERVER_COLOURS.keys() == OBSERVER_MARKERS.keys() == observers
     assert len(set(OBSERVER_LABELS.values())) == len(observers)
     assert VARIANT_LABELS.keys() == {PAPERS, SIGNS_KEPT, SPLIT_MINMAX, DEFAULT}

@@ -1,6 +1,7 @@
 """Who foretells what: by hand on the lift, and the episodes of the task on real flights of the demo's policy."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +27,14 @@ from ibe_rl.apps.paper.names import (
 )
 from ibe_rl.apps.paper.prediction_task import (
     COMPARED,
-    ObserverGuesses,
+    ObservedEpisodes,
     ShownEpisode,
     ask_observers,
     error_tests,
     most_telling,
     pick_episodes,
 )
-from ibe_rl.collect.rollout import JUDGING_SEED, watch
+from ibe_rl.collect.rollout import JUDGING_SEED, record_rollout
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -42,7 +43,7 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.effect import paired_p
 from ibe_rl.metrics.observer import Observer
 from ibe_rl.storage.checkpoint import load, policies
-from ibe_rl.task import Watched
+from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Array, Moment, Prediction
 
 ROOT = Path(__file__).parents[3]
@@ -56,7 +57,7 @@ OBSERVER = Observer(typical=5.0)
 def shown(heights: Sequence[float], contact: int) -> ShownEpisode:
     episode = ride(heights)
     moments = [Moment(state, np.zeros(1), True) for state in episode.states[:-1]]
-    return ShownEpisode(7, Watched(episode, moments, [], []), {AT_END: len(episode), AT_CONTACT: contact})
+    return ShownEpisode(7, RecordedRollout(episode, moments, [], []), {AT_END: len(episode), AT_CONTACT: contact})
 
 
 RISING = shown(np.arange(41), contact=36)
@@ -83,7 +84,7 @@ class Foreseen:
         return Prediction.exact(now[:, None] + change[:, None] * np.linspace(0, 1, horizon_steps + 1)[:, None])
 
 
-def guesses(cut: str, predictor: Any = None, episodes: Sequence[ShownEpisode] = (RISING, FALLING)) -> ObserverGuesses:
+def guesses(cut: str, predictor: Any = None, episodes: Sequence[ShownEpisode] = (RISING, FALLING)) -> ObservedEpisodes:
     told = (VOCABULARIES, WRONG, OBSERVER, TASK, HORIZON, FUTURES)
     return ask_observers(episodes, cut, policy, predictor or Foreseen(), *told)
 
@@ -130,18 +131,19 @@ def test_the_last_frame_counts_and_flipped_is_its_mirror_image(cut: str):
     for name in VOCABULARIES:
         np.testing.assert_allclose(told.expected[name][0], told.position + 5 * told.said[name][:, -1])
     np.testing.assert_allclose(told.expected[DEFAULT] + told.expected[SWAPPED], 2 * told.position[None])
-    errors = told.errors(20.0)
+    errors = told.errors()
     assert errors[TRUE_END].tolist() == [0, 0]
     assert all((errors[name] > 0).any() for name in errors if name != TRUE_END)
 
 
 def test_errors_are_in_percent_of_the_width_and_means_over_vocabularies():
-    errors = guesses(AT_CONTACT).errors(20.0)
+    errors = guesses(AT_CONTACT).errors()
     assert errors[DEFAULT] == pytest.approx([15 * 5, 25 * 5])
     assert errors[STRAIGHT] == pytest.approx([10 * 5, 20 * 5])
     assert errors[SHUFFLED] == pytest.approx([(7.5 + 10) / 2 * 5, (22.5 + 15) / 2 * 5])
-    apart = ObserverGuesses({}, np.zeros(1), np.zeros(1), {SHUFFLED: np.array([[1.0], [-1.0]])})
-    assert apart.errors(2.0)[SHUFFLED].tolist() == [50]  # not that of the mean, which is right
+    narrow, none = replace(TASK, explained_range=(2.0,)), np.zeros(1)
+    apart = ObservedEpisodes([], AT_END, narrow, HORIZON, {}, {}, none, none, {SHUFFLED: np.array([[1.0], [-1.0]])})
+    assert apart.errors()[SHUFFLED].tolist() == [50]  # not that of the mean, which is right
 
 
 def errors_of(**given: Sequence[float]) -> dict[str, Array]:
@@ -194,9 +196,9 @@ def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[ShownEpiso
     }
     flown, steps = [], []
 
-    def fly(*given: Any) -> Watched:
+    def fly(*given: Any) -> RecordedRollout:
         flown.append(given[-1])
-        return Watched(flights[given[-1]], [], [], [])
+        return RecordedRollout(flights[given[-1]], [], [], [])
 
     monkeypatch.setattr(prediction_task, "watch", fly)
     nobody: Any = None
@@ -240,6 +242,6 @@ def test_real_episodes_where_the_goal_is_hidden(pilot: Any):
         assert SEEN_STEPS + 60 <= contact <= end == len(states) - 1 == len(one.watched.moments)
         assert not states[:contact, 6:8].any()
         assert states[contact, 6:8].any()
-        again = watch(hidden, pilot, instructor, one.seed)
+        again = record_rollout(hidden, pilot, instructor, one.seed)
         np.testing.assert_array_equal(again.episode.states, states)
     assert pick_episodes(hidden, LANDER_TASK, pilot, instructor, seeds[:2], 2, 900) == []

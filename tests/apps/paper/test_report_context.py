@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from processes import ROOT
 
 from ibe_rl.apps.paper.report_context import EpisodeRunner, shared_between
 from ibe_rl.config.settings import EnvConfig, InstructorConfig
 from ibe_rl.evaluation.runs import load_run
+
+pytestmark = pytest.mark.slow
 
 SEEDS = [range(5), range(7, 9), range(20, 23)]
 

@@ -54,7 +54,7 @@ def test_a_place_is_where_it_would_be_at_the_end() -> None:
 
 
 def test_errors_are_in_percent_of_the_width() -> None:
-    errors = flights().errors(3)
+    errors = {name: each[3] for name, each in flights().errors().items()}
     assert errors.keys() == OBSERVER_LABELS.keys()
     assert [errors[name] for name in (TRUE_END, DEFAULT, NO_WORDS, PAPERS)] == pytest.approx([0, 2.5, 5, 15], abs=1e-5)
 
@@ -150,8 +150,8 @@ def test_a_gallery_shows_every_episode(count: int) -> None:
 
 def test_titles_of_a_gallery_have_room_for_large_errors() -> None:
     told = flights()
-    expected = {name: each + 20 for name, each in told.guesses.expected.items()}
-    figure = gallery(replace(told, guesses=replace(told.guesses, expected=expected)), "all 20 episodes")
+    expected = {name: each + 20 for name, each in told.expected.items()}
+    figure = gallery(replace(told, expected=expected), "all 20 episodes")
     assert "paper's 115.0" in words(figure)
     assert (cut_off(figure), on_each_other(figure)) == ([], [])
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import ROOT, SMALL, children, gone, under_way
+from processes import ROOT, SMALL, children, gone, partial_episodes
 from tensordict import TensorDictBase
 from view_data import eventually
 
@@ -125,7 +125,7 @@ def training(tmp_path: Path) -> Iterator[Any]:
     endless = ["collect.engine=ray", "total_frames=100000000"]
     with ExitStack() as started:
         yield lambda *more: started.enter_context(
-            under_way(tmp_path / "run", *RUN, *endless, *more, within_s=180, **HERE_ONLY)
+            partial_episodes(tmp_path / "run", *RUN, *endless, *more, within_s=180, **HERE_ONLY)
         )
 
 

@@ -14,7 +14,7 @@ from processes import call
 from view_data import eventually, needed
 from viewers import BROWSER_FLAGS
 
-import explain
+from ibe_rl.apps.sweep import report as sweep_report
 from ibe_rl.apps.sweep.figures import curves, ends
 from ibe_rl.apps.sweep.records import COLUMN_LABELS, LEARNING, read_sweep
 from ibe_rl.apps.sweep.report import MAIN, by_condition, main_columns, report
@@ -166,7 +166,7 @@ def test_explain_refuses_in_one_line(overrides: list[str], expected: str) -> Non
 
 def test_with_the_live_viewer_all_recordings_are_opened(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[list[str]] = []
-    monkeypatch.setattr(explain, "show", shown.append)
+    monkeypatch.setattr(sweep_report, "viewer_command", shown.append)
     call("explain", f"sweep={place}", "viewer=live")
     [given] = shown
     assert given[0] == str(place)

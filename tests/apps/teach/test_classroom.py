@@ -22,11 +22,19 @@ from on_stage import greedy, make_lander, voice
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.apps.teach import classroom
-from ibe_rl.apps.teach.classroom import PORT, Classroom, LessonPlan, choose_port, invitation, open_classroom, vocabulary
+from ibe_rl.apps.teach.classroom import (
+    PORT,
+    Classroom,
+    LessonPlan,
+    choose_port,
+    open_classroom,
+    page_invitation,
+    vocabulary,
+)
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import join
+from ibe_rl.envs.make import make_vector_env
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
 from ibe_rl.instructors.human import HumanConfig
@@ -64,16 +72,16 @@ def test_a_host_that_this_machine_has_not_is_refused(host: str):
 
 
 def test_the_invitation():
-    assert invitation(HOST, PORT) == f"teach it here: http://127.0.0.1:{PORT}/"
-    assert invitation("localhost", 1).splitlines() == [
+    assert page_invitation(HOST, PORT) == f"teach it here: http://127.0.0.1:{PORT}/"
+    assert page_invitation("localhost", 1).splitlines() == [
         "teach it here: http://localhost:1/",
         f"  port {PORT} is taken, so this is on 1",
     ]
     for host, shown in (("0.0.0.0", "0.0.0.0"), ("::", "[::]")):  # noqa: S104 - that is what is warned of
-        first, warning = invitation(host, PORT).splitlines()
+        first, warning = page_invitation(host, PORT).splitlines()
         assert first == f"teach it here: http://{shown}:{PORT}/"
         assert warning.startswith(f"  warning: instructor.host={host}: whoever can reach this port can instruct")
-    assert invitation("::1", PORT) == f"teach it here: http://[::1]:{PORT}/"
+    assert page_invitation("::1", PORT) == f"teach it here: http://[::1]:{PORT}/"
 
 
 # ---- what pages are told
@@ -155,7 +163,7 @@ def test_what_the_settings_ask_for(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def _trainer(folder: Path, **settings: Any) -> Classroom:
     agent = partial(make_agent, DQNConfig(hidden=[8]), 11, make_lander().action_space, 1_000)
-    predictor = partial(Simulator.make, PredictorConfig(), make_copy=make_lander, rule=LANDER_TASK.rule, seed=0)
+    predictor = partial(Simulator.make, PredictorConfig(), make_snapshot_env=make_lander, rule=LANDER_TASK.rule, seed=0)
     config = HumanConfig(**({"speed": None} | settings))
     about = {"name": "lander", "total_frames": 1_000}
     return Classroom(config, free_port(0, 0), folder / "lesson.jsonl", LANDER_TASK, agent, predictor, about)
@@ -186,7 +194,7 @@ class Game:
         assert isinstance(games[0], Stage)
         assert not isinstance(games[1], Stage)
         self.port, self.steps, self._over = plan.port, 0, threading.Event()
-        self._env = join(games[:1], self.lesson, seed=3)
+        self._env = make_vector_env(games[:1], self.lesson, seed=3)
         self._thread = threading.Thread(target=self._play)
         self._thread.start()
         self.playing.append(self)

@@ -15,7 +15,7 @@ from ibe_rl.apps.teach.session import (
     PAST,
     PERSON,
     REPEATED,
-    UNKNOWN,
+    UNKNOWN_VALUE,
     WATCHING,
     Desk,
     Said,
@@ -100,7 +100,7 @@ def test_a_message_that_comes_twice_counts_once():
 
 def test_only_the_environments_values_can_be_said():
     at = desk()
-    assert at.hear(ANN, Press(1, 0, 0.5)) == UNKNOWN
+    assert at.hear(ANN, Press(1, 0, 0.5)) == UNKNOWN_VALUE
     assert at.hear(ANN, Press(1, 0, 1.0)) == ACCEPTED
 
 

@@ -20,7 +20,7 @@ from ibe_rl.apps.teach.messages import HandOver, Press, Release
 from ibe_rl.apps.teach.session import ORACLE, PAST, PERSON
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.lander_task import X
-from ibe_rl.envs.make import join
+from ibe_rl.envs.make import make_vector_env
 from ibe_rl.instructors.mixed import Beside
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.recorded import read_lesson
@@ -44,7 +44,7 @@ def states(*x: float) -> Array:
 def flown(theatre: Theatre, steps: int = 400) -> TensorDictBase:
     """Fly at random, through several episodes."""
     torch.manual_seed(0)
-    return join([theatre.stage], theatre.lesson, seed=3).rollout(steps, break_when_any_done=False)[0]
+    return make_vector_env([theatre.stage], theatre.lesson, seed=3).rollout(steps, break_when_any_done=False)[0]
 
 
 def written(path: Path) -> list[tuple[list[float], int, str, int]]:
@@ -103,7 +103,7 @@ def test_the_shapes_that_are_returned(theatre: Theatre):
 
 
 def test_beside_others_only_the_first_waits(theatre: Theatre):
-    env = join([theatre.stage, make_lander()], Beside(theatre.lesson, Oracle(LANDER_TASK.rule)), seed=3)
+    env = make_vector_env([theatre.stage, make_lander()], Beside(theatre.lesson, Oracle(LANDER_TASK.rule)), seed=3)
     theatre.clock.says[2] = [HandOver(True)]
     batch = env.rollout(20, break_when_any_done=False)
     assert theatre.clock.steps == 21

@@ -8,9 +8,11 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from clients import Client, Room, eventually, open_room
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from ibe_rl.apps.teach import server
@@ -166,14 +168,15 @@ def test_a_flood_closes_only_its_page(room: Room):
     assert eventually(lambda: room.desk.take().value == 1.0)
 
 
-@pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The server waits for a page's goodbye much longer than a test waits for anything."""
-    monkeypatch.setattr(server, "STOP_S", 200.0)
-
-
-@pytest.mark.usefixtures("patient")
 def test_a_flood_that_reads_nothing_leaves_the_chair_at_once(room: Room, monkeypatch: pytest.MonkeyPatch):
+    """Before its connection is closed, which waits for its goodbye."""
+    close, chairs = ServerConnection.close, list[int | None]()
+
+    async def closing(connection: ServerConnection, *why: Any) -> None:
+        chairs.append(room.desk.chair)
+        await close(connection, *why)
+
+    monkeypatch.setattr(ServerConnection, "close", closing)
     flood = room.seated()
     watcher = room.page()
     flood.say("press", sequence=1, episode=0, value=1.0)
@@ -182,7 +185,7 @@ def test_a_flood_that_reads_nothing_leaves_the_chair_at_once(room: Room, monkeyp
     flood.socket.socket.sendall(frame * (2 * MAX_A_SECOND + 1_000))
     watcher.until("seat", lambda seat: seat["free"])
     assert room.desk.take().value is None
-    monkeypatch.undo()  # the room is left sooner
+    assert eventually(lambda: chairs == [None])
 
 
 def test_so_many_pages_and_no_more(room: Room):
