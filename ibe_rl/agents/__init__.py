@@ -1,4 +1,10 @@
-"""Agents on TorchRL's parts; they know observations and actions, no environment."""
+"""Agents: policies that learn; they know no environment.
+
+In: batches of steps, the sizes of observations and actions, the settings of one kind. A kind is a module here or
+elsewhere; see ``Agent``.
+Out: a policy that explores, a greedy one that is explained, and what was learnt as a state to resume from.
+Imports: ``types``, ``config``.
+"""
 
 from __future__ import annotations
 

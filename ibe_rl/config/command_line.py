@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,13 +15,14 @@ import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.arguments import as_hydra_reads
+from ibe_rl.config.error_line import one_line
 from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles, check_config, register, with_settings
 from ibe_rl.config.settings import CODE_SETTINGS
 from ibe_rl.runtime.workers import LostWorkerError
@@ -190,7 +191,7 @@ def load_config(path: Path, schema: type) -> Any:
     try:
         saved = _renamed(read_yaml(path))
         _refuse_strange_code(saved, path)
-        typed = OmegaConf.merge(OmegaConf.structured(schema), {**saved, **_kinds_of(saved)})
+        typed = OmegaConf.merge(OmegaConf.structured(schema), saved | with_settings(saved))
         values: Any = OmegaConf.to_object(typed)
     except ConfigError:
         raise
@@ -198,17 +199,6 @@ def load_config(path: Path, schema: type) -> Any:
         reason = one_line(error)[:200]
         raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
     return values
-
-
-def _kinds_of(saved: dict[str, Any]) -> dict[str, Any]:
-    """The parts of a saved config whose settings depend on their kind."""
-    one = {group: with_settings(group, saved[group]) for group in GROUPS.keys() - SEVERAL.keys() if group in saved}
-    several = {
-        key: {name: with_settings(group, values) for name, values in saved[key].items()}
-        for group, key in SEVERAL.items()
-        if key in saved
-    }
-    return one | several
 
 
 def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
@@ -236,8 +226,7 @@ def _refuse_strange_code(saved: dict[str, Any], path: Path) -> None:
         folders = [source for source in sources if isinstance(source, KindFiles)]
         trusted = {(group, kind) for group in GROUPS for folder in folders for kind in folder.kinds(group)}
         if any(group == "env" for group, _ in named):
-            known = (OmegaConf.to_container(OmegaConf.structured(one)) for one in choices("env").values())
-            trusted |= {("env", code) for one in known for code in _code_of_env(one)}
+            trusted |= {("env", code) for one in choices("env").values() for code in _code_of_env(asdict(one))}
     strange = sorted(named - trusted)
     if strange:
         group = strange[0][0]
@@ -308,28 +297,3 @@ def _is_group(key: str) -> bool:
 def _is_of_kind(chosen: Any, kept: Any) -> bool:
     """Whether what was chosen is of the kind that the run has."""
     return chosen is not None and "kind" in chosen and chosen.kind == getattr(kept, "kind", None)
-
-
-def one_line(error: BaseException) -> str:
-    """Say what was wrong in one line: the key, the value and what is allowed."""
-    if isinstance(error, MissingConfigException):
-        return _unknown_choice(str(error))
-    cause = error.__cause__ or error
-    text = str(cause)
-    unknown = re.search(r"Key '(\w+)' not in '(\w+)'", text)
-    if unknown:
-        names = getattr(getattr(cause, "object_type", None), "__dataclass_fields__", {})
-        return f"{getattr(cause, 'full_key', None) or unknown[1]}: no such setting; allowed are {', '.join(names)}"
-    key = getattr(cause, "full_key", None)
-    first = text.strip().splitlines()[0] if text.strip() else type(error).__name__
-    if isinstance(error, OverrideParseException):
-        return f"{error.override}: {first}"
-    return f"{key}: {first}" if key else first
-
-
-def _unknown_choice(text: str) -> str:
-    wanted = re.search(r"Could not find '([\w/]+)/([\w.-]+)'", text) or re.search(r"'([\w/]+)/([\w.-]+)'", text)
-    options = [line.strip() for line in text.splitlines() if line.startswith("\t")]
-    names = ", ".join(sorted(option for option in options if "/" not in option))
-    allowed = f"one of {names}" if names else "the name of a file below a --config-dir"
-    return f"{wanted[1]}={wanted[2]}: allowed is {allowed}" if wanted else text.splitlines()[0]

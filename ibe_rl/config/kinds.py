@@ -166,15 +166,23 @@ def check_config(values: Any) -> None:
             )
 
 
-def with_settings(group: str, values: dict[str, Any]) -> DictConfig:
-    """Values of a saved config as the settings of their kind, which they must fit."""
-    default = getattr(GROUPS[group], "kind", None)
-    schema = settings_of(group, str(values.get("kind", default)))
-    merged: DictConfig = OmegaConf.merge({group: OmegaConf.structured(schema)}, {group: values})[group]
-    return merged
+def with_settings(saved: dict[str, Any]) -> dict[str, Any]:
+    """The parts of a saved config that have a kind, as the settings of their kinds, which they must fit."""
+    one = {group: _typed(group, saved[group]) for group in GROUPS.keys() - SEVERAL.keys() if group in saved}
+    several = {
+        key: {name: _typed(group, values) for name, values in saved[key].items()}
+        for group, key in SEVERAL.items()
+        if key in saved
+    }
+    return one | several
 
 
-class KindFiles(FileConfigSource):  # type: ignore[misc]
+def _typed(group: str, values: dict[str, Any]) -> Any:
+    schema = settings_of(group, str(values.get("kind", getattr(GROUPS[group], "kind", None))))
+    return OmegaConf.select(OmegaConf.merge({group: OmegaConf.structured(schema)}, {group: values}), group)
+
+
+class KindFiles(FileConfigSource):
     """A folder of config files; before one with a ``kind`` come the settings of that kind.
 
     They are in the file's list of defaults, as its first entry, so that hydra knows them when it merges the file and

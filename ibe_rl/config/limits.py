@@ -9,6 +9,8 @@ from typing import Any
 
 from ibe_rl.types import ConfigError
 
+MISSING: Any = "???"
+"""The default of a setting that has to be given, as hydra writes it."""
 TINY = 1e-9
 """The lower limit of what must be above 0."""
 KEPT = {"kept": True}

@@ -10,9 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from omegaconf import MISSING
-
-from ibe_rl.config.limits import KEPT, TINY, setting
+from ibe_rl.config.limits import KEPT, MISSING, TINY, setting
 
 MAX_SEED = 9_999
 DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from typing import Any
@@ -65,8 +66,10 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
 def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of an environment, checked and with its defaults if its class has ``settings``, a dataclass."""
     made = gymnasium.registry[env_id.rpartition(":")[2]].entry_point
-    settings = getattr(load_env_creator(made) if isinstance(made, str) else made, "settings", None)
-    return vars(checked(settings, kwargs, "env.kwargs")) if is_dataclass(settings) else dict(kwargs)
+    settings: Any = getattr(load_env_creator(made) if isinstance(made, str) else made, "settings", None)
+    if not inspect.isclass(settings) or not is_dataclass(settings):
+        return dict(kwargs)
+    return dict(vars(checked(settings, kwargs, "env.kwargs")))
 
 
 def _check_registered(env_id: str) -> None:

@@ -1,4 +1,10 @@
-"""Who tells the agents what to do, over any environment's rule."""
+"""Instructors: who tells the agents what to do, by a task's rule.
+
+In: states of many environments, the task's rule, the settings of one kind. A kind is a module here or elsewhere; see
+``make_instructor``.
+Out: for each environment an instruction, and whether one was given.
+Imports: ``types``, ``task``, ``storage``, ``config``.
+"""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from omegaconf import MISSING
 
+from ibe_rl.config.limits import MISSING
 from ibe_rl.config.settings import CollectConfig
 from ibe_rl.instructors.mixed import Beside, MixedConfig, beside_others, check_mixed, others_stand_in
 from ibe_rl.storage.run_folder import LESSON, REPLACED

@@ -1,4 +1,10 @@
-"""Where a policy will lead: by the environment's own engine, or by what was learnt from the log."""
+"""Predictors: where a policy will lead, by simulation or from the log.
+
+In: moments of episodes, a policy, the log to learn from, the settings of one kind. A kind is a module here or
+elsewhere; see ``KeptPredictor``.
+Out: predicted paths of the state, how far they are to be trusted, and what was learnt as a state to resume from.
+Imports: ``types``, ``storage``, ``config``, ``instructors``, ``ibe``.
+"""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ from ibe_rl.vocabulary.listener import Listener
 @dataclass
 class DiaryConfig(ListenerConfig):
     name: str = "diary.txt"
-    every_batches: int = setting(1, low=1)
+    every_batches: int = setting(2, low=1)
 
 class Diary(Listener):
     settings = DiaryConfig

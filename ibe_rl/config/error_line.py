@@ -1,0 +1,39 @@
+"""What is wrong with a command line or a config, in one line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from omegaconf.errors import OmegaConfBaseException
+
+
+def one_line(error: BaseException) -> str:
+    """Say what was wrong in one line: the key, the value and what is allowed."""
+    if isinstance(error, MissingConfigException):
+        return _unknown_choice(str(error))
+    cause = error.__cause__ or error
+    if isinstance(error, HydraException) and isinstance(error.__context__, OmegaConfBaseException):
+        cause = error.__context__
+    text = str(cause)
+    unknown = re.search(r"Key '(\w+)' not in '(\w+)'", text)
+    if unknown:
+        names = getattr(getattr(cause, "object_type", None), "__dataclass_fields__", {})
+        return f"{getattr(cause, 'full_key', None) or unknown[1]}: no such setting; allowed are {', '.join(names)}"
+    key = getattr(cause, "full_key", None)
+    first = text.strip().splitlines()[0] if text.strip() else type(error).__name__
+    if isinstance(error, OverrideParseException):
+        return f"{error.override}: {first}"
+    return f"{key}: {first}" if key else first
+
+
+def _unknown_choice(text: str) -> str:
+    wanted = re.search(r"Could not find '([\w/]+)/([\w.-]+)'", text) or re.search(r"'([\w/]+)/([\w.-]+)'", text)
+    options = [line.strip() for line in text.splitlines() if line.startswith("\t") and "/" not in line]
+    if wanted and not options:  # of several choices hydra names none
+        folders = [Path(folder) / wanted[1] for folder in re.findall("path=file://(.+)", text)]
+        options = [file.stem for folder in folders for file in folder.glob("*.yaml")]
+    names = ", ".join(sorted(options))
+    allowed = f"one of {names}" if names else "the name of a file below a --config-dir"
+    return f"{wanted[1]}={wanted[2]}: allowed is {allowed}" if wanted else text.splitlines()[0]
