@@ -21,7 +21,7 @@ from ibe_rl.vocabulary.training_episodes import Lessons, best_windows, read_less
 
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000
-"""That clusters are learnt from where the instructions are shuffled."""
+"""At most so many windows are clustered where the instructions are shuffled."""
 
 
 def fit_shuffled(
