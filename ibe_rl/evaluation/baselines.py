@@ -1,4 +1,4 @@
-"""What can be said about the next steps without any vocabulary: the baselines that explanations have to beat."""
+"""Baselines that explanations have to beat: what can be said about the next steps without a vocabulary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The policy changes: is a vocabulary of its own age worth more to it than an earlier one?"""
+"""A changing policy: does the vocabulary of its own age describe it better than an earlier one?"""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def judge_ages(
     Args:
         policy_frame: training frames when the policy was kept.
         vocabularies: training frames to what was learnt then; those learnt later than the policy are left out.
-        moments: of episodes that this policy flew.
+        moments: of episodes of this policy.
         horizon_steps: of the vocabularies.
         task: the environment's own.
         resamples: of the episodes.

@@ -1,4 +1,4 @@
-"""Controls: vocabularies and predictions that cannot be right, to see what is left of every metric."""
+"""Negative controls: vocabularies and predictions that cannot be right, to see what every metric gives them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``task=evaluate``: is what the agent says true? Fly, judge, write it down, print and draw it."""
+"""``task=evaluate``: is what the agent says true? Play, judge, write, print and draw."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg)
     own = run.horizon_steps
-    observers, rows = watch_all(judged, learnt, moments, held_out, run, cfg, ours)
+    observers, rows = add_observers(judged, learnt, moments, held_out, run, cfg, ours)
     quality = {
         "verdict": verdict_of(rows, ours, run),
         "protocol": evaluation_protocol(run, cfg, horizons, learnt, moments),
@@ -75,7 +75,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
 def learn_all(
     run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
 ) -> dict[int, Learnt]:
-    """Learn from the log all that is needed, for each horizon: before anything is flown, since it may be too small."""
+    """Learn from the log all that is needed at each horizon. It comes first, since the log may be too small."""
     config, paper = cfg.evaluate, choices("mapping")["paper"]
     with progress_bar("vocabularies", len(horizons) * config.shuffles) as step:
         return {
@@ -103,7 +103,7 @@ def judge_all(
         }
 
 
-def watch_all(
+def add_observers(
     judged: dict[int, Judged],
     learnt: dict[int, Learnt],
     moments: Moments,

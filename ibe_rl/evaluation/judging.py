@@ -1,4 +1,4 @@
-"""Is what the agent says true? Every explainer on the same moments, at every horizon, with intervals."""
+"""All explainers at one horizon, on the same moments and resamples."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _judge_controls(
     seed: int,
     step: Callable[[], None],
 ) -> None:
-    """What cannot be right: the vocabulary flipped, another moment's future, vocabularies of shuffled lessons."""
+    """Negative controls: the vocabulary flipped, another moment's future, vocabularies of shuffled instructions."""
     ours = next(iter(learnt.vocabularies.values()))
     judged.samples["baseline:flipped"] = _score(
         speak(Flipped(ours), moments, horizon_steps, task.phrases), judged.truth

@@ -1,4 +1,4 @@
-"""The moments that explanations are judged at: unseen greedy episodes, and sampled futures from each moment."""
+"""The moments that explanations are judged at, as arrays."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ibe_rl.types import Array
 
 SEEN_STEPS = 20
-"""Steps that an observer sees before it has to foretell (the paper's prediction task)."""
+"""Steps that an observer sees before it has to predict (the paper's prediction task)."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Moments:
         instruction: ``(N, d)``, 0 in silence.
         given: ``(N,)`` bool, False where the instructor said nothing.
         regular: ``(N,)`` bool, on the stride; the others are there for the observer only.
-        observed: ``(N,)`` bool, as many steps before the first contact as the observer foretells.
+        observed: ``(N,)`` bool, as many steps before the first contact as the observer predicts.
         realised: ``(N, H, S)`` change of the state over each horizon; past the end of the episode it ends there.
         predicted: ``(N, F, H, S)`` the same in each of the futures.
         trusted: ``(N, F, H)`` bool, whether the predictor stands by them.
@@ -78,7 +78,7 @@ class Plan:
         stride_steps: from one moment to the next.
         futures: sampled from each.
         horizons_steps: rising; the longest one is rolled out, the others are the beginnings of the same paths.
-        observer_steps: how long before the first contact the observer foretells; None without observer.
+        observer_steps: how long before the first contact the observer predicts; None without observer.
     """
 
     stride_steps: int

@@ -1,4 +1,4 @@
-"""One episode in words: flown, explained step by step, and told as a table."""
+"""One episode in words: played, explained step by step, and printed as a table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's prediction task with a simulated observer: does an explanation help to foretell where it will end?"""
+"""The paper's prediction task with a simulated observer: does an explanation help to predict where it will end?"""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def observe_all(
     resamples: int,
     seed: int,
 ) -> tuple[dict[str, Samples], dict[str, Any]]:
-    """Let the observer foretell the position at the first contact, from ``horizon_steps`` before it.
+    """Let the observer predict the position at the first contact, from ``horizon_steps`` before it.
 
     Args:
         moments: those with ``observed`` are used, one an episode.

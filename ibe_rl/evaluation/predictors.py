@@ -1,4 +1,4 @@
-"""``task=predictors``: what is an explanation worth that is made with a learned predictor, beside the exact one?"""
+"""``task=predictors``: explanations made with learned predictors, held against those of the exact one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ibe_rl.types import Policy
 from ibe_rl.vocabulary.refresh import Saved
 
 EXACT, AGAIN = "simulator", "simulator_again"
-"""The exact predictor, and the same once more with other chance: no other can be expected to agree with it more."""
+"""The exact predictor, and the same with another seed: no other one can be expected to agree with it more."""
 _OURS = "ibe:own"
 PAIRED = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true", "came_true_voted", "ece")
 """What is told as a difference to the exact one, on the same moments."""
@@ -55,7 +55,7 @@ def judge_predictors(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Explain the same moments with every kind of predictor, at each refresh, and hold that against what came.
 
     Raises:
-        ConfigError: if the run lacks what is needed, before anything is flown.
+        ConfigError: before any episode is played, if the run lacks what is needed.
     """
     seed, own = cfg.evaluate.seed, run.config.predictor
     kinds = choices("predictor") | {own.kind: own} | {cfg.predictor.kind: cfg.predictor}

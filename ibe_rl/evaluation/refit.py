@@ -21,7 +21,7 @@ from ibe_rl.vocabulary.training_episodes import TrainingEpisodes, best_windows, 
 
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000
-"""That clusters are learnt from where the instructions are shuffled."""
+"""At most so many windows are clustered where the instructions are shuffled."""
 
 
 def fit_shuffled(
@@ -85,16 +85,12 @@ class Refits:
             ConfigError: if they are too few, or the mapping cannot work in this environment.
         """
         check_mapping(replace(config, horizon_steps=horizon_steps, spans_steps=[]), self._run.task)
-        given = lessons or self.lessons(config)
+        given, task, seed = lessons or self.lessons(config), self._run.task, self._seed
         with self._enough():
-            return self._fit(config, horizon_steps, given.best, given.heard)
-
-    def _fit(
-        self, config: MappingConfig, horizon_steps: int, best: Sequence[Episode], heard: Sequence[Episode]
-    ) -> ClusterMapping:
-        task, seed = self._run.task, self._seed
-        meant = interpret_lessons(heard, config, task, seed, horizon_steps, self._run.reactions)
-        return fit_mapping(best, heard, config, task, seed, horizon_steps=horizon_steps, interpretation=meant)
+            meant = interpret_lessons(given.heard, config, task, seed, horizon_steps, self._run.reactions)
+            return fit_mapping(
+                given.best, given.heard, config, task, seed, horizon_steps=horizon_steps, interpretation=meant
+            )
 
     def shuffled(
         self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
@@ -132,11 +128,8 @@ class Refits:
         Raises:
             ConfigError: if the log is too small for it.
         """
-        own, random, ours = (
-            self._run.config.mapping,
-            np.random.default_rng(self._seed),
-            next(iter(vocabularies.values())),
-        )
+        own, random = self._run.config.mapping, np.random.default_rng(self._seed)
+        ours = next(iter(vocabularies.values()))
         return Learnt(
             vocabularies={**vocabularies, "baseline:paper": self.fit(paper, horizon_steps)},
             ensembles={

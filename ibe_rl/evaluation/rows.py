@@ -1,4 +1,4 @@
-"""The metrics of one explainer: values on every resample of the episodes, and from these a row of the report.
+"""The metrics of one explainer on every resample of the episodes, and the row of the report made of them.
 
 Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples, row 0 of which is the value itself.
 """

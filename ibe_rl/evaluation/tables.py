@@ -1,4 +1,4 @@
-"""What an evaluation prints."""
+"""Tables in the terminal."""
 
 from __future__ import annotations
 

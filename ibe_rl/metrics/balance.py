@@ -1,4 +1,4 @@
-"""Are the clusters used evenly, and are there words for both sides?"""
+"""How evenly clusters are used, and whether there are expressions on both sides of 0."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ibe_rl.types import Array
 def size_cv(sizes: Array) -> float:
     """Coefficient of variation of the cluster sizes ``(k,)``: their standard deviation, of all k, over their mean.
 
-    0 if they are equal, sqrt(k - 1) if one holds everything, not a number if all are empty.
+    0 if they are equal, sqrt(k - 1) if one holds everything, NaN if all are empty.
     """
     return float(ratio(np.std(sizes), np.mean(sizes)))
 
 
 def size_max(sizes: Array) -> float:
-    """Largest share of the cluster sizes ``(k,)``: from 1 / k to 1, not a number if all are empty."""
+    """Largest share of the cluster sizes ``(k,)``: from 1 / k to 1, NaN if all are empty."""
     return float(ratio(np.max(sizes), np.sum(sizes)))
 
 

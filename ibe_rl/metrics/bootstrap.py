@@ -1,8 +1,7 @@
-"""How sure a score is: the same scores on many resamples of whole episodes.
+"""Bootstrap over whole episodes: a score on many resamples, and its interval.
 
-Windows overlap, so moments of one episode are no independent draws; episodes are. A resample is a row of weights, one
-for each moment, and row 0 weighs all alike: what is computed there is the value itself. All that is compared takes the
-same rows.
+Windows overlap, so the moments of one episode are not independent; episodes are. A resample is a row of weights, one
+for each moment. Row 0 has equal weights and gives the value itself. Whatever is compared takes the same rows.
 
 Shapes: ``N`` moments, ``R`` rows of weights.
 """
@@ -23,19 +22,19 @@ CHUNK = 200_000
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its interval, not a number where nothing can be told."""
+    """A value with its interval, NaN where nothing can be told."""
 
     value: float
     low: float
     high: float
 
     def to_dict(self) -> dict[str, float | None]:
-        """For JSON, with None in place of not a number."""
+        """For JSON, with None in place of NaN."""
         return {name: None if math.isnan(number) else number for name, number in asdict(self).items()}
 
 
 def estimate(rows: Array, level: float = 0.95) -> Estimate:
-    """Row 0 of ``(R,)`` with the percentile interval of the others, those left out that are not a number."""
+    """Row 0 of ``(R,)`` with the percentile interval of the others, those left out that are NaN."""
     value, resampled = float(rows[0]), rows[1:][~np.isnan(rows[1:])]
     if math.isnan(value) or not len(resampled):
         return Estimate(value, math.nan, math.nan)
@@ -66,7 +65,7 @@ def episode_weights(episode: Array, resamples: int = 1000, seed: int = 0) -> Arr
 
 
 def weighted_mean(values: Array, weights: Array) -> Array:
-    """Mean of ``(N,)`` under each row of weights ``(R, N)``; not a number where these are 0."""
+    """Mean of ``(N,)`` under each row of weights ``(R, N)``; NaN where these are 0."""
     return ratio(weights @ np.asarray(values, float), weights.sum(axis=1, dtype=float))
 
 
@@ -79,10 +78,10 @@ def weighted_auc(score: Array, positive: Array, weights: Array) -> Array:
         weights: ``(R, N)``.
 
     Returns:
-        ``(R,)``, not a number where one of the two kinds has no weight.
+        ``(R,)``, NaN where one of the two kinds has no weight.
 
     Raises:
-        ValueError: if a score is not a number.
+        ValueError: if a score is NaN.
     """
     ties = Ties.of(score)
 
@@ -99,10 +98,10 @@ def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
     """Rank correlation of ``a`` ``(N,)`` and ``b`` ``(N,)`` under each row of weights ``(R, N)``; ties share a rank.
 
     Returns:
-        ``(R,)``, not a number where one of the two is constant.
+        ``(R,)``, NaN where one of the two is constant.
 
     Raises:
-        ValueError: if a value is not a number.
+        ValueError: if a value is NaN.
     """
     both = [Ties.of(values) for values in (a, b)]
 
@@ -152,7 +151,7 @@ class Ties:
         """Of values ``(N,)``.
 
         Raises:
-            ValueError: if one is not a number: it has no place in an order.
+            ValueError: if one is NaN: it has no place in an order.
         """
         if np.isnan(values).any():
             raise ValueError("nan has no rank: every value must be a number")

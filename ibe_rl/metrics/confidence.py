@@ -1,4 +1,4 @@
-"""Is the confidence that it goes as predicted worth anything, and how to make one that is.
+"""Calibration of the confidence: Brier score, calibration error, risk at a coverage, and the calibration itself.
 
 Shapes: ``N`` moments, ``R`` rows of weights (see ``bootstrap.episode_weights``), ``F`` features.
 """
@@ -26,7 +26,7 @@ def brier(confidence: Array, true: Array, weights: Array) -> Array:
         weights: ``(R, N)``.
 
     Returns:
-        ``(R,)``, not a number where the weights are 0.
+        ``(R,)``, NaN where the weights are 0.
 
     Raises:
         ValueError: if a confidence is outside [0, 1].
@@ -58,10 +58,10 @@ def risk_at(confidence: Array, true: Array, weights: Array, share: float = 0.8) 
         share: above 0, at most 1, of the weight of each row.
 
     Returns:
-        ``(R,)``, not a number where the weights are 0.
+        ``(R,)``, NaN where the weights are 0.
 
     Raises:
-        ValueError: if a confidence is not a number, or ``share`` not in (0, 1].
+        ValueError: if a confidence is NaN, or ``share`` not in (0, 1].
     """
     if not 0 < share <= 1:
         raise ValueError(f"share={share}: allowed is above 0 and at most 1")
@@ -88,7 +88,7 @@ def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
         confident, and the share ``(G,)`` of these that does not go as predicted.
 
     Raises:
-        ValueError: if a confidence is not a number.
+        ValueError: if a confidence is NaN.
     """
     ties, ones = Ties.of(-np.asarray(confidence)), np.ones((1, len(confidence)))
     spoken, false = (np.cumsum(ties.sums(part)[0]) for part in (ones, ones * ~np.asarray(true, bool)))

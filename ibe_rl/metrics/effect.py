@@ -1,4 +1,4 @@
-"""How far two groups of episodes differ, and whether paired errors do; each episode counts once."""
+"""Differences of two groups of episodes, paired tests, corrected p-values; each episode counts once."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The paper's task for people, with a listener that is simulated and fixed beforehand.
 
-The listener sees the beginning of an approach and says where it will end. Without an explanation it carries on the
-present motion. An expression it reads as a movement on one scale: +1 is the typical movement to that side. The scale
-is calibrated once, on true motion, and is the same for all explainers: a listener that could relearn a code would
+The listener sees the beginning of an approach and predicts where it will end. Without an explanation it extrapolates
+the present motion. It reads an expression as a movement on one scale: +1 is the typical movement to that side. The
+scale is calibrated once, on true motion, and is the same for all explainers. A listener that could relearn a code would
 make a wrong sign as good as a right one. Positions and movements are in the units of the explained state dimension.
 """
 
@@ -21,7 +21,7 @@ class Observer:
     """Who listens.
 
     Attributes:
-        typical: the movement that an expression of 1 is read as; not a number if none was ever seen.
+        typical: the movement that an expression of 1 is read as; NaN if none was ever seen.
     """
 
     typical: float

@@ -44,7 +44,7 @@ def phrase_hits(
         vocabulary: the words they were made with.
 
     Returns:
-        ``(T,)`` 1 or 0, not a number where the meaning of the word is not known: that says nothing.
+        ``(T,)`` 1 or 0, NaN where the meaning of the word is not known: that says nothing.
     """
     real = realised_phrases(episode, said[0].horizon_steps, mapping, vocabulary)
     pairs = zip(said, real, strict=True)
@@ -52,7 +52,7 @@ def phrase_hits(
 
 
 def phrase_accuracy(true: Array) -> float:
-    """Share of ``phrase_hits`` among the moments that count; not a number if there is none."""
+    """Share of ``phrase_hits`` among the moments that count; NaN if there is none."""
     counted = true[~np.isnan(true)]
     return float(counted.mean()) if len(counted) else float("nan")
 
@@ -173,7 +173,7 @@ def vocabulary_scores(mapping: ExpressionMapping, windows: Windows, task: Task) 
         task: the environment's own.
 
     Returns:
-        Metric to value, not a number where the windows cannot tell: ``motion_auc``; ``motion_auc_disobeyed``,
+        Metric to value, NaN where the windows cannot tell: ``motion_auc``; ``motion_auc_disobeyed``,
         the same on windows that did not go the way they were told; ``motion_spearman``; ``instruction_f1``; and
         ``echo_auc``, the ``motion_auc`` of whoever repeats the instruction at the beginning of the window.
     """

@@ -1,4 +1,4 @@
-"""Do the words tell which way it goes? One verdict from the motion AUC, for everything that prints one."""
+"""One verdict from the motion AUC: do the words tell the direction of motion?"""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Verdict:
     Attributes:
         level: one of ``WORST_FIRST``.
         why: what the level alone does not say: ``NO_MEANING``, ``NOT_TOLD``, ``NO_BETTER``, ``AN_ECHO`` or nothing.
-        motion_auc: of the words; not a number where it cannot be computed.
+        motion_auc: of the words; NaN where it cannot be computed.
         echo_auc: of the last instruction said once more; likewise.
         interval: ends of the 95 % interval of ``motion_auc``, None if there is none.
         number: what the number of the instruction is about; empty if there is only one.
@@ -57,7 +57,7 @@ def verdict(
     """Judge a motion AUC.
 
     Args:
-        auc: of the words; not a number where it never, or always, went one of the two ways.
+        auc: of the words; NaN where it never, or always, went one of the two ways.
         echo_auc: of the last instruction in their place, likewise.
         known: whether the meaning of the words is known.
         interval: ends of its 95 % interval, if there is one.

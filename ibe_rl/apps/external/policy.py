@@ -39,7 +39,7 @@ ALLOWED = "a .zip of stable-baselines3, or MODULE:NAME of a policy that Python c
 
 @dataclass(frozen=True)
 class ExternalPolicy:
-    """The policy that a guest's agent comes down to; see ``ibe_rl.types.Policy``.
+    """A policy that was trained elsewhere; see ``ibe_rl.types.Policy``.
 
     Attributes:
         act: observations ``(N, seen)`` to actions.
