@@ -110,7 +110,7 @@ def test_rerun_never_notices_a_full_disk(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     command = [sys.executable, "-c", LIMITED, str(path)]
     ended = subprocess.run(
-        command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=120, check=False
+        command, cwd=Path(__file__).parents[1], capture_output=True, text=True, timeout=120, check=False
     )
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "File too large\n" * 2, "")
     entities = {str(chunk.entity_path) for chunk in RrdReader(str(path)).stream()}

@@ -1,6 +1,7 @@
 """Which episodes and windows of a log made by hand a vocabulary is learnt from, and what cannot be learnt."""
 
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -191,9 +192,20 @@ def test_the_horizon_is_the_configs_unless_another_is_given(log: TrajectoryLog):
     assert fit(log, horizon_steps=2).sizes.sum() == 4 * (STEPS + 1 - 2)
 
 
+def recording(given: list[Any]) -> Any:
+    """As ``IBEMapping``, but what it is made with is written down."""
+
+    @wraps(IBEMapping)
+    def make(**settings: Any) -> IBEMapping:
+        given.append(settings)
+        return IBEMapping(**settings)
+
+    return make
+
+
 def test_a_vocabulary_starts_where_the_last_one_ended(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     last, starts = fit(log), []
-    monkeypatch.setattr(fitting, "IBEMapping", lambda **settings: starts.append(settings) or IBEMapping(**settings))
+    monkeypatch.setattr(fitting, "implementation", lambda *_: recording(starts))
     again = fit(log, last, memory=0.0)
     fit(log, last, memory=0.5)
     fit(log, last, memory=None)
@@ -206,7 +218,7 @@ def test_a_vocabulary_starts_where_the_last_one_ended(log: TrajectoryLog, monkey
 
 def test_every_setting_of_the_estimator_is_the_configs(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     given: list[Any] = []
-    monkeypatch.setattr(fitting, "IBEMapping", lambda **settings: given.append(settings) or IBEMapping(**settings))
+    monkeypatch.setattr(fitting, "implementation", lambda *_: recording(given))
     changes = {
         "n_clusters": 2, "space": "lasso", "split": "bisecting", "power": 0.5, "symmetric": True,
         "normalisation": "movement", "membership": "soft", "weigh_followed": True, "hidden": [7], "n_init": 3,

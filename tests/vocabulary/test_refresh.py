@@ -14,7 +14,7 @@ from ibe_rl.ibe import ClusterTransition, Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.vocabulary import refresh as module
+from ibe_rl.vocabulary import fitting
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Change, Refresh, load_refresh, save_refresh
 
@@ -249,7 +249,7 @@ def test_a_damaged_file_is_refused(log: TrajectoryLog, tmp_path: Path, how: str)
 def test_instructions_of_several_numbers_are_counted_each():
     """By what the number is about and its value."""
     both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(1, 1), explained_range=())
-    counts = module._count_instructions(np.array([[1.0, 0], [1, -1], [0, -1]]), both)
+    counts = fitting._count_instructions(np.array([[1.0, 0], [1, -1], [0, -1]]), both)
     assert counts == {"height -1": 0, "height 0": 1, "height +1": 2, "speed -1": 2, "speed 0": 1, "speed +1": 0}
 
 

@@ -200,7 +200,7 @@ def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[ShownEpiso
         flown.append(given[-1])
         return RecordedRollout(flights[given[-1]], [], [], [])
 
-    monkeypatch.setattr(prediction_task, "watch", fly)
+    monkeypatch.setattr(prediction_task, "record_rollout", fly)
     nobody: Any = None
     found = pick_episodes(nobody, TASK, policy, nobody, [*flights], count, HORIZON, lambda: steps.append(1))
     return found, flown, len(steps)

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from aiohttp.web import WebSocketResponse
 from clients import Client, Room, eventually, open_room
-from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from ibe_rl.apps.teach import server
@@ -170,13 +170,13 @@ def test_a_flood_closes_only_its_page(room: Room):
 
 def test_a_flood_that_reads_nothing_leaves_the_chair_at_once(room: Room, monkeypatch: pytest.MonkeyPatch):
     """Before its connection is closed, which waits for its goodbye."""
-    close, chairs = ServerConnection.close, list[int | None]()
+    close, chairs = WebSocketResponse.close, list[int | None]()
 
-    async def closing(connection: ServerConnection, *why: Any) -> None:
+    async def closing(connection: WebSocketResponse, **why: Any) -> bool:
         chairs.append(room.desk.chair)
-        await close(connection, *why)
+        return await close(connection, **why)
 
-    monkeypatch.setattr(ServerConnection, "close", closing)
+    monkeypatch.setattr(WebSocketResponse, "close", closing)
     flood = room.seated()
     watcher = room.page()
     flood.say("press", sequence=1, episode=0, value=1.0)
