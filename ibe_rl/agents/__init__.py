@@ -41,7 +41,7 @@ class Agent(Protocol):
             FloatingPointError: if the loss or the weights are no finite numbers any more.
         """
 
-    def publish(self) -> None:
+    def sync_weights(self) -> None:
         """Let ``policy`` have what has been learnt; not while it collects, which would not be repeatable."""
 
     def state_dict(self) -> dict[str, Any]:

@@ -26,7 +26,7 @@ class Actions(Protocol):
 
     Attributes:
         outputs: how many numbers ``make_network`` has to give.
-        learnt_from: entry of the batch that ``judge`` takes.
+        learnt_from: entry of the batch that ``evaluate_actions`` takes.
     """
 
     outputs: int
@@ -38,14 +38,14 @@ class Actions(Protocol):
     def draw(self, outputs: Tensor) -> dict[str, Tensor]:
         """Outputs ``(B, K)`` to entries of the batch: ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
 
-    def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+    def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """Outputs ``(B, K)`` and what was drawn to its log-probability ``(B,)`` and the entropy ``(B,)``."""
 
     def mode(self, outputs: Tensor) -> Tensor:
         """Outputs ``(B, K)`` to the most probable actions, in the environment's units."""
 
 
-class Choice:
+class Categorical:
     """One of ``n`` actions, an output each: its unnormalised log-probability."""
 
     learnt_from = "action"
@@ -63,7 +63,7 @@ class Choice:
         action = torch.multinomial(log_probs.exp(), 1)
         return {"action": action.squeeze(-1), "action_log_prob": log_probs.gather(-1, action).squeeze(-1)}
 
-    def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+    def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """See ``Actions``."""
         log_probs = outputs.log_softmax(-1)
         chosen = log_probs.gather(-1, drawn[:, None]).squeeze(-1)
@@ -79,7 +79,7 @@ def best(outputs: Tensor) -> Tensor:
     return outputs.argmax(-1)
 
 
-class Spread(nn.Module):
+class GaussianNetwork(nn.Module):
     """A network of means with log standard deviations beside them, learnt too, the same in every state."""
 
     def __init__(self, network: nn.Module, size: int, first_std: float):
@@ -93,7 +93,7 @@ class Spread(nn.Module):
         return torch.cat([means, self.log_std.expand_as(means)], dim=-1)
 
 
-class Normal:
+class Gaussian:
     """Numbers within bounds, each from a normal distribution of its own.
 
     Means and deviations are in units of half the range around its middle. Draws beyond the bounds are put on them
@@ -113,16 +113,16 @@ class Normal:
 
     def finish(self, network: nn.Module) -> nn.Module:
         """Add the deviations."""
-        return Spread(network, self.outputs, self._first_std)
+        return GaussianNetwork(network, self.outputs, self._first_std)
 
     def draw(self, outputs: Tensor) -> dict[str, Tensor]:
         """See ``Actions``; ``action`` ``(B, A)`` float32."""
         mean, log_std = outputs.chunk(2, dim=-1)
         drawn = mean + log_std.exp() * torch.randn_like(mean)
-        log_prob, _ = self.judge(outputs, drawn)
+        log_prob, _ = self.evaluate_actions(outputs, drawn)
         return {"action": self._bounded(drawn), "action_log_prob": log_prob, RAW_ACTION: drawn}
 
-    def judge(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+    def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """See ``Actions``; densities are those of the draw in its own units."""
         mean, log_std = outputs.chunk(2, dim=-1)
         distance = (drawn - mean) * (-log_std).exp()
@@ -156,10 +156,10 @@ def make_actions(space: gymnasium.Space[Any], first_std: float) -> Actions:
         ConfigError: for actions of another kind.
     """
     if isinstance(space, gymnasium.spaces.Discrete) and discrete(space):
-        return Choice(int(space.n))
+        return Categorical(int(space.n))
     if isinstance(space, gymnasium.spaces.Box) and continuous(space):
         low, high = (torch.from_numpy(bound.astype(np.float32)) for bound in (space.low, space.high))
-        return Normal(low, high, first_std)
+        return Gaussian(low, high, first_std)
     raise ConfigError(
         f"env: its actions are {space}; allowed are Discrete ones from 0, or with agent=ppo one row of numbers (Box) "
         "with finite bounds"

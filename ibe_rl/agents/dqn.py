@@ -65,7 +65,7 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
         return tensordict.set("action", torch.where(explore, torch.randint_like(best, self._n_actions), best))
 
 
-def several_steps(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
+def n_step_returns(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
     """Look ``n_steps`` ahead from every step that has so many after and with it, or to the end of its episode.
 
     TorchRL's ``MultiStepTransform`` is not used: by the source of torchrl 0.14.1 it moves the next observation on
@@ -179,7 +179,7 @@ class DQN:
             steps = torch.cat([self._unfinished, steps], 1)
         whole = max(steps.shape[1] - self._config.n_steps + 1, 0)
         if whole:
-            self._buffer.extend(several_steps(steps, self._config.n_steps, self._config.gamma))
+            self._buffer.extend(n_step_returns(steps, self._config.n_steps, self._config.gamma))
         self._unfinished = steps[:, whole:].clone()
 
     def _anneal(self) -> None:
@@ -211,7 +211,7 @@ class DQN:
         self._optimizer.zero_grad()
         return loss.detach()
 
-    def publish(self) -> None:
+    def sync_weights(self) -> None:
         """See ``Agent``."""
         self.policy.network.load_state_dict(self._network.state_dict())
         self.policy.epsilon.fill_(self._epsilon)

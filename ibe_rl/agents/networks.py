@@ -15,7 +15,7 @@ from ibe_rl.agents.actions import Mode, best
 from ibe_rl.types import Array
 
 
-class Blind(nn.Module):
+class InputMask(nn.Module):
     """Passes on all of its inputs but those in the places ``ignored``, which are 0 whatever they are."""
 
     seen: Tensor
@@ -45,7 +45,7 @@ def make_network(
     for layer in layers:
         nn.init.orthogonal_(layer.weight, last_gain if layer is layers[-1] else 2**0.5)
         nn.init.zeros_(layer.bias)
-    return nn.Sequential(Blind(inputs, ignored), network) if ignored else network
+    return nn.Sequential(InputMask(inputs, ignored), network) if ignored else network
 
 
 class GreedyPolicy:

@@ -164,7 +164,7 @@ class PPO:
         )
 
     def _step(self, steps: PPOSteps, entropy_weight: float) -> dict[str, float]:
-        judged = self._actions.judge(self._actor(steps.observation), steps.drawn)
+        judged = self._actions.evaluate_actions(self._actor(steps.observation), steps.drawn)
         values = self._critic(steps.observation).squeeze(-1)
         policy_loss, value_loss, entropy = clipped_losses(*judged, values, steps, self._config.clip)
         (policy_loss + self._config.value_weight * value_loss - entropy_weight * entropy).backward()
@@ -173,7 +173,7 @@ class PPO:
         self._optimizer.zero_grad()
         return {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
 
-    def publish(self) -> None:
+    def sync_weights(self) -> None:
         """See ``Agent``."""
         self.policy.network.load_state_dict(self._actor.state_dict())
 

@@ -166,7 +166,7 @@ def batches(
     Thread(target=_collect, args=(collector, asked, coming), daemon=apart).start()
 
     def ask() -> None:
-        agent.publish()
+        agent.sync_weights()
         asked.put(TensorDict.from_module(agent.policy).data.clone())
 
     try:

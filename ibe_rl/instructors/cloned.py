@@ -16,7 +16,7 @@ NOTHING_SAID = 2.0
 """Stands for it among the instructions, which are at most 1."""
 
 
-class Habits:
+class ClonedInstructor:
     """Says in each state what the person said in states like it, silence included.
 
     A small decision tree, learnt anew after each episode: people decide by "is it too far left", and a tree can be

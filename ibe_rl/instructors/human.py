@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ibe_rl.config.limits import setting
-from ibe_rl.instructors.mixed import Beside, MixedConfig, beside_others, check_mixed, others_stand_in
+from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, others_stand_in
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Instructor
 
@@ -28,7 +28,7 @@ class Human:
     check, stand_in = staticmethod(check_mixed), staticmethod(others_stand_in)
 
     @staticmethod
-    def make(config: HumanConfig, task: Task, seed: int, person: Instructor | None = None) -> Beside:  # noqa: ARG004
+    def make(config: HumanConfig, task: Task, seed: int, person: Instructor | None = None) -> MixedInstructor:  # noqa: ARG004
         """See ``ibe_rl.instructors``.
 
         Raises:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibe_rl.config.limits import setting
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
-from ibe_rl.instructors.cloned import Habits
+from ibe_rl.instructors.cloned import ClonedInstructor
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.silent import Silent
 from ibe_rl.task import Task
@@ -25,12 +25,12 @@ class MixedConfig(InstructorConfig):
     others: str = setting("oracle", choices=OTHER_KINDS)  # who instructs the other environments
 
 
-class Beside:
+class MixedInstructor:
     """The first row's instructor and that of the others; these may be instructed as the first one's habits are.
 
     Args:
         first: of the first row.
-        others: of the other rows; ``Habits`` learn from each episode of the first.
+        others: of the other rows; ``ClonedInstructor`` learn from each episode of the first.
     """
 
     def __init__(self, first: Instructor, others: Instructor):
@@ -56,16 +56,16 @@ class Beside:
         return np.concatenate([instruction, theirs[0]]), np.concatenate([given, theirs[1]])
 
     def _learn(self) -> None:
-        if isinstance(self._others, Habits) and self._episode:
+        if isinstance(self._others, ClonedInstructor) and self._episode:
             self._others.learn(*(np.concatenate(column) for column in zip(*self._episode, strict=True)))
         self._episode = []
 
 
-def beside_others(first: Instructor, config: MixedConfig, task: Task) -> Beside:
+def beside_others(first: Instructor, config: MixedConfig, task: Task) -> MixedInstructor:
     """The first row's instructor, and those that the settings name for the others."""
     if config.others == "habits":
-        return Beside(first, Habits(task.instruction_size))
-    return Beside(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
+        return MixedInstructor(first, ClonedInstructor(task.instruction_size))
+    return MixedInstructor(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
 
 
 def others_stand_in(config: MixedConfig) -> InstructorConfig:

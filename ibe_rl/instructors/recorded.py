@@ -12,7 +12,7 @@ import numpy as np
 
 from ibe_rl.config.limits import MISSING
 from ibe_rl.config.settings import CollectConfig
-from ibe_rl.instructors.mixed import Beside, MixedConfig, beside_others, check_mixed, others_stand_in
+from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, others_stand_in
 from ibe_rl.storage.run_folder import LESSON, REPLACED
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
@@ -132,7 +132,7 @@ class Recorded:
         self._episode, self._step, self._silence = -1, 0, np.zeros((1, instruction_size + 1), np.float32)
 
     @classmethod
-    def make(cls, config: RecordedConfig, task: Task, seed: int) -> Beside:  # noqa: ARG003 - it draws nothing
+    def make(cls, config: RecordedConfig, task: Task, seed: int) -> MixedInstructor:  # noqa: ARG003 - it draws nothing
         """See ``ibe_rl.instructors``."""
         return beside_others(cls(_lesson(config, task), task.instruction_size), config, task)
 

@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from ibe_rl.agents import Agent, make_agent
-from ibe_rl.agents.actions import RAW_ACTION, Choice, Normal, Spread, make_actions
+from ibe_rl.agents.actions import RAW_ACTION, Categorical, Gaussian, GaussianNetwork, make_actions
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.types import ConfigError
@@ -26,17 +26,17 @@ def repeatable() -> None:
     torch.manual_seed(0)
 
 
-def normal() -> Normal:
+def normal() -> Gaussian:
     """One number in [-1, 1], one in [0, 10]."""
     made = make_actions(BOX, 0.5)
-    assert isinstance(made, Normal)
+    assert isinstance(made, Gaussian)
     return made
 
 
 def test_log_probability_and_entropy_by_hand():
     """Deviations 1 and 1/2; one draw at the means, one a deviation off in the first and two in the second number."""
     outputs = torch.tensor([[0.3, -0.2, 0.0, -math.log(2)]]).repeat(2, 1)
-    log_prob, entropy = normal().judge(outputs, torch.tensor([[0.3, -0.2], [1.3, 0.8]]))
+    log_prob, entropy = normal().evaluate_actions(outputs, torch.tensor([[0.3, -0.2], [1.3, 0.8]]))
     top = math.log(1 / math.sqrt(2 * math.pi)) + math.log(2 / math.sqrt(2 * math.pi))
     assert log_prob.tolist() == pytest.approx([top, top - 1 / 2 - 2])
     assert entropy.tolist() == pytest.approx(2 * [math.log(2 * math.pi * math.e) - math.log(2)])
@@ -44,7 +44,7 @@ def test_log_probability_and_entropy_by_hand():
 
 def test_probability_and_entropy_of_a_choice_by_hand():
     outputs = torch.tensor([[0.0, math.log(3)]]).repeat(2, 1)
-    log_prob, entropy = Choice(2).judge(outputs, torch.tensor([0, 1]))
+    log_prob, entropy = Categorical(2).evaluate_actions(outputs, torch.tensor([0, 1]))
     assert log_prob.exp().tolist() == pytest.approx([0.25, 0.75])
     assert entropy.tolist() == pytest.approx(2 * [-0.25 * math.log(0.25) - 0.75 * math.log(0.75)])
 
@@ -54,7 +54,7 @@ def test_the_mode_is_the_mean_in_the_environments_units_and_bounds():
     mode = normal().mode(outputs)
     assert mode.dtype == torch.float32
     assert mode.tolist() == [[0.5, 2.5], [-1, 10], [0, 5]]
-    assert Choice(3).mode(torch.tensor([[0.0, 2, 1], [3, 2, 1]])).tolist() == [1, 0]
+    assert Categorical(3).mode(torch.tensor([[0.0, 2, 1], [3, 2, 1]])).tolist() == [1, 0]
 
 
 def test_draws_are_put_on_the_bounds_and_learnt_from_as_they_were_drawn():
@@ -70,11 +70,11 @@ def test_draws_are_put_on_the_bounds_and_learnt_from_as_they_were_drawn():
     assert free.std(0).tolist() == pytest.approx([1, math.exp(-1)], abs=0.03)
     inside = (free.abs() < 1).all(dim=1).numpy()
     np.testing.assert_allclose(action[inside], ([0, 5] + free.numpy() * [1, 5])[inside], rtol=1e-5, atol=1e-6)
-    torch.testing.assert_close(drawn["action_log_prob"], actions.judge(outputs, free)[0])
+    torch.testing.assert_close(drawn["action_log_prob"], actions.evaluate_actions(outputs, free)[0])
 
 
 def test_the_spread_is_the_same_everywhere_and_is_learnt():
-    network = Spread(nn.Linear(3, 2), 2, first_std=0.5)
+    network = GaussianNetwork(nn.Linear(3, 2), 2, first_std=0.5)
     outputs = network(torch.randn(5, 3))
     assert outputs.shape == (5, 4)
     assert outputs[:, 2:].exp().detach().numpy() == pytest.approx(0.5)
@@ -127,7 +127,7 @@ def learn(agent: Agent, updates: int, rows: int = 4, steps: int = 100) -> None:
         reward = torch.tensor(-np.abs(missed).sum(axis=1), dtype=torch.float32)[:, None]
         after |= {"reward": reward, "success": torch.zeros_like(ends)}
         agent.update(data.set("next", TensorDict(after, rows * steps)).reshape(rows, steps))
-        agent.publish()
+        agent.sync_weights()
 
 
 def missed(agent: Agent) -> float:
@@ -153,7 +153,7 @@ def test_the_same_seed_learns_the_same_and_goes_on_from_its_state():
     torch.manual_seed(1)
     learn(agents[0], 4)
     agents[1].load_state_dict(deepcopy(agents[0].state_dict()))
-    agents[1].publish()
+    agents[1].sync_weights()
     for agent in agents:
         torch.manual_seed(2)
         learn(agent, 2)

@@ -61,7 +61,7 @@ def batch(agent: Agent, rows: int = 4, steps: int = 100) -> TensorDict:
 def learn(agent: Agent, updates: int) -> dict[str, float]:
     for _ in range(updates):
         figures = agent.update(batch(agent))
-        agent.publish()
+        agent.sync_weights()
     return figures
 
 
@@ -94,7 +94,7 @@ def test_the_exploring_policy_stands_still_until_it_is_told(kind: str):
     before = agent.policy.network(seen)
     agent.update(batch(agent, steps=300))
     assert torch.equal(agent.policy.network(seen), before)
-    agent.publish()
+    agent.sync_weights()
     assert not torch.equal(agent.policy.network(seen), before)
 
 
@@ -234,7 +234,7 @@ def test_it_learns_what_is_a_success(kind: str):
         steps["next", "success"] = steps["next", "reward"] > 0
         steps["next", "reward"].zero_()
         agent.update(steps)
-        agent.publish()
+        agent.sync_weights()
     assert share_right(agent) > 0.97
 
 

@@ -10,7 +10,7 @@ from torch import nn
 from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss
 
-from ibe_rl.agents.dqn import DQN, DQNConfig, several_steps
+from ibe_rl.agents.dqn import DQN, DQNConfig, n_step_returns
 
 
 def steps_of(rewards: list[float], done: str, terminated: str) -> TensorDict:
@@ -29,7 +29,7 @@ def steps_of(rewards: list[float], done: str, terminated: str) -> TensorDict:
 
 
 def test_one_step_is_what_was_rewarded_at_once():
-    data = several_steps(steps_of([1, 2, 3], "-x-", "-x-"), 1, 0.5)
+    data = n_step_returns(steps_of([1, 2, 3], "-x-", "-x-"), 1, 0.5)
     assert data["reward"].tolist() == [1, 2, 3]
     assert data["later"].flatten().tolist() == [0.5, 1.5, 2.5]
     assert data["discount"].tolist() == [0.5, 0, 0.5]
@@ -40,7 +40,7 @@ def test_one_step_is_what_was_rewarded_at_once():
 )
 def test_three_steps_stop_at_an_end(terminated: str, discounts: list[float]):
     """After a game that has ended comes nothing; one that was cut off would have gone on from its last state."""
-    data = several_steps(steps_of([1, 2, 4, 8, 16, 32], "--x---", terminated), 3, 0.5)
+    data = n_step_returns(steps_of([1, 2, 4, 8, 16, 32], "--x---", terminated), 3, 0.5)
     assert data["observation"].flatten().tolist() == [0, 1, 2, 3]
     assert data["action"].tolist() == [0, 1, 0, 1]
     assert data["reward"].tolist() == [1 + 1 + 1, 2 + 2, 4, 8 + 8 + 8]
@@ -50,7 +50,7 @@ def test_three_steps_stop_at_an_end(terminated: str, discounts: list[float]):
 
 def test_rows_are_apart():
     both = torch.cat([steps_of([1, 2, 4], "-x-", "-x-"), steps_of([3, 5, 7], "---", "---")])
-    data = several_steps(both, 2, 1.0)
+    data = n_step_returns(both, 2, 1.0)
     assert data["reward"].tolist() == [3, 2, 8, 12]
     assert data["discount"].tolist() == [0, 0, 1, 1]
 
@@ -64,7 +64,7 @@ def test_the_edges_of_batches_do_not_show(lengths: list[int]):
     )
     for part in steps.split(lengths, 1):
         agent.update(part)
-    expected = several_steps(steps, 3, 0.5)
+    expected = n_step_returns(steps, 3, 0.5)
     expected["reward"] *= 2.0
     stored = agent._buffer[:]
     assert len(stored) == 10
@@ -121,7 +121,7 @@ def test_with_one_step_loss_and_gradients_are_torchrls():
     expected.backward()
     gradients = [parameter.grad.clone() for parameter in agent._network.parameters()]
 
-    data = several_steps(steps, 1, 0.9)
+    data = n_step_returns(steps, 1, 0.9)
     said = agent._network(data["observation"]).gather(-1, data["action"][:, None]).squeeze(-1)
     ours = nn.functional.smooth_l1_loss(said, agent._worth(data))
     torch.testing.assert_close(ours, expected)

@@ -11,7 +11,7 @@ from tensordict import TensorDict
 
 from ibe_rl.agents import Agent, check_agent, make_agent
 from ibe_rl.agents.dqn import DQNConfig
-from ibe_rl.agents.networks import Blind
+from ibe_rl.agents.networks import InputMask
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config.settings import AgentConfig
 from ibe_rl.envs import LANDER_TASK
@@ -96,7 +96,7 @@ def test_it_stays_blind_while_it_learns(kind: str):
         for _ in range(3):
             torch.manual_seed(2)
             agent.update(steps)
-        agent.publish()
+        agent.sync_weights()
     one, other = (outputs(agent, observations()) for agent in agents)
     for name, said in one.items():
         np.testing.assert_array_equal(said, other[name], err_msg=name)
@@ -131,6 +131,6 @@ def test_what_is_not_there_cannot_be_ignored(kind: str):
 
 
 def test_a_blind_network_leaves_what_it_sees_alone():
-    blind = Blind(3, [1])
+    blind = InputMask(3, [1])
     assert blind(torch.tensor([[1.0, 2.0, -3.0], [0.0, torch.inf, 5.0]])).tolist() == [[1, 0, -3], [0, 0, 5]]
-    assert Blind(2, [1, 1, 0])(torch.ones(4, 5, 2)).sum() == 0
+    assert InputMask(2, [1, 1, 0])(torch.ones(4, 5, 2)).sum() == 0

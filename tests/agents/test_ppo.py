@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss
 
-from ibe_rl.agents.actions import Actions, Choice, Normal
+from ibe_rl.agents.actions import Actions, Categorical, Gaussian
 from ibe_rl.agents.networks import make_network
 from ibe_rl.agents.ppo import PPOSteps, clipped_losses
 
@@ -41,7 +41,7 @@ def throttling(network: nn.Module) -> ProbabilisticActor:
 
 @pytest.mark.parametrize(
     ("actions", "policy"),
-    [(Choice(3), choosing), (Normal(-torch.ones(2), torch.ones(2), 0.6), throttling)],
+    [(Categorical(3), choosing), (Gaussian(-torch.ones(2), torch.ones(2), 0.6), throttling)],
     ids=["a few actions", "continuous"],
 )
 def test_losses_and_gradients_are_torchrls(actions: Actions, policy: Any):
@@ -53,7 +53,7 @@ def test_losses_and_gradients_are_torchrls(actions: Actions, policy: Any):
         drawn = actions.draw(actor(seen))
     noted = drawn["action_log_prob"] + 0.3 * torch.randn(COUNT)
     steps = PPOSteps(seen, drawn[actions.learnt_from], noted, 2 * torch.randn(COUNT) + 1, torch.randn(COUNT))
-    ours = clipped_losses(*actions.judge(actor(seen), steps.drawn), critic(seen).squeeze(-1), steps, CLIP)
+    ours = clipped_losses(*actions.evaluate_actions(actor(seen), steps.drawn), critic(seen).squeeze(-1), steps, CLIP)
 
     theirs = ClipPPOLoss(
         policy(actor),

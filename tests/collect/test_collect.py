@@ -164,7 +164,7 @@ class Counts:
         self.updates, self.policy = 0, torch.nn.Module()
         self.policy.register_buffer("learnt", torch.tensor(0))
 
-    def publish(self) -> None:
+    def sync_weights(self) -> None:
         self.policy.learnt.fill_(self.updates)
 
 

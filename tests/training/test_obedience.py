@@ -293,7 +293,7 @@ def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
             cfg = settings(judge)
             made(cfg, VocabularyTracker(cfg.mapping, LANDER_TASK, 0), LANDER_TASK).add(batch, 0)
         agent.update(batch)
-        agent.publish()
+        agent.sync_weights()
         return agent.policy.network(torch.from_numpy(seen).float()).detach().numpy()
 
     np.testing.assert_array_equal(learnt("none"), learnt(None))

@@ -21,7 +21,7 @@ from ibe_rl.apps.teach.session import ORACLE, PAST, PERSON
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_vector_env
-from ibe_rl.instructors.mixed import Beside
+from ibe_rl.instructors.mixed import MixedInstructor
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.types import Array
@@ -103,7 +103,9 @@ def test_the_shapes_that_are_returned(theatre: Theatre):
 
 
 def test_beside_others_only_the_first_waits(theatre: Theatre):
-    env = make_vector_env([theatre.stage, make_lander()], Beside(theatre.lesson, Oracle(LANDER_TASK.rule)), seed=3)
+    env = make_vector_env(
+        [theatre.stage, make_lander()], MixedInstructor(theatre.lesson, Oracle(LANDER_TASK.rule)), seed=3
+    )
     theatre.clock.says[2] = [HandOver(True)]
     batch = env.rollout(20, break_when_any_done=False)
     assert theatre.clock.steps == 21

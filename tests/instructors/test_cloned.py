@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ibe_rl.instructors import cloned as habits
-from ibe_rl.instructors.cloned import Habits
+from ibe_rl.instructors.cloned import ClonedInstructor
 from ibe_rl.types import Array
 
 
@@ -19,14 +19,14 @@ def person(states: Array) -> tuple[Array, Array]:
     return np.where(place < -0.3, 1.0, np.where(place > 0.3, -1.0, 0.0)).astype(np.float32), abs(place) > 0.3
 
 
-def taught(*episodes: Array) -> Habits:
-    made = Habits(1)
+def taught(*episodes: Array) -> ClonedInstructor:
+    made = ClonedInstructor(1)
     for states in episodes:
         made.learn(states, *person(states))
     return made
 
 
-def says(made: Habits, states: Array) -> tuple[Array, Array]:
+def says(made: ClonedInstructor, states: Array) -> tuple[Array, Array]:
     return made.instruct(states, np.ones(len(states), bool))
 
 
@@ -42,7 +42,7 @@ def test_it_learns_a_threshold_and_when_to_be_silent():
 
 def test_told_nothing_is_not_told_zero():
     states = positions(400)
-    silent, still = Habits(1), Habits(1)
+    silent, still = ClonedInstructor(1), ClonedInstructor(1)
     silent.learn(states, np.zeros((400, 1), np.float32), np.zeros((400, 1), np.float32))
     still.learn(states, np.zeros((400, 1), np.float32), np.ones((400, 1), np.float32))
     assert not np.concatenate(says(silent, states)).any()
@@ -53,7 +53,7 @@ def test_told_nothing_is_not_told_zero():
 
 def test_before_it_has_heard_enough_it_is_silent():
     few, states = habits.MIN_STEPS // 2, positions(50)
-    made = Habits(1)
+    made = ClonedInstructor(1)
     for part in (0, 1):
         instruction, given = says(made, states)
         assert not np.concatenate([instruction, given]).any()
@@ -67,7 +67,7 @@ def test_before_it_has_heard_enough_it_is_silent():
 def test_it_can_say_several_numbers():
     states = positions(400)
     right = np.sign(states)
-    made = Habits(2)
+    made = ClonedInstructor(2)
     made.learn(states, right.astype(np.float32), np.ones((400, 1)))
     instruction, _ = says(made, states)
     assert instruction.shape == (400, 2)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ibe_rl.instructors.cloned import Habits
-from ibe_rl.instructors.mixed import Beside
+from ibe_rl.instructors.cloned import ClonedInstructor
+from ibe_rl.instructors.mixed import MixedInstructor
 from ibe_rl.types import Array
 
 
@@ -23,7 +23,7 @@ class Says:
         return np.full((len(rows), 1), self.what, np.float32), np.ones((len(rows), 1), np.float32)
 
 
-class Remembers(Habits):
+class Remembers(ClonedInstructor):
     """Notes what it is taught instead of learning it."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ def seen(*values: float) -> Array:
 
 def test_the_first_row_has_its_own_instructor():
     first, others = Says(1.0), Says(-1.0)
-    both = Beside(first, others)
+    both = MixedInstructor(first, others)
     both.reset(rows(1, 1, 1))
     instruction, given = both.instruct(seen(0, 0, 0), rows(1, 0, 1))
     assert instruction.tolist() == [[1], [-1], [-1]]
@@ -59,7 +59,7 @@ def test_the_first_row_has_its_own_instructor():
 
 def test_one_row_has_nobody_beside_it():
     first, others = Says(0.5), Says(-1.0)
-    both = Beside(first, others)
+    both = MixedInstructor(first, others)
     both.reset(rows(1))
     assert both.instruct(seen(0), rows(1))[0].tolist() == [[0.5]]
     assert (others.begun, others.asked) == ([], [])
@@ -67,7 +67,7 @@ def test_one_row_has_nobody_beside_it():
 
 def test_habits_are_learnt_from_whole_episodes_of_the_first_row_only():
     others = Remembers()
-    both = Beside(Says(0.5), others)
+    both = MixedInstructor(Says(0.5), others)
     both.reset(rows(1, 1))
     for step in range(3):
         both.instruct(seen(step, 90 + step), rows(1, 1))
@@ -84,7 +84,7 @@ def test_habits_are_learnt_from_whole_episodes_of_the_first_row_only():
 
 def test_states_are_kept_as_they_were():
     others, states = Remembers(), seen(1, 2)
-    both = Beside(Says(0.5), others)
+    both = MixedInstructor(Says(0.5), others)
     both.reset(rows(1, 1))
     both.instruct(states, rows(1, 1))
     states[:] = 9
@@ -95,7 +95,7 @@ def test_states_are_kept_as_they_were():
 @pytest.mark.parametrize("count", [2, 5])
 def test_the_others_are_told_what_the_first_was_told_before(count: int):
     """In its first episode it was told to go right wherever it is; so are the others in theirs."""
-    both = Beside(Says(1.0), Habits(1))
+    both = MixedInstructor(Says(1.0), ClonedInstructor(1))
     everybody, places = np.ones(count, bool), np.linspace(-1, 1, 150)
     both.reset(everybody)
     for place in places:
