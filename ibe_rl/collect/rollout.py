@@ -19,7 +19,7 @@ JUDGING_SEED = 2_050_000_000
 """Seeds that neither uses, for ``explain.py`` to judge explanations on."""
 
 
-class _Flight:
+class _Rollout:
     """One environment in the middle of an episode, and what happened so far; ``keep`` the moments too."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None = None, keep: bool = False):
@@ -84,7 +84,7 @@ def play(
     return [flight.episode() for flight in _fly(envs, policy, instructor, seeds)]
 
 
-def play_moments(
+def rollouts_with_moments(
     envs: Sequence[gymnasium.Env[Any, Any]], policy: Policy, instructor: Instructor, seeds: Sequence[int]
 ) -> Iterator[tuple[Episode, Sequence[Moment]]]:
     """As ``play``, one episode after the other with the ``T`` moments before its actions.
@@ -95,7 +95,7 @@ def play_moments(
         yield flight.episode(), flight.moments
 
 
-def moments_apart(
+def moments_at(
     envs: Sequence[gymnasium.Env[Any, Any]],
     policy: Policy,
     instructor: Instructor,
@@ -111,7 +111,7 @@ def moments_apart(
         seeds: one an episode.
         steps: one an episode, at which the moment is taken.
     """
-    flights = [_Flight(env, seed) for env, seed in zip(envs, seeds, strict=False)]
+    flights = [_Rollout(env, seed) for env, seed in zip(envs, seeds, strict=False)]
     instructor.reset(np.ones(len(flights), bool))
     for step in range(max(steps, default=-1) + 1):
         here = [flight for flight, last in zip(flights, steps, strict=False) if last == step and not flight.done]
@@ -130,17 +130,17 @@ def _fly(
     instructor: Instructor,
     seeds: Sequence[int],
     keep: bool = False,
-) -> Iterator[_Flight]:
+) -> Iterator[_Rollout]:
     for first in range(0, len(seeds), len(envs)):
         together = seeds[first : first + len(envs)]
-        flights = [_Flight(env, seed, keep=keep) for env, seed in zip(envs, together, strict=False)]
+        flights = [_Rollout(env, seed, keep=keep) for env, seed in zip(envs, together, strict=False)]
         instructor.reset(np.ones(len(flights), bool))
         while any(not flight.done for flight in flights):
             _step_all(flights, policy, instructor)
         yield from flights
 
 
-def _step_all(flights: Sequence[_Flight], policy: Policy, instructor: Instructor) -> None:
+def _step_all(flights: Sequence[_Rollout], policy: Policy, instructor: Instructor) -> None:
     """Step those that are not done; the instructor sees all rows, so that each keeps its place."""
     states = np.array([flight.states[-1] for flight in flights])
     flying = np.array([not flight.done for flight in flights])
@@ -166,7 +166,7 @@ def record_rollout(
         seed: of the episode.
         context: one of the task's contexts; None draws one.
     """
-    flight = _Flight(env, seed, context, keep=True)
+    flight = _Rollout(env, seed, context, keep=True)
     instructor.reset(np.ones(1, bool))
     figures = [drawn(env, "figure")]
     background = drawn(env, "background")

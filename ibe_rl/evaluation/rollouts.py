@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ibe_rl.collect.rollout import JUDGING_SEED, play_moments
+from ibe_rl.collect.rollout import JUDGING_SEED, rollouts_with_moments
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan
 from ibe_rl.evaluation.progress_bar import progress_bar
@@ -70,7 +70,7 @@ def take_moments(run: TrainedRun, policy: Policy, seeds: Sequence[int], plan: Pl
     envs = [run.make_env() for _ in range(min(len(seeds), EPISODES_AT_ONCE))]
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     taken: list[TakenMoment] = []
-    for number, (episode, moments) in enumerate(play_moments(envs, policy, instructor, seeds)):
+    for number, (episode, moments) in enumerate(rollouts_with_moments(envs, policy, instructor, seeds)):
         taken += _of_episode(episode, moments, number, seeds[number], plan, run.task)
     return taken
 

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.collect.rollout import moments_apart
+from ibe_rl.collect.rollout import moments_at
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
 
@@ -64,7 +64,7 @@ def ask_in_flight(
         horizon_steps: n.
     """
     steps = np.random.default_rng(list(seeds)).integers(max(1, typical_steps), size=len(seeds)).tolist()
-    return ask(moments_apart(envs, policy, instructor, seeds, steps), policy, predictor, horizon_steps)
+    return ask(moments_at(envs, policy, instructor, seeds, steps), policy, predictor, horizon_steps)
 
 
 def told_throughout(policy: Policy, instruction: Array, observations: Array) -> Array:

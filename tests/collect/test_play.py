@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from ibe_rl.collect.rollout import moments_apart, play, play_moments, record_rollout
+from ibe_rl.collect.rollout import moments_at, play, record_rollout, rollouts_with_moments
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -176,7 +176,7 @@ def test_what_cannot_be_drawn_can_be_watched():
 @pytest.mark.parametrize("at_once", [1, 2])
 def test_moments_are_kept_with_each_episode(at_once: int):
     instructor = make_instructor(InstructorConfig("oracle"), LANDER_TASK)
-    flown = list(play_moments(make(at_once), swing, instructor, [7, 3, 11]))
+    flown = list(rollouts_with_moments(make(at_once), swing, instructor, [7, 3, 11]))
     for (episode, moments), alone in zip(flown, fly([7, 3, 11], 1), strict=True):
         assert_same(episode, alone)
         assert len(moments) == len(episode)
@@ -188,7 +188,7 @@ def test_moments_are_kept_with_each_episode(at_once: int):
 
 def apart(seeds: list[int], steps: list[int], at_once: int = 4) -> list[Any]:
     instructor = make_instructor(InstructorConfig("oracle"), LANDER_TASK)
-    return moments_apart(make(at_once), swing, instructor, seeds, steps)
+    return moments_at(make(at_once), swing, instructor, seeds, steps)
 
 
 def test_moments_of_several_episodes_are_those_of_playing_them():
@@ -217,7 +217,7 @@ def test_without_episodes_there_are_no_moments():
 def test_an_environment_that_has_stopped_is_not_stepped_again():
     """Nobody goes on once all moments are taken."""
     instructor = Row()
-    found = moments_apart(make(3), swing, instructor, [7, 3, 11], [0, 2, 1])
+    found = moments_at(make(3), swing, instructor, [7, 3, 11], [0, 2, 1])
     assert len(found) == 3
     assert instructor.resets == [3]
     assert instructor.counts == [3, 3, 3]
@@ -230,7 +230,7 @@ def test_moments_of_a_game_that_cannot_be_stopped_have_no_snapshot():
 
     instructor = make_instructor(InstructorConfig("oracle"), Counter.task)
     stay = lambda observations: np.zeros(len(observations), int)  # noqa: E731
-    [stopped] = moments_apart([Counter()], stay, instructor, [4], [2])
-    [other] = moments_apart([Unstoppable()], stay, instructor, [4], [2])
+    [stopped] = moments_at([Counter()], stay, instructor, [4], [2])
+    [other] = moments_at([Unstoppable()], stay, instructor, [4], [2])
     assert (stopped.snapshot, other.snapshot) == (2, None)
     assert stopped.state.tolist() == other.state.tolist() == [2]

@@ -16,9 +16,9 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
-from ibe_rl.apps.teach.live_explainer import Speaker, weights_of
+from ibe_rl.apps.teach.live_explainer import LiveExplainer, weights_of
 from ibe_rl.apps.teach.server import Server
-from ibe_rl.apps.teach.session import Desk
+from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_snapshot_env, task_of
@@ -74,16 +74,16 @@ class LessonPlan:
         """Put the first of the ``games`` on stage and open the desk before it."""
         games[0] = stage = Stage(games[0])
         values = task_of(stage).instruction_values
-        desk = Desk(values, self.hold_steps, self.speed)
+        desk = TeachingSession(values, self.hold_steps, self.speed)
         server = Server(desk, self.host, self.port)
         clock = Clock(desk, float(stage.metadata.get("render_fps") or STEPS_PER_SECOND))
-        speaker = Speaker(self.make_agent().greedy, self.make_predictor())
+        speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor())
         lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
         server.post("about", {**self.about, "values": list(values)})
         self._listen(lesson, server, speaker, clock)
         return lesson
 
-    def _listen(self, lesson: Lesson, server: Server, speaker: Speaker, clock: Clock) -> None:
+    def _listen(self, lesson: Lesson, server: Server, speaker: LiveExplainer, clock: Clock) -> None:
         """Let the trainer reach the pages."""
 
         def farewell(text: str) -> None:

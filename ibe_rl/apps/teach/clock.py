@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from ibe_rl.apps.teach.session import Desk
+from ibe_rl.apps.teach.session import TeachingSession
 
 MAX_BEHIND_STEPS = 5
 """A game that fell behind by more does not make up for it."""
@@ -18,7 +18,7 @@ class Clock:
         steps_per_second: of real time.
     """
 
-    def __init__(self, desk: Desk, steps_per_second: float):
+    def __init__(self, desk: TeachingSession, steps_per_second: float):
         self._desk, self._rate = desk, steps_per_second
         self._at, self._hurry = time.monotonic(), False
 

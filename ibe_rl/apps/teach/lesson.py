@@ -11,9 +11,9 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.live_explainer import Speaker, explanation_fields
+from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields
 from ibe_rl.apps.teach.server import Server
-from ibe_rl.apps.teach.session import NOBODY, ORACLE, Desk, Said
+from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
 from ibe_rl.envs.make import drawn, task_of
 from ibe_rl.envs.snapshots import stoppable
 from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
@@ -66,7 +66,15 @@ class Lesson:
         record: where each episode's instructions go.
     """
 
-    def __init__(self, stage: Stage, desk: Desk, server: Server, speaker: Speaker, clock: Clock, record: LessonWriter):
+    def __init__(
+        self,
+        stage: Stage,
+        desk: TeachingSession,
+        server: Server,
+        speaker: LiveExplainer,
+        clock: Clock,
+        record: LessonWriter,
+    ):
         self._stage, self._desk, self._server, self._speaker = stage, desk, server, speaker
         self._clock, self._record, self._task = clock, record, task_of(stage)
         self._episode, self._shown_at = -1, 0.0

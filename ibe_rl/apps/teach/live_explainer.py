@@ -22,7 +22,7 @@ def weights_of(policy: GreedyPolicy) -> Weights:
     return {name: tensor.numpy().copy() for name, tensor in policy.state_dict().items()}
 
 
-class Speaker:
+class LiveExplainer:
     """Explains moments with what the trainer last sent; says nothing before the first vocabulary.
 
     Args:

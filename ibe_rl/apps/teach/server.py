@@ -25,7 +25,7 @@ from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.teach.messages import MAX_BYTES, BadMessageError, HandOver, Pause, Sit, Speed, parse
-from ibe_rl.apps.teach.session import ACCEPTED, Desk
+from ibe_rl.apps.teach.session import ACCEPTED, TeachingSession
 
 LESSON_PATH = "/lesson"
 PAGES = {
@@ -68,7 +68,7 @@ class Server:
         OSError: if the port cannot be bound.
     """
 
-    def __init__(self, desk: Desk, host: str, port: int):
+    def __init__(self, desk: TeachingSession, host: str, port: int):
         self._desk, self._host, self._port = desk, host, port
         self._waiting: dict[int, dict[str, str]] = {}
         self._news: dict[int, asyncio.Event] = {}

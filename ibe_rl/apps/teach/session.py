@@ -41,7 +41,7 @@ class Controls:
     oracle: bool
 
 
-class Desk:
+class TeachingSession:
     """Where one person at a time instructs.
 
     The first page to come sits down, the others watch. When it leaves, what it pressed is released, and whoever comes

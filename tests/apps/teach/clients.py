@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from ibe_rl.apps.teach.server import Server
-from ibe_rl.apps.teach.session import Desk
+from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.runtime.ports import HOST, free_port
 
 VALUES = (-1.0, 0.0, 1.0)
@@ -26,7 +26,7 @@ class Room:
     """A desk with the server before it."""
 
     def __init__(self) -> None:
-        self.desk = Desk(VALUES, hold_steps=0, speed=1.0)
+        self.desk = TeachingSession(VALUES, hold_steps=0, speed=1.0)
         self.port = free_port(0, 0)
         self.server = Server(self.desk, HOST, self.port)
 

@@ -15,10 +15,10 @@ from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
-from ibe_rl.apps.teach.live_explainer import Speaker
+from ibe_rl.apps.teach.live_explainer import LiveExplainer
 from ibe_rl.apps.teach.messages import Message
 from ibe_rl.apps.teach.server import Server
-from ibe_rl.apps.teach.session import Desk, Said
+from ibe_rl.apps.teach.session import Said, TeachingSession
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_gym
@@ -48,7 +48,7 @@ class Pages:
 class Script:
     """A clock without waiting: ``says[n]`` is what arrives while the game waits for its n-th step, from 0."""
 
-    def __init__(self, desk: Desk):
+    def __init__(self, desk: TeachingSession):
         self._desk, self.steps, self.became = desk, 0, list[str]()
         self.says: dict[int, list[Message]] = defaultdict(list)
 
@@ -57,7 +57,7 @@ class Script:
         self.steps += 1
 
 
-class Watching(Desk):
+class Watching(TeachingSession):
     """A desk that remembers what was taken from it."""
 
     def __init__(self, hold_steps: int | None = 0):
@@ -72,7 +72,7 @@ class Watching(Desk):
 class Theatre:
     """A lesson on the lander, with a page that instructs."""
 
-    def __init__(self, folder: Path, hold_steps: int | None = 0, seed: int = 3, speaker: Speaker | None = None):
+    def __init__(self, folder: Path, hold_steps: int | None = 0, seed: int = 3, speaker: LiveExplainer | None = None):
         self.record, self.pages, self.desk = folder / "lesson.jsonl", Pages(), Watching(hold_steps)
         self.desk.join(PAGE)
         self.clock, self.stage = Script(self.desk), Stage(make_lander())
@@ -89,10 +89,10 @@ def greedy(seed: int = 0) -> GreedyPolicy:
     return make_agent(DQNConfig(hidden=[8]), LANDER_TASK.observation_size, actions, 1_000).greedy
 
 
-def speaks(**settings: Any) -> tuple[Speaker, GreedyPolicy]:
+def speaks(**settings: Any) -> tuple[LiveExplainer, GreedyPolicy]:
     """A speaker, and the policy that it has."""
     policy = greedy()
-    return Speaker(policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), **settings), policy
+    return LiveExplainer(policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), **settings), policy
 
 
 def voice(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> ExplainerState:

@@ -8,7 +8,7 @@ import pytest
 from ibe_rl.apps.teach import clock as clock_module
 from ibe_rl.apps.teach.clock import MAX_BEHIND_STEPS, Clock
 from ibe_rl.apps.teach.messages import Pause, Speed
-from ibe_rl.apps.teach.session import Desk
+from ibe_rl.apps.teach.session import TeachingSession
 
 ANN = 1
 RATE = 50.0
@@ -17,7 +17,7 @@ RATE = 50.0
 class Time:
     """A clock on the wall that only goes where it is told to, or while somebody waits."""
 
-    def __init__(self, desk: Desk, monkeypatch: pytest.MonkeyPatch):
+    def __init__(self, desk: TeachingSession, monkeypatch: pytest.MonkeyPatch):
         self.now = 100.0
         monkeypatch.setattr(clock_module, "time", SimpleNamespace(monotonic=lambda: self.now))
         monkeypatch.setattr(desk.changed, "wait", self._wait)
@@ -39,20 +39,20 @@ def steps(clock: Clock, time: Time, count: int, busy_s: float = 0.0) -> list[flo
 
 @pytest.mark.parametrize("speed", [0.25, 1.0, 4.0])
 def test_steps_follow_the_speed(speed: float, monkeypatch: pytest.MonkeyPatch):
-    desk = Desk((-1.0, 1.0), 0, speed)
+    desk = TeachingSession((-1.0, 1.0), 0, speed)
     time = Time(desk, monkeypatch)
     made = steps(Clock(desk, RATE), time, 5, busy_s=0.004 / speed)
     assert made == pytest.approx([step / (RATE * speed) for step in range(1, 6)])
 
 
 def test_unthrottled_nothing_is_waited_for(monkeypatch: pytest.MonkeyPatch):
-    desk = Desk((-1.0, 1.0), 0, None)
+    desk = TeachingSession((-1.0, 1.0), 0, None)
     time = Time(desk, monkeypatch)
     assert steps(Clock(desk, RATE), time, 3, busy_s=0.001) == pytest.approx([0, 0.001, 0.002])
 
 
 def test_a_little_late_is_made_up_for_and_a_lot_is_not(monkeypatch: pytest.MonkeyPatch):
-    desk = Desk((-1.0, 1.0), 0, 1.0)
+    desk = TeachingSession((-1.0, 1.0), 0, 1.0)
     time = Time(desk, monkeypatch)
     clock = Clock(desk, RATE)
     time.now += 0.05  # two and a half steps
@@ -70,28 +70,28 @@ def waiting(clock: Clock) -> threading.Event:
 
 
 @pytest.fixture
-def paused() -> Desk:
-    desk = Desk((-1.0, 1.0), 0, 1.0)
+def paused() -> TeachingSession:
+    desk = TeachingSession((-1.0, 1.0), 0, 1.0)
     desk.join(ANN)
     desk.hear(ANN, Pause(True))
     return desk
 
 
-def test_a_paused_game_waits_until_it_goes_on(paused: Desk):
+def test_a_paused_game_waits_until_it_goes_on(paused: TeachingSession):
     made = waiting(Clock(paused, RATE))
     assert not made.wait(0.2)
     paused.hear(ANN, Pause(False))
     assert made.wait(60)
 
 
-def test_a_paused_game_goes_on_when_its_page_goes(paused: Desk):
+def test_a_paused_game_goes_on_when_its_page_goes(paused: TeachingSession):
     made = waiting(Clock(paused, RATE))
     assert not made.wait(0.1)
     paused.leave(ANN)
     assert made.wait(60)
 
 
-def test_in_a_hurry_a_paused_game_goes_on_too(paused: Desk):
+def test_in_a_hurry_a_paused_game_goes_on_too(paused: TeachingSession):
     clock = Clock(paused, RATE)
     made = waiting(clock)
     assert not made.wait(0.1)
@@ -101,7 +101,7 @@ def test_in_a_hurry_a_paused_game_goes_on_too(paused: Desk):
 
 
 def test_a_new_speed_counts_at_once():
-    desk = Desk((-1.0, 1.0), 0, 0.005)
+    desk = TeachingSession((-1.0, 1.0), 0, 0.005)
     desk.join(ANN)
     made = waiting(Clock(desk, 0.5))  # a step in 400 seconds
     assert not made.wait(0.1)

@@ -17,22 +17,22 @@ from ibe_rl.apps.teach.session import (
     REPEATED,
     UNKNOWN_VALUE,
     WATCHING,
-    Desk,
     Said,
+    TeachingSession,
 )
 
 VALUES = (-1.0, 0.0, 1.0)
 ANN, BOB = 1, 2
 
 
-def desk(hold_steps: int | None = 0) -> Desk:
-    made = Desk(VALUES, hold_steps, 1.0)
+def desk(hold_steps: int | None = 0) -> TeachingSession:
+    made = TeachingSession(VALUES, hold_steps, 1.0)
     made.join(ANN)
     made.begin(0)
     return made
 
 
-def taken(at: Desk, steps: int) -> list[float | None]:
+def taken(at: TeachingSession, steps: int) -> list[float | None]:
     return [at.take().value for _ in range(steps)]
 
 

@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from ibe_rl.apps.teach import server
 from ibe_rl.apps.teach.messages import MAX_BYTES
 from ibe_rl.apps.teach.server import MAX_A_SECOND, MAX_BAD, MAX_PAGES, SECURITY, Server, is_ours
-from ibe_rl.apps.teach.session import Desk
+from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.runtime.ports import HOST
 
 PICTURE = "x" * 3_000
@@ -301,7 +301,7 @@ def test_garbage_after_the_handshake_closes_only_that_page(room: Room):
 
 def test_a_port_that_is_taken(room: Room):
     with pytest.raises(OSError, match="address already in use"):
-        Server(Desk((0.0,), 0, None), HOST, room.port)
+        Server(TeachingSession((0.0,), 0, None), HOST, room.port)
 
 
 def test_the_farewell_arrives_even_if_some_pages_do_not_answer(room: Room):
