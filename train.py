@@ -104,8 +104,9 @@ def main(cfg: TrainConfig) -> None:
         summary = train(run)
     closing_table(summary)
     print(*how_to_open(run.folder, is_sweep()), sep="\n")
+    cfg = run.cfg  # with resume those of the run
     if cfg.report and not run.stop:
-        settings = ExplainConfig(run=str(run.folder), task="figures", predictor=run.cfg.predictor, viewer=cfg.viewer)
+        settings = ExplainConfig(run=str(run.folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer)
         load_app("task=figures")(open_run(settings.run), settings)
     if run.stop and is_sweep():
         raise KeyboardInterrupt  # the runs that were to follow are not wanted either
