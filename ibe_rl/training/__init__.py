@@ -1,10 +1,10 @@
-"""The training loop's parts: building them, telling listeners, resuming, ending in order.
+"""The parts of the training loop: building, notifying listeners, resuming, failing safely.
 
-``build`` makes a run from its settings, ``run`` holds its parts and its state, ``listeners`` tells who listens,
-``refreshing`` learns a vocabulary in the middle of it, ``instruction_reward`` rewards following instructions,
-``resume`` and ``failure`` go on after an end that was not planned.
+``build`` makes a run from its settings, ``run`` holds its parts and state, ``listeners`` notifies all listeners.
+``refreshing`` relearns the vocabulary during training, ``instruction_reward`` rewards following instructions.
+``failure`` keeps the data when training fails, ``resume`` continues from it.
 
 In: the composed settings, or the folder of a run to resume.
 Out: a ``Run`` for train.py's loop, and its summary.
-Imports: every room below; applications are reached by name.
+Imports: every package below; applications are loaded by name.
 """

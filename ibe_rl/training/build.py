@@ -1,4 +1,4 @@
-"""From settings to a run whose parts are ready, and its end, in any case, in order."""
+"""Builds a run from its settings and closes its parts in order, however it ends."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 @contextmanager
 def build(cfg: TrainConfig) -> Iterator[Run]:
-    """Make a run from its settings; refuses what cannot work before anything is made.
+    """Build a run; settings that cannot work are refused before anything is created.
 
     Args:
-        cfg: composed and checked; with ``resume`` the run goes on from its state.
+        cfg: composed and checked; with ``resume`` the run continues from its checkpoint.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -76,7 +76,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
 
 
 def _go_back(cfg: TrainConfig, folder: Path, state: State) -> None:
-    """Bring the folder to where the state was."""
+    """Restore the folder to the time of the checkpoint."""
     print(clear_way(folder, state))  # noqa: T201 - talks to a person
     if state["recorder"] and cfg.viewer.mode != "off":
         with must_fit(folder):
@@ -92,7 +92,7 @@ def _begin(
     classroom: Any,
     state: State | None,
 ) -> Run:
-    """Make all parts and tell the listeners that it begins."""
+    """Make all parts and notify the listeners of the start."""
     timeit.erase()
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
@@ -115,11 +115,11 @@ def _begin(
 
 
 def _until(state: State | None) -> int | None:
-    return (state["frames"] or None) if state else None  # at 0 it may have ended before the first row
+    return (state["frames"] or None) if state else None  # at 0 frames the table may not exist yet
 
 
 def _collect(run: Run, owned: ExitStack, classroom: Any) -> None:
-    """Start the collector; a person who teaches may pause it."""
+    """Start the collector; a human instructor may pause it."""
     cfg = run.cfg
     lesson = classroom.open_lesson if classroom else None
     settings = cfg.env, cfg.collect, run.task, cfg.instructor, cfg.seed
@@ -141,12 +141,12 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
     Args:
         cfg: of the run.
         folder: of the run.
-        owned: closes what has been opened.
-        stop: true once the run shall end early.
-        state: to resume from; the random state is left to the caller.
+        owned: closes what is opened here.
+        stop: true once the run should end early.
+        state: to resume from; the caller restores the RNG state.
 
     Raises:
-        ConfigError: if the state does not fit the settings, or the folder.
+        ConfigError: if the state does not fit the settings or the folder.
     """
     torch.set_num_threads(1)
     torch.manual_seed(cfg.seed)
@@ -188,10 +188,10 @@ def _recorder(cfg: TrainConfig, folder: Path, task: Any, owned: ExitStack, state
 
 
 class LiveView(Listener):
-    """Says what becomes of the process that serves the live view.
+    """Reports on the process that serves the live view.
 
     Args:
-        live: what there is to say of it, each line once.
+        live: its messages, each returned once.
     """
 
     def __init__(self, live: News):

@@ -1,4 +1,4 @@
-"""Refusing settings that cannot work together, before anything is made."""
+"""Refuses settings that cannot work together before anything is created."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
         env: one of its environments, which is reset.
 
     Returns:
-        Notes for the person on what looks odd and may still work.
+        Notes for the user on settings that look odd but may work.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.

@@ -1,4 +1,4 @@
-"""How a training ends that cannot go on: in one line that says what to do, with all that it has logged kept."""
+"""Ends a failed training with a one-line error, and keeps everything logged."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ibe_rl.types import ConfigError
 
 @contextmanager
 def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], int]) -> Iterator[None]:
-    """Keep what has been logged, and say how to go on, if what is done in here cannot.
+    """If the body fails, keep everything logged and say how to resume.
 
-    What no user could do anything about stays the error that it is, with a note.
+    Errors that no user can fix are raised again with a note.
 
     Args:
         folder: of the run.
-        keep: brings to disk what is not there yet.
-        frames: that have been logged so far.
+        keep: flushes the log to disk.
+        frames: frames logged so far.
 
     Raises:
-        ConfigError: in the place of a loss or weights that are no numbers, and of a file that cannot be written.
+        ConfigError: if a loss or weight is NaN or infinite, or a file cannot be written.
     """
     try:
         yield
@@ -51,10 +51,10 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
 
 @contextmanager
 def resumable(run: Any) -> Iterator[None]:
-    """If a worker is lost between two batches, keep the run as it stands and say how it goes on.
+    """If a worker is lost between two batches, save the current state and say how to resume.
 
     Raises:
-        LostWorkerError: again, in one line with what can be done.
+        LostWorkerError: with the command that resumes the run.
     """
     try:
         yield
@@ -69,7 +69,7 @@ def resumable(run: Any) -> Iterator[None]:
 
 
 def how_to_go_on(folder: Path) -> str:
-    """What to type to go on from the newest state of a run."""
+    """The command that resumes a run from its newest state."""
     try:
         frames = load(folder / CHECKPOINTS / LATEST)["frames"]
     except (ConfigError, KeyError, TypeError):

@@ -1,8 +1,8 @@
-"""Did the agent do what it was told? Extra reward for it, which fades out.
+"""Extra reward for following instructions, which fades out.
 
-The paper proposes to use what the agent has learnt of its instructor's words to learn faster. Here the change of the
-state over the last n steps is put on the instructor's scale and held against the instruction at the beginning of these
-steps. The weight falls to 0, and from there on the best policy is that of the environment's own reward.
+The paper proposes to learn faster from the learnt meaning of the instructor's words. Here the change of the state over
+the last n steps is mapped to the instructor's scale and compared with the instruction at their beginning. The weight
+falls to 0; from then on the optimal policy is that of the environment's own reward.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
 Judge = Callable[[Array], Array]
-"""Changes ``(W, S)`` of the state over n steps to what they mean ``(W, d)`` on the instructor's scale."""
+"""Changes ``(W, S)`` of the state over n steps to their meaning ``(W, d)`` on the instructor's scale."""
 
 
 class InstructionReward:
@@ -29,8 +29,8 @@ class InstructionReward:
 
     Args:
         config: see ``ObedienceConfig``.
-        horizon_steps: n; None as long as it has not been found, and nothing is judged.
-        judge: what there is to judge with now; None as long as there is nothing.
+        horizon_steps: n; None until it has been found.
+        judge: the current judge; None until there is one.
     """
 
     def __init__(
@@ -40,17 +40,17 @@ class InstructionReward:
         self._before: dict[str, Array] | None = None
 
     def add(self, batch: TensorDictBase, frames: int) -> dict[str, float]:
-        """Judge a batch ``[N, T]`` and reward it, in the environment's units, under ``("next", "extra_reward")``.
+        """Reward a batch ``[N, T]`` under ``("next", "extra_reward")``, in the environment's units.
 
-        The step that ends n steps gets ``weight * (1 - |meaning - instruction|)``, between 1 and -1 times the weight
-        that is left; where nothing was said, or an episode is younger, 0.
+        The last of n steps gets ``weight * (1 - |meaning - instruction|)``, within plus or minus the current weight.
+        It gets 0 without an instruction, or before n steps of its episode.
 
         Args:
-            batch: row i of every batch is the same environment, going on where it stopped.
+            batch: row i of every batch continues the same environment.
             frames: seen before this batch.
 
         Returns:
-            Means over the judged steps for metrics.csv, nothing if there is no such reward at all.
+            Means over the judged steps for metrics.csv; empty if this reward is off.
         """
         if self._config.judge == "none":
             return {}
@@ -70,7 +70,7 @@ class InstructionReward:
         return {"obeyed": mean, "extra_reward": float(extra.mean())}
 
     def state_dict(self) -> dict[str, Any]:
-        """The newest steps, which those to come are judged with, as arrays."""
+        """The newest steps, where the next windows begin, as arrays."""
         return dict(self._before or {})
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -78,7 +78,7 @@ class InstructionReward:
         self._before = dict(state) or None
 
     def _windows(self, batch: TensorDictBase, horizon_steps: int) -> tuple[dict[str, Array], Array, Array]:
-        """The steps that n steps begin with, the changes over these, and where both can be judged: ``(N, T, ...)``."""
+        """First steps of the windows, changes over them, and which can be judged: ``(N, T, ...)``."""
         now = {
             "state": batch["state"].numpy(),
             "instruction": batch["instruction"].numpy(),
@@ -87,7 +87,7 @@ class InstructionReward:
         }
         steps, back = now["done"].shape[1], horizon_steps - 1
         before = self._before
-        if before is None or before["done"].shape[1] != back:  # it begins, or a horizon has been found anew
+        if before is None or before["done"].shape[1] != back:  # the first batch, or n has changed
             before = {name: _none(column, back) for name, column in now.items()}
         whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
         self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
@@ -98,7 +98,7 @@ class InstructionReward:
 
 
 def _none(like: Array, steps: int) -> Array:
-    """Steps before the first: nothing was said."""
+    """Padding before the first step: no instruction."""
     return np.zeros((len(like), steps, *like.shape[2:]), like.dtype)
 
 
@@ -108,12 +108,12 @@ def make_instruction_reward(
     horizons_steps: Callable[[], Sequence[int]],
     mapping_of: Callable[[int], ClusterMapping | None],
 ) -> InstructionReward:
-    """Make what ``cfg`` asks for; it judges over the shortest span of time that the vocabulary is learnt for.
+    """Make the reward of ``cfg``; it judges over the shortest span that a vocabulary is learnt for.
 
     Args:
         cfg: of the run.
         task: of the environment.
-        horizons_steps: all horizons explained, n first; none as long as n has not been found.
+        horizons_steps: all horizons explained, n first; empty until n has been found.
         mapping_of: the vocabulary of a horizon, None before the first refresh.
     """
 
@@ -134,12 +134,12 @@ def make_instruction_reward(
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
-    """What changes mean to the instructor: the way each of the explained dimensions went.
+    """What changes mean to the instructor: the direction of each explained dimension.
 
     Args:
         task: of the environment.
         horizon_steps: of the changes.
-        full_horizon_steps: that the task's band is declared for; over fewer steps it is narrower.
+        full_horizon_steps: what the task's band is declared for; over fewer steps it is narrower.
     """
     bands = [band * horizon_steps / full_horizon_steps for band in task.explained_band]
 
@@ -151,7 +151,7 @@ def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
 
 
 def check_instruction_reward(cfg: TrainConfig) -> None:
-    """Refuse an extra reward that nothing could be judged for.
+    """Refuse an extra reward that could never be judged.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.

@@ -1,4 +1,4 @@
-"""Telling all listeners of a training, and the listeners that write the run folder."""
+"""Notifies all listeners of a training; holds the listeners that write the run folder."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LATER_COLUMNS = ("eval/return_mean", "eval/success_rate", *REFRESH_COLUMNS, "ibe
 
 
 class Listeners(Listener):
-    """Tells all listeners, in their order, and prints their news.
+    """Notifies all listeners in order and prints their news.
 
     Args:
-        listeners: in the order in which they are told.
+        listeners: in the order of notification.
         say: prints a line.
     """
 
@@ -99,12 +99,12 @@ class Table(Listener):
 
 
 class Checkpoints(Listener):
-    """Keeps the state to resume from, the weights of policies, and in the end the summary.
+    """Saves the state to resume from, policy weights and, at the end, the summary.
 
     Args:
         folder: of the run.
-        every_frames: between two states; there is one at each refresh and evaluation too.
-        keep_policy_every_frames: between two policies that are kept, later more; None: only those evaluated.
+        every_frames: between two states; refreshes and evaluations save one too.
+        keep_policy_every_frames: between two kept policies, growing with time; None keeps only evaluated ones.
     """
 
     essential, timer = True, "checkpoint"
@@ -114,14 +114,14 @@ class Checkpoints(Listener):
         self._due_now = self._evaluated = False
 
     def begin(self, run: Any) -> None:
-        """Keep the state of the beginning: from here on the run can be resumed, whenever it is killed."""
+        """Save the initial state, so that a run killed at any time can be resumed."""
         self._run, frames = run, run.log.frames
         self._state_due, self._policy_due = Schedule(self._often[0], frames), GeometricSchedule(self._often[1], frames)
         if not run.resumed:
             save_state(self._folder, run.state_dict())
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
-        """See ``Listener``; the state of the last batch is kept behind the summary."""
+        """See ``Listener``; ``end`` saves the state of the last batch."""
         if self._policy_due(frames) and not self._evaluated:
             save_policy(self._folder / CHECKPOINTS, frames, self._run.agent.greedy.state_dict(), BETWEEN)
         if self._run.last:
@@ -139,11 +139,11 @@ class Checkpoints(Listener):
         self._due_now = True
 
     def evaluated(self, frames: int, success_rate: float, return_mean: float) -> None:
-        """Keep the weights that were evaluated."""
+        """Save the evaluated weights."""
         self._due_now = self._evaluated = True
         save_policy(self._folder / CHECKPOINTS, frames, self._run.agent.greedy.state_dict())
 
     def end(self, summary: Mapping[str, Any]) -> None:
-        """Write the summary, then the last state: killed before, the run is not at its end."""
+        """Write the summary, then the last state: a run killed in between can still be resumed."""
         write_json(self._folder / SUMMARY, summary)
         save_state(self._folder, self._final)

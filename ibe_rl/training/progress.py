@@ -1,4 +1,4 @@
-"""What the person in front of the terminal sees: a bar while it runs, lines at refreshes, a table at the end."""
+"""Terminal output: a progress bar, a line at each refresh, a table at the end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ibe_rl.vocabulary.training_episodes import horizon_told
 
 
 class TrainingProgress(Listener):
-    """A progress bar over frames with rate, return, success and the last phrase; use as a context manager.
+    """Progress bar over frames with rate, return, success and the last phrase; a context manager.
 
     Args:
         total_frames: where the bar ends.
@@ -62,7 +62,7 @@ class TrainingProgress(Listener):
         self._bar.update(self._task, completed=shown, rate=rate, reward=reward, success=success)
 
     def refreshed(self, event: Refreshed) -> None:
-        """Report a refresh, and what the recorded episode ended on."""
+        """Report a refresh, and the last phrase of the recorded episode."""
         refresh = event.refresh
         self._bar.update(self._task, phrase=event.said[-1].said)
         if refresh.horizon_found:
@@ -81,12 +81,12 @@ class TrainingProgress(Listener):
             self.say(f"  {line}")
 
     def skipped(self, frames: int, reason: str) -> None:
-        """Report a refresh that could not be made."""
+        """Report a skipped refresh."""
         self.say(f"refresh skipped at {frames:,} frames: {reason}")
 
 
 def as_predicted(share: float) -> str:
-    """How much of what was said of a watched episode went as predicted."""
+    """The phrase accuracy of a recorded episode, in words."""
     if math.isnan(share):
         return "it could say nothing of the watched episode"
     return f"{share:.0%} of what it said of the watched episode went as predicted"
@@ -111,7 +111,7 @@ def closing_table(summary: Mapping[str, Any]) -> None:
 
 
 def how_to_open(folder: Path, in_sweep: bool) -> list[str]:
-    """How to look at a run again."""
+    """How to view a run again."""
     python = installed("python")
     beside = [f"  beside the others:    {python} -m ibe_rl.viewer {folder.parent}"] if in_sweep else []
     return [

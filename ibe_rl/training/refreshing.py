@@ -1,4 +1,4 @@
-"""Learning the vocabulary anew in the middle of a training, and going on if that fails."""
+"""Relearns the vocabulary during training; training continues if that fails."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ASKING_SEED = EVALUATION_SEED + 100_000
 
 
 def learn(run: Run) -> Refresh:
-    """Learn the vocabulary anew from the log as it stands, or leave everything as it was.
+    """Relearn the vocabulary from the current log, or leave everything as it was.
 
     Raises:
         TooLittleDataError: if the log holds too little.
@@ -52,7 +52,7 @@ def learn(run: Run) -> Refresh:
 
 
 def learn_to_predict(run: Run) -> None:
-    """Let the predictor learn from the log as it stands, keep what it has learnt, and forget all else."""
+    """Fit the predictor to the current log, save its weights and clear its other state."""
     run.predictor.learn(run.log)
     if is_learnt(run.cfg.predictor):
         state = as_tensors(run.predictor.state_dict())
@@ -61,9 +61,9 @@ def learn_to_predict(run: Run) -> None:
 
 
 def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
-    """What the greedy policy does if it is told otherwise; None where it does not listen, or nothing can foretell it.
+    """How the greedy policy reacts to opposite instructions; None if it cannot be asked.
 
-    Moments are of episodes that are never trained on, each from another one.
+    Each moment is from a different episode, on seeds never trained on.
     """
     if not asks_policy(run.cfg.predictor) or not len(run.log.index):
         return None
@@ -74,7 +74,7 @@ def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
 
 
 def skip(run: Run, error: Exception) -> dict[str, float]:
-    """Go on with the vocabulary before, whatever was wrong with a new one; returns columns of metrics.csv."""
+    """Keep the previous vocabulary after any error; returns columns of metrics.csv."""
     frames, reason = run.log.frames, str(error)
     if not isinstance(error, TooLittleDataError):
         path = run.folder / REFRESHES / f"failed_{frames:012d}.txt"
@@ -90,7 +90,7 @@ def skip(run: Run, error: Exception) -> dict[str, float]:
 def judge_and_tell(
     run: Run, refresh: Refresh, rollout: RecordedRollout, said: Sequence[Explanation], voice: ExplainerState
 ) -> dict[str, float]:
-    """Judge what was said of an episode and tell the listeners; returns columns of metrics.csv."""
+    """Score the explanations of an episode and notify the listeners; returns columns of metrics.csv."""
     with timeit("explain"):
         row = figures(refresh) | run.vocabulary.judge(refresh, rollout.episode, said, run.cfg.explain_every_steps)
         real = outcomes(rollout.episode, voice.horizon_steps, voice.mapping, voice.words)
@@ -109,13 +109,13 @@ def judge_and_tell(
 
 
 def measured(run: Run, event: Refreshed) -> dict[str, float]:
-    """The columns of the person's own metrics; one that raises is named and dropped."""
+    """The columns of the user's own metrics; one that raises is named and dropped."""
     row: dict[str, float] = {}
     for metric in [*run.metrics]:
         try:
             found = metric(event)
             row |= {name: float(found[name]) for name in metric.columns}
-        except Exception as error:  # whatever code of somebody else raises
+        except Exception as error:  # user code may raise anything
             run.metrics.remove(metric)
             run.say(f"warning: the metric {type(metric).__name__} failed ({raised(error)}): it is not asked any more")
     return row

@@ -1,4 +1,4 @@
-"""Going on with a run that was stopped or killed: its settings, its state, and what it had logged after that."""
+"""Resumes a stopped or killed run: its settings, its state, and what it logged after that state."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ PARTS = ("agent", "log", "development", "obedience", "predictor", "recorder", "r
 
 
 def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
-    """Read the run that ``cfg.resume`` names; nothing is written.
+    """Read the run that ``cfg.resume`` names, without writing.
 
     Returns:
-        its settings, with those that were named beside ``resume``, and its state.
+        Its settings, overridden by those given with ``resume``, and its state.
 
     Raises:
-        ConfigError: if it cannot go on, or not with these settings.
+        ConfigError: if it cannot be resumed, or not with these settings.
     """
     folder = Path(cfg.resume or "")
     if not is_run(folder):
@@ -56,7 +56,7 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
         raise ConfigError(
             f"resume={folder}: instructor={saved.instructor.kind} repeats a session from its beginning; train it anew"
         )
-    going_on = replace(saved, stop_after_frames=None)  # it has stopped there
+    going_on = replace(saved, stop_after_frames=None)  # it has already stopped there
     config = replace(changed(going_on, [*kept_settings(going_on), "experiment"]), run_dir=str(folder), resume=None)
     check(config)
     state = read_state(folder, cfg.resume_from)
@@ -95,7 +95,7 @@ def read_state(folder: Path, name: str) -> State:
 
 @contextmanager
 def must_fit(folder: Path) -> Iterator[None]:
-    """What goes wrong in here is the state's fault.
+    """Report errors of the body as a state that does not fit.
 
     Raises:
         ConfigError: naming the run.
@@ -113,7 +113,7 @@ def must_fit(folder: Path) -> Iterator[None]:
 
 
 def without_episodes(state: State) -> State:
-    """The same state with every environment between two episodes: a person cannot go on in the middle of one."""
+    """The state without partial episodes: a human cannot continue in the middle of one."""
     log, agent = dict(state["log"]), dict(state["agent"])
     log["ended"] = [ended + bool(steps) for ended, steps in zip(log["ended"], log["open_steps"], strict=True)]
     log["open_steps"], log["open"] = [0] * len(log["open_steps"]), {}
@@ -123,10 +123,10 @@ def without_episodes(state: State) -> State:
 
 
 def clear_way(folder: Path, state: State) -> str:
-    """Move what the run had logged after its state out of the way: it will be logged anew. Nothing is deleted.
+    """Move aside what was logged after the state, as it will be logged again; nothing is deleted.
 
     Returns:
-        what to tell the person.
+        A message for the user.
 
     Raises:
         ConfigError: if the folder cannot be written to.
@@ -142,7 +142,7 @@ def clear_way(folder: Path, state: State) -> str:
 
 
 def _frames(path: Path) -> int | None:
-    """Of a state; None if it is damaged."""
+    """Frames of a saved state; None if it is damaged."""
     with suppress(ConfigError, KeyError, TypeError):
         frames: int = load(path)["frames"]
         return frames
@@ -150,7 +150,7 @@ def _frames(path: Path) -> int | None:
 
 
 def _set_aside(folder: Path, state: State) -> Path | None:
-    """Move files; returns where to, None if there were none."""
+    """Move later files; returns the destination, None if there were none."""
     frames = state["frames"]
     aside = next(path for n in count(1) if not (path := folder / REPLACED / str(n)).exists())
     late = [path for at, path in policies(folder / CHECKPOINTS, EVALUATED, BETWEEN).items() if at > frames]

@@ -1,4 +1,4 @@
-"""What the training loop works with, and its state to resume from."""
+"""The parts of a training run, and its state to resume from."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "ev
 
 @dataclass
 class Counts:
-    """What has been counted, and the times before the run was resumed."""
+    """Counters, and the times spent before the run was resumed."""
 
     refreshes: int = 0
     kept: int = 0
@@ -47,7 +47,7 @@ class Counts:
 
     @property
     def tried(self) -> int:
-        """Vocabularies learnt so far, whether they were taken or not."""
+        """Vocabularies learnt so far, taken or not."""
         return self.refreshes + self.kept
 
     def evaluated(self, frames: int, success_rate: float, return_mean: float) -> None:
@@ -58,23 +58,23 @@ class Counts:
 
 @dataclass
 class Run:
-    """What the training loop works with; none of the parts knows another.
+    """The parts of a training run; they do not know each other.
 
     Attributes:
         cfg: the checked settings.
         folder: of the run.
-        stop: true once the run shall end early.
+        stop: true once the run should end early.
         reward: extra reward for following instructions.
-        vocabulary: learns the vocabulary anew at each refresh.
+        vocabulary: relearns the vocabulary at each refresh.
         instructor: instructs evaluation episodes.
         env: the environment whose episodes are recorded.
         evaluation_envs: others of the same kind.
         recorder: writes the recording; None without one.
-        metrics: the person's own, each adds columns to metrics.csv at a refresh.
-        say: prints a line for the person at the terminal.
+        metrics: the user's own; each adds columns to metrics.csv at a refresh.
+        say: prints a line to the terminal.
         tell: all listeners.
-        batches: batches ``[N, T]`` without end.
-        partial_episodes: where the environments of a resumed run stood.
+        batches: endless batches ``[N, T]``.
+        partial_episodes: the unfinished episodes of a resumed run.
         last: whether the batch just logged is the last one.
     """
 
@@ -106,18 +106,18 @@ class Run:
         self.schedule()
 
     def schedule(self) -> None:
-        """Let the schedules begin at the frames logged so far."""
+        """Start the schedules at the frames logged so far."""
         now = self.log.frames
         self.refresh_due = Schedule(refresh_interval(self.cfg), now)
         self.evaluation_due = Schedule(self.cfg.eval_every_frames, now)
 
     @property
     def wall_s(self) -> float:
-        """Seconds of training, those before the run was resumed included."""
+        """Seconds of training, including those before a resume."""
         return time.perf_counter() - self.started_s + self.counts.wall_s
 
     def ends(self) -> bool:
-        """Find out whether the batch just logged is the last one."""
+        """Whether the batch just logged is the last one."""
         end = min(self.cfg.total_frames, self.cfg.stop_after_frames or self.cfg.total_frames)
         self.last = bool(self.stop) or self.log.frames >= end
         if self.stop:
@@ -125,12 +125,12 @@ class Run:
         return self.last
 
     def times_s(self) -> dict[str, float]:
-        """Seconds spent so far, by what they were spent on."""
+        """Seconds spent so far, by activity."""
         seconds = timeit.todict(percall=False)
         return {name: seconds.get(name, 0.0) + self.counts.times_s.get(name, 0.0) for name in TIMES}
 
     def state_dict(self) -> State:
-        """All that the run goes on from as it stands; the log is on disk then."""
+        """The current state to resume from; flushes the log to disk."""
         self.log.flush()
         counts = vars(self.counts) | {"wall_s": self.wall_s, "times_s": self.times_s()}
         parts: Mapping[str, Any] = {
@@ -142,12 +142,12 @@ class Run:
         }
         state = {name: as_tensors(part.state_dict()) for name, part in parts.items()}
         state["recorder"] = as_tensors(self.recorder.state_dict()) if self.recorder else {}
-        state["agent"] = self.agent.state_dict()  # torch's own; a copy would lack what it notes beside the values
+        state["agent"] = self.agent.state_dict()  # torch's own: a copy would lose its metadata
         assert state.keys() == set(PARTS)
         return {"frames": self.log.frames, "counts": counts, **state}
 
     def load_state_dict(self, state: State) -> None:
-        """The inverse of ``state_dict``, but for the random state and the recording.
+        """The inverse of ``state_dict``, except for the RNG state and the recording.
 
         Raises:
             ConfigError: if the state does not fit the settings, or the log is damaged.

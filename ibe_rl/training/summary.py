@@ -1,4 +1,4 @@
-"""A training in numbers: the columns of metrics.csv and what summary.json holds."""
+"""The columns of metrics.csv and the contents of summary.json."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-lea
 
 
 def training_row(log: TrajectoryLog, losses: dict[str, float]) -> dict[str, float]:
-    """The columns that every row of metrics.csv has; means are over the newest 100 episodes."""
+    """The columns of every row of metrics.csv; means are over the newest 100 episodes."""
     index = log.index
     means = {
         "train/return_mean": recent_mean(index["total_reward"], 100),
@@ -35,12 +35,12 @@ def evaluation_row(episodes: Sequence[Episode]) -> dict[str, float]:
 
 
 def recent_mean(values: Array, count: int) -> float:
-    """Mean of the newest ``count`` of ``values``; not a number while there is none."""
+    """Mean of the newest ``count`` of ``values``; NaN if there are none."""
     return float(np.mean(values[-count:])) if len(values) else float("nan")
 
 
 def summarise(run: Run, row: dict[str, float]) -> dict[str, Any]:
-    """What summary.json holds; ``row`` is the last one of metrics.csv."""
+    """The contents of summary.json; ``row`` is the last one of metrics.csv."""
     cfg, counts, vocabulary, wall_s = run.cfg, run.counts, run.vocabulary, run.wall_s
     return {
         "frames": run.log.frames,

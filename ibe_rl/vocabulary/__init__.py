@@ -1,10 +1,10 @@
-"""The vocabulary of a run over time: from the log to a mapping, again and again.
+"""The vocabulary of a run over time: a new mapping from the log at each refresh.
 
-``training_episodes`` chooses episodes of the log, ``fitting`` learns a mapping from them, ``refresh`` is one such
-time, ``tracker`` keeps the identity of clusters and measures drift, ``reactions`` asks the agent what it does if it is
-told otherwise, ``listener`` is what hears of all this.
+``training_episodes`` chooses episodes of the log, ``fitting`` learns a mapping from them, ``refresh`` holds the result.
+``tracker`` keeps the identity of clusters and measures drift, ``reactions`` probes the policy with opposite
+instructions, ``listener`` is notified of all this.
 
 In: the log of episodes, the greedy policy.
-Out: ``Refresh``: a mapping, what it was learnt from, what it changed.
-Imports: explain, predict, metrics, ibe, collect and what stands below them.
+Out: ``Refresh``: a mapping, its training data, its changes.
+Imports: explain, predict, metrics, ibe, collect and the packages below them.
 """

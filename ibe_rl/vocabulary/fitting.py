@@ -1,4 +1,4 @@
-"""Learn a vocabulary from lessons: which way the words are meant, then clusters and their names."""
+"""Learns a vocabulary from episodes: the meaning of the words, then clusters and their names."""
 
 from __future__ import annotations
 
@@ -46,17 +46,17 @@ def fit_mapping(
     """Learn a vocabulary from episodes.
 
     Args:
-        best: the windows of these are named.
-        heard: what the instructor said in which state.
+        best: their windows are clustered and named.
+        heard: good and bad episodes with their instructions.
         config: see ``MappingConfig``.
         task: the environment's own names.
-        seed: of the clustering; the same episodes give the same vocabulary.
-        last: the vocabulary so far, where the new one starts unless ``config.memory`` is None.
-        horizon_steps: n; None takes the config's.
-        interpretation: which way the words are meant; None: as the best episodes moved.
+        seed: of the clustering.
+        last: the previous vocabulary, the starting point unless ``config.memory`` is None.
+        horizon_steps: n; None uses the config's.
+        interpretation: the meaning of the words; None takes it from the movements of the best episodes.
 
     Raises:
-        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
+        TooLittleDataError: if there are too few episodes or windows.
     """
     windows = best_windows(best, config, horizon_steps or horizon_of(config))
     return fit_windows(windows, heard, config, task, seed, last, interpretation)
@@ -71,10 +71,10 @@ def fit_windows(
     last: ClusterMapping | None = None,
     interpretation: Interpretation | None = None,
 ) -> ClusterMapping:
-    """Learn a vocabulary from windows; the rest is as in ``fit_mapping``."""
+    """Learn a vocabulary from windows; otherwise as ``fit_mapping``."""
     estimator = _estimator(config, task, seed, last)
     states, told = said_in(heard, seed)
-    with warnings.catch_warnings():  # the mapping has it, and whoever speaks with it says it
+    with warnings.catch_warnings():  # the mapping records it, and explainers report it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
         mapping = estimator.fit(windows.delta, windows.instruction, states, told, interpretation).mapping_
     if not isinstance(mapping, ClusterMapping):
@@ -90,7 +90,7 @@ def interpret_lessons(
     horizon_steps: int,
     reactions: Reactions | None = None,
 ) -> Interpretation | None:
-    """Find out which way the words are meant; None with ``meaning=assumed``.
+    """Infer the meaning of the words; None with ``meaning=assumed``.
 
     Args:
         heard: good and bad episodes.
@@ -98,7 +98,7 @@ def interpret_lessons(
         task: the environment's own names.
         seed: of samples and resampling.
         horizon_steps: n.
-        reactions: of the agent, if it is told.
+        reactions: of the agent to opposite instructions.
     """
     if config.meaning == "assumed":
         return None
@@ -113,11 +113,11 @@ def interpret_lessons(
 
 
 def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMapping | None) -> Any:
-    """The estimator of the mapping's kind: what its constructor takes by name is the setting of that name.
+    """The estimator of the mapping's kind; its constructor gets the settings that it names.
 
-    A kind of mapping is a class with ``fit`` as ``IBEMapping.fit``, after which ``mapping_`` is a ``ClusterMapping``.
-    Its class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions`` (the
-    indices, None for all), ``last``, ``memory`` and ``random_state`` mean what they mean there.
+    A kind of mapping is a class with the ``fit`` of ``IBEMapping``, which sets ``mapping_`` to a ``ClusterMapping``.
+    Its class attribute ``settings`` is a dataclass derived from ``MappingConfig``. ``n_clusters``, ``dimensions``
+    (indices, None for all), ``last``, ``memory`` and ``random_state`` mean the same as in ``IBEMapping``.
     """
     estimator = implementation("mapping", config.kind)
     given = vars(config) | {
@@ -135,7 +135,7 @@ def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
 
 
 def clusters_of(config: MappingConfig, task: Task) -> int:
-    """How many clusters a vocabulary has: ``n_clusters`` for each number of an instruction."""
+    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction."""
     return config.n_clusters * task.instruction_size
 
 
@@ -150,7 +150,7 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     if unknown:
         allowed = ", ".join(task.state_names)
         raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
-    refreshed = config.memory is not None  # then each refresh starts from the one before
+    refreshed = config.memory is not None  # then each refresh starts from the previous one
     if config.failed_ends == "drop" and not task.judges_success:
         raise ConfigError("mapping.failed_ends=drop: allowed is keep where nobody says whether an episode ended well")
     try:
@@ -168,7 +168,7 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
 
 def _check_steps(config: MappingConfig, longest: int) -> None:
     set_steps = [] if config.horizon_steps is None else [config.horizon_steps]
-    most = longest if set_steps else max([longest, *config.spans_steps])  # where n is found too long ones are left out
+    most = longest if set_steps else max([longest, *config.spans_steps])  # where n is found, long spans are dropped
     for name, value, steps in (
         ("horizon_steps", config.horizon_steps, set_steps),
         ("spans_steps", config.spans_steps, config.spans_steps),
@@ -188,18 +188,18 @@ def learn_vocabulary(
     last: Spans | None = None,
     reactions: Reactions | None = None,
 ) -> Refresh:
-    """Learn the vocabulary from the best episodes of the log, and one for each of the other spans of time.
+    """Learn the vocabulary from the best episodes of the log, and one for each other span.
 
     Args:
-        log: with whole episodes in it.
+        log: with whole episodes.
         config: see ``MappingConfig``; its horizon is set or ``settled``.
         task: the environment's own names.
-        seed: of the clustering; with the same log it gives the same vocabulary.
-        last: the vocabularies so far by their horizon, where the new ones start unless ``config.memory`` is None.
-        reactions: of the agent, if it is told; None: nobody has asked it.
+        seed: of the clustering.
+        last: the previous vocabularies by horizon, the starting points unless ``config.memory`` is None.
+        reactions: of the agent to opposite instructions; None if it was not asked.
 
     Raises:
-        TooLittleDataError: if there are too few episodes or windows for a vocabulary; the message says which.
+        TooLittleDataError: if there are too few episodes or windows.
     """
     lessons, last, steps = read_training_episodes(log, config, seed), last or {}, horizon_of(config)
     top = best_windows(lessons.best, config, steps)
@@ -226,7 +226,7 @@ def learn_vocabulary(
 def _learn_spans(
     lessons: TrainingEpisodes, config: MappingConfig, task: Task, seed: int, last: Spans, meant: Interpretation | None
 ) -> dict[int, ClusterMapping]:
-    """A vocabulary for each of the other spans; one that no episode is long enough for is left out this time."""
+    """A vocabulary for each other span; spans longer than all episodes are skipped."""
     found = {}
     for n in sorted({*config.spans_steps} - {config.horizon_steps}):
         with suppress(TooLittleDataError):
@@ -239,7 +239,7 @@ def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
 
 
 def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
-    """Windows by the value of the instruction; with several numbers each is counted under its own name."""
+    """Windows by instruction value; with several numbers, each is counted under its own name."""
     values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
     columns = instructions.T
     names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]

@@ -1,4 +1,4 @@
-"""What a listener hears of a training: the table, the recording, the terminal, the teaching page, one's own."""
+"""The events of a training, for the table, recording, terminal, teaching page and a user's own listeners."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ibe_rl.vocabulary.refresh import Refresh
 
 @dataclass(frozen=True)
 class Refreshed:
-    """A vocabulary that has just been learnt, and what the agent says with it of one greedy episode.
+    """A newly learnt vocabulary, and the explanations of one greedy episode with it.
 
     Attributes:
         frames: training frames so far.
@@ -22,9 +22,9 @@ class Refreshed:
         refresh: the vocabulary and what it was learnt from.
         rollout: the episode, ``T`` steps.
         said: ``T`` explanations.
-        real: ``T`` phrases of what really happened.
+        real: ``T`` realised phrases.
         voice: what the agent explains with from now on.
-        came_true: share of ``said`` that went as predicted; nan if nothing was said.
+        came_true: phrase accuracy of ``said``; nan if nothing was said.
     """
 
     frames: int
@@ -38,18 +38,18 @@ class Refreshed:
 
 
 class Listener:
-    """Hears of a training; a subclass overrides what it wants to hear.
+    """Is notified of a training's events; a subclass overrides those it needs.
 
     Attributes:
-        essential: True if the training cannot go on without it. Any other listener that raises is named and dropped.
-        timer: the entry of ``time_s`` that its time counts for.
+        essential: True if training cannot continue without it. Any other listener that raises is named and dropped.
+        timer: the entry of ``time_s`` that its time is added to.
     """
 
     essential: bool = False
     timer: str = "stream"
 
     def begin(self, run: Any) -> None:
-        """The training begins, or goes on; ``run`` is the ``ibe_rl.training.run.Run``, to be read only."""
+        """Training begins or resumes; ``run`` is the ``ibe_rl.training.run.Run``, read-only."""
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
         """A batch has been learnt from and logged; ``row`` holds the columns of metrics.csv."""
@@ -58,14 +58,14 @@ class Listener:
         """A vocabulary has been learnt."""
 
     def skipped(self, frames: int, reason: str) -> None:
-        """A refresh was due, and no vocabulary was learnt."""
+        """A refresh was due but no vocabulary was learnt."""
 
     def evaluated(self, frames: int, success_rate: float, return_mean: float) -> None:
         """The greedy policy has been evaluated."""
 
     def end(self, summary: Mapping[str, Any]) -> None:
-        """The training has ended in order; ``summary`` is what summary.json holds."""
+        """Training has ended normally; ``summary`` is the content of summary.json."""
 
     def news(self) -> Iterable[str]:
-        """What the person at the terminal should know, each line once."""
+        """Messages for the terminal, each returned once."""
         return ()

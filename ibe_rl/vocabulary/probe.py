@@ -1,4 +1,4 @@
-"""What is the same at every refresh, so that only what is held against it can have moved."""
+"""Fixed windows and observations that drift is measured on at every refresh."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 
 @dataclass(frozen=True)
 class Probe:
-    """What is the same at every refresh, so that only what is held against it can have moved.
+    """Fixed windows and observations that drift is measured on at every refresh.
 
     Attributes:
-        delta: ``(P, S)`` changes of the state, for the vocabulary.
-        observations: ``(P, O)`` what the policy read where they began, for the policy.
+        delta: ``(P, S)`` changes of the state, for vocabulary drift.
+        observations: ``(P, O)`` at the beginning of these, for policy drift.
     """
 
     delta: Array
     observations: Array
 
     def save(self, path: Path) -> None:
-        """Write both as ``.npz``, without pickles."""
+        """Write both as ``.npz``, without pickle."""
         write_atomically(path, lambda stream: np.savez(stream, delta=self.delta, observations=self.observations))
 
 
 def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
-    """Draw windows, and what the policy read where they began, from whole episodes good and bad."""
+    """Draw windows and their first observations from whole episodes, good and bad."""
     random = np.random.default_rng(seed)
     steps = horizon_of(config)
-    shortest = steps if config.window_end == "drop" else 1  # that a window fits into
+    shortest = steps if config.window_end == "drop" else 1  # episode that a window fits into
     long_enough = np.flatnonzero(log.index["steps"] >= shortest)
     episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
     windows = cut_windows(episodes, steps, config.window_end)

@@ -1,4 +1,4 @@
-"""What an agent does if it is told otherwise in the same state: its influence shows what it takes the words for."""
+"""Reactions of an agent to opposite instructions in the same state, which show what the words mean to it."""
 
 from __future__ import annotations
 
@@ -15,21 +15,20 @@ from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
 
 ASKED_AT = 24
-"""Moments, each of an episode of its own."""
+"""Moments, each from a different episode."""
 
 
 def ask(moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon_steps: int) -> Reactions | None:
-    """Roll the policy out from the same moments, told +1 all the time and told -1.
+    """Roll the policy out from the same moments, instructed +1 throughout and -1 throughout.
 
     Args:
         moments: ``M`` moments of different episodes.
         policy: the greedy policy.
-        predictor: where it leads.
+        predictor: predicts the rollouts.
         horizon_steps: n.
 
     Returns:
-        The changes of the state; they are 0 if the policy acts alike at all these moments whatever it is told. None
-        without any moment.
+        The changes of the state, 0 if the instruction changes no action at any of the moments; None without moments.
     """
     if not moments:
         return None
@@ -52,15 +51,15 @@ def ask_in_flight(
     typical_steps: int,
     horizon_steps: int,
 ) -> Reactions | None:
-    """As ``ask``, at moments drawn from episodes of its own, one an episode.
+    """As ``ask``, at moments drawn from new episodes, one per episode.
 
     Args:
-        envs: environments of one kind, at most one an episode; they are reset.
+        envs: environments of one kind, at most one per episode; they are reset.
         policy: the greedy policy.
-        instructor: begins anew.
-        predictor: where the policy leads.
-        seeds: of the episodes, and of the draw.
-        typical_steps: length of an episode, within which the moments lie.
+        instructor: is reset.
+        predictor: predicts the rollouts.
+        seeds: of the episodes and of the draw.
+        typical_steps: episode length within which moments are drawn.
         horizon_steps: n.
     """
     steps = np.random.default_rng(list(seeds)).integers(max(1, typical_steps), size=len(seeds)).tolist()
@@ -68,7 +67,7 @@ def ask_in_flight(
 
 
 def told_throughout(policy: Policy, instruction: Array, observations: Array) -> Array:
-    """What the policy does at observations ``(N, O)`` if the instruction ``(d,)`` stands in all of them."""
+    """Actions at observations ``(N, O)`` with the instruction ``(d,)`` put into all of them."""
     states = observations[:, : -len(instruction) - 1]
     count = len(states)
     return policy(observe(states, np.tile(instruction, (count, 1)), np.ones((count, 1))))
