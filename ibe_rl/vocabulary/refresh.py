@@ -1,4 +1,4 @@
-"""Learn the vocabulary from the log as it stands, and say what it stands on."""
+"""The result of learning a vocabulary: the mapping, its training data and its changes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ibe_rl.task import Task
 from ibe_rl.vocabulary.training_episodes import horizon_of
 
 Spans = Mapping[int, ClusterMapping]
-"""Vocabularies by their horizon in steps."""
+"""Vocabularies by horizon in steps."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Change:
     """What a refresh changed.
 
     Attributes:
-        last: the vocabulary before.
-        since_frame: training frames when that was learnt.
-        transition: what became of its clusters.
-        drift: how far the new vocabulary is from it, on windows that are the same at every refresh.
-        policy_drift: share of states, the same at every refresh, in which the policy acts otherwise than then.
-        last_scores: see ``vocabulary_scores``; of the vocabulary before, on the newest episodes.
-        staleness: by how much the new one puts these into words better than the one before (``motion_auc``).
+        last: the previous vocabulary.
+        since_frame: training frames when it was learnt.
+        transition: which of its clusters survived.
+        drift: distance between both vocabularies on the probe.
+        policy_drift: share of the probe's observations at which the policy's action changed.
+        last_scores: ``vocabulary_scores`` of the previous vocabulary on the newest episodes.
+        staleness: ``motion_auc`` of the new vocabulary minus that of the previous one, on the newest episodes.
     """
 
     last: ClusterMapping
@@ -50,26 +50,26 @@ class Change:
 
 @dataclass(frozen=True)
 class Refresh:
-    """A vocabulary and what it was learnt from.
+    """A vocabulary and its training data.
 
     Attributes:
         frame: training frames when it was learnt.
         mapping: the vocabulary.
-        spans: those of the other spans of time, by their horizon in steps.
-        top: the windows of the best episodes that it was learnt from.
-        others: windows with an instruction of other episodes, a sample, for comparison only.
+        spans: the vocabularies of the other spans, by horizon in steps.
+        top: windows of the best episodes, the training data.
+        others: a sample of windows with an instruction from other episodes, for comparison only.
         episodes_logged: whole episodes in the log.
-        episodes_counted: those of them that the best were chosen from.
+        episodes_counted: those that the best were chosen from.
         episodes_used: the best ones.
         episodes_by_context: of the best ones.
         windows_by_context: windows used, likewise.
         windows_by_instruction: windows used, by the instruction they began with.
-        change: what came of the vocabulary before, None if this is the first.
-        scores: see ``vocabulary_scores``; of this vocabulary, on the newest episodes.
-        taken: False if the vocabulary before was good enough and stays.
-        reactions: of the agent, if it was asked.
-        scores_of_numbers: see ``number_scores``; of the vocabulary that stands, on the newest episodes.
-        horizon_found: True if n was found in the log just now.
+        change: compared with the previous vocabulary; None if this is the first.
+        scores: ``vocabulary_scores`` of this vocabulary on the newest episodes.
+        taken: False if the previous vocabulary was good enough and stays.
+        reactions: of the agent to opposite instructions, if it was asked.
+        scores_of_numbers: ``number_scores`` of the current vocabulary on the newest episodes.
+        horizon_found: True if this refresh found n in the log.
     """
 
     frame: int
@@ -92,18 +92,18 @@ class Refresh:
 
     @property
     def standing(self) -> ClusterMapping:
-        """The vocabulary that is spoken from now on."""
+        """The vocabulary used from now on."""
         return self.mapping if self.taken or self.change is None else self.change.last
 
     def verdicts(self, task: Task) -> list[Verdict]:
-        """Whether the words that stand tell which way it goes, for each number of the instruction."""
+        """For each number of the instruction, whether the current words predict the direction of motion."""
         return verdicts_of(self.scores_of_numbers, self.standing.meanings, task)
 
 
 def save_refresh(
     folder: Path, refresh: Refresh, config: MappingConfig, task: Task, calibration: Calibration | None = None
 ) -> Path:
-    """Write a refresh as JSON, for people and for ``load_refresh``; returns the file."""
+    """Write a refresh as JSON; returns the file."""
     mapping = refresh.mapping
     clusters = [
         {
@@ -153,22 +153,22 @@ def _change(change: Change) -> dict[str, Any]:
 
 
 def _without_nan(values: Mapping[str, float]) -> dict[str, float | None]:
-    """JSON has no word for what cannot be told; null is the nearest."""
+    """Replace NaN, which JSON lacks, by null."""
     return {name: None if math.isnan(value) else value for name, value in values.items()}
 
 
 @dataclass(frozen=True)
 class Saved:
-    """What a refresh left on disk.
+    """A refresh read from disk.
 
     Attributes:
         mapping: the vocabulary.
-        horizon_steps: n, the one it was learnt with.
+        horizon_steps: n that it was learnt with.
         frame: training frames when it was learnt.
-        spans: the vocabularies of other spans of time, by their horizon in steps.
-        calibration: of the confidence, from the episodes watched before; None at the first refresh.
-        reactions: what the agent did then if it was told otherwise; None if nobody had asked it.
-        scores_of_numbers: see ``number_scores``; empty if the vocabulary was not scored.
+        spans: the vocabularies of the other spans, by horizon in steps.
+        calibration: of the confidence, from earlier recorded episodes; None at the first refresh.
+        reactions: of the agent to opposite instructions; None if it was not asked.
+        scores_of_numbers: ``number_scores``; empty if the vocabulary was not scored.
     """
 
     mapping: ClusterMapping
@@ -191,7 +191,7 @@ def load_refresh(path: Path) -> Saved:
         spans = {int(each["horizon_steps"]): ClusterMapping.from_dict(each["mapping"]) for each in saved["spans"]}
         mapping = ClusterMapping.from_dict(saved["mapping"])
         calibration = None if saved["calibration"] is None else Calibration.from_dict(saved["calibration"])
-        asked = saved.get("reactions")  # which files of earlier versions have not
+        asked = saved.get("reactions")  # missing in files of earlier versions
         reactions = None if asked is None else Reactions.from_dict(asked)
         frame, scores = int(saved["frame"]), _scores_of(saved, mapping)
         return Saved(mapping, int(saved["horizon_steps"]), frame, spans, calibration, reactions, scores)
@@ -200,7 +200,7 @@ def load_refresh(path: Path) -> Saved:
 
 
 def _scores_of(saved: dict[str, Any], mapping: ClusterMapping) -> list[dict[str, float]]:
-    """The scores of each number; none if there are not as many as numbers, as in files of earlier versions."""
+    """The scores of each number; empty if their count differs, as in files of earlier versions."""
     each = saved.get("scores_of_numbers", [])
     if len(each) != mapping.expressions.shape[1]:
         return []

@@ -1,4 +1,4 @@
-"""What the instructor's rule reads: it is asked in states of a few random episodes, before anything is trained."""
+"""Finds the state dimensions that the instructor's rule depends on, from random episodes before training."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
 RANDOM_STEPS, STEPS_EACH = 2_000, 200
-"""Of all episodes together, and of one of them."""
+"""Most steps of all episodes together, and of each."""
 FARTHER = (3, 10)
-"""Times as far from their mean the states are taken, until the rule says more than one thing."""
+"""Factors by which states are moved from their mean until the rule gives more than one instruction."""
 ENOUGH = 0.05
-"""Share of the states in which something has to be said, to see what it depends on."""
+"""Least share of states that get the second most frequent instruction."""
 NOTHING = 0.01
-"""Share of the largest weight on an axis under which a dimension has none."""
+"""Share of an axis's largest weight below which a dimension counts as unused."""
 WAY_OUT = "allowed is [], or mapping=lasso or mapping.space=all, which compare these dimensions whatever the rule reads"
 
 
 def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, Any]) -> list[str]:
-    """Refuse ``mapping.dimensions`` on which no word of the instructor turns, since no vocabulary could be learnt.
+    """Refuse ``mapping.dimensions`` that the instructor's rule does not depend on, as no vocabulary could be learnt.
 
-    A few random episodes are played, always the same. Nothing is refused where the rule says one thing only in
-    them, and farther out too.
+    The same few random episodes are rolled out each time. Nothing is refused if the rule is constant in their states
+    and in those farther out.
 
     Args:
         config: of the mapping.
@@ -36,20 +36,20 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
         env: the environment, which is reset.
 
     Returns:
-        Notes for the person, on what looks odd and may still work.
+        Notes for the user on settings that look odd but may work.
 
     Raises:
-        ConfigError: naming the key, the value, what the rule does read and what is allowed.
+        ConfigError: naming the key, the value, what the rule depends on and what is allowed.
     """
     if config.space != "rule" or not config.dimensions:
         return []
     states = random_states(env)
     kept = np.isin(task.state_names, config.dimensions)
     for number in range(task.instruction_size):
-        asked = _telling(states, task, number)
+        asked = _varied_states(states, task, number)
         if asked is None or reads(asked, task, number)[kept].any():
             continue
-        if asked is not states or not _goes_with(states, kept, task, number):
+        if asked is not states or not _correlates(states, kept, task, number):
             read = [task.state_names[row] for row in np.flatnonzero(reads(asked, task, number))]
             of_what = f" of {task.number_names[number]}" if task.instruction_size > 1 else ""
             raise ConfigError(
@@ -78,7 +78,7 @@ def random_states(env: gymnasium.Env[Any, Any]) -> Array:
 
 
 def reads(states: Array, task: Task, number: int) -> Array:
-    """Which dimensions ``(S,)`` bool one number of the rule reads: it says something else with other values of them."""
+    """Which dimensions ``(S,)`` bool one number of the rule depends on: permuting their values changes it."""
     told, random, found = task.rule(states)[:, number], np.random.default_rng(0), []
     for dimension in range(states.shape[1]):
         dealt = states.copy()
@@ -87,32 +87,32 @@ def reads(states: Array, task: Task, number: int) -> Array:
     return np.array(found)
 
 
-def _telling(states: Array, task: Task, number: int) -> Array | None:
-    """States in which the rule says more than one thing: those, or farther out, where random play never gets."""
-    if _tells(states, task, number):
+def _varied_states(states: Array, task: Task, number: int) -> Array | None:
+    """States in which the rule varies: the given ones or ones farther out; None if it is constant."""
+    if _varies(states, task, number):
         return states
     for factor in FARTHER:
         asked = (states.mean(axis=0) + factor * (states - states.mean(axis=0))).astype(states.dtype)
-        if _tells(asked, task, number):
+        if _varies(asked, task, number):
             return asked
     return None
 
 
-def _tells(states: Array, task: Task, number: int) -> bool:
-    """Whether at least two things are said in them, and neither hardly ever."""
+def _varies(states: Array, task: Task, number: int) -> bool:
+    """Whether at least two instructions are frequent in these states."""
     counts = np.sort(np.unique(task.rule(states)[:, number], return_counts=True)[1])
     return len(counts) > 1 and bool(counts[-2] >= ENOUGH * len(states))
 
 
-def _goes_with(states: Array, kept: Array, task: Task, number: int) -> bool:
-    """Whether what the rule says goes with any of the ``kept`` dimensions, though it does not read them."""
+def _correlates(states: Array, kept: Array, task: Task, number: int) -> bool:
+    """Whether the rule correlates with any of the ``kept`` dimensions without depending on them."""
     told = task.rule(states)[:, number]
     weights = np.abs(rule_axes(states, told[:, None], seed=0)[:, 0]) * states.std(axis=0)
     return bool(weights[kept].max() > NOTHING * weights.max())
 
 
 def lead_on(config: MappingConfig, skipped: int) -> str:
-    """What a person can do if refresh after refresh is skipped and there is no vocabulary yet; empty at the first."""
+    """Advice if refreshes keep being skipped before the first vocabulary; empty at the first one."""
     if skipped < 2:
         return ""
     ways: Sequence[str] = [

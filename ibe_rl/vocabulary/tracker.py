@@ -1,4 +1,4 @@
-"""The vocabulary of a run as it develops: learnt again and again, and what each time moved."""
+"""Tracks the vocabulary of a run over its refreshes and measures what each changed."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
 
 JUDGED_EPISODES = 200
-"""The newest ones, that the confidence is calibrated on."""
+"""The newest episodes, which the confidence is calibrated on."""
 OTHER_HORIZON = 1.5
-"""By this factor a horizon found in the log has to differ from the one before."""
+"""Factor by which a horizon found in the log must differ from the previous one to replace it."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
 REFRESH_COLUMNS = (
     *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
@@ -41,25 +41,25 @@ REFRESH_COLUMNS = (
     *(f"ibe/{name}" for name in SCORES),
     *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
 )
-"""What ``figures`` and ``VocabularyTracker.judge`` can tell of a refresh; columns of metrics.csv."""
+"""The columns of metrics.csv from ``figures`` and ``VocabularyTracker.judge``."""
 
 
 class VocabularyTracker:
-    """Learns the vocabulary anew, keeps the identity of its clusters, and measures what moved.
+    """Relearns the vocabulary, keeps the identity of its clusters and measures drift.
 
     Args:
-        config: of the mapping; a horizon that it does not set is found by ``settle``.
+        config: of the mapping; ``settle`` finds the horizon if it sets none.
         task: the environment's own names.
         seed: of the clustering and of the probe.
-        when_stale: take a new vocabulary only if its ``motion_auc`` on the newest episodes is higher by more than
-            this; None takes it in any case.
+        when_stale: least gain in ``motion_auc`` on the newest episodes for a new vocabulary to be taken; None takes
+            all.
 
     Attributes:
-        mapping: the vocabulary that stands, None before the first refresh.
-        spans: those of the other spans of time, by their horizon in steps.
+        mapping: the current vocabulary; None before the first refresh.
+        spans: the vocabularies of the other spans, by horizon in steps.
         probe: drawn from the episodes of the first refresh.
-        calibration: how probable it is that it goes as predicted, from the newest ``JUDGED_EPISODES``.
-        notes: what the last refresh found wrong with what the environment declares, in plain words.
+        calibration: confidence to the probability of a correct phrase, from the newest ``JUDGED_EPISODES``.
+        notes: mismatches with the environment's declarations that the last refresh found.
     """
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
@@ -75,10 +75,10 @@ class VocabularyTracker:
         self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
 
     def settle(self, log: TrajectoryLog) -> int:
-        """How far ahead is explained from now on, in steps: as set, or as found in the log.
+        """The explained horizon in steps, set or found in the log.
 
-        It is found anew at each refresh, since a beginner's episodes are short, and stays unless it differs by more
-        than ``OTHER_HORIZON``. Then everything begins anew: vocabularies of different horizons cannot be compared.
+        It is searched at each refresh, since early episodes are short, and replaced if it differs by more than
+        ``OTHER_HORIZON``. A new horizon resets the tracker: vocabularies of different horizons cannot be compared.
 
         Raises:
             TooLittleDataError: if no episode has ended in time.
@@ -91,15 +91,15 @@ class VocabularyTracker:
         return horizon_of(self._config)
 
     def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
-        """Learn the vocabulary anew from the log as it stands, and hold it against the one before.
+        """Relearn the vocabulary from the current log and compare it with the previous one.
 
         Args:
-            log: with whole episodes in it.
-            policy: the greedy policy as it is now.
-            reactions: what it does if it is told otherwise; None: nobody has asked it.
+            log: with whole episodes.
+            policy: the current greedy policy.
+            reactions: of the policy to opposite instructions; None if it was not asked.
 
         Raises:
-            TooLittleDataError: as ``learn_vocabulary``; the vocabulary before stays.
+            TooLittleDataError: as ``learn_vocabulary``; the previous vocabulary stays.
         """
         if self._config.horizon_steps is None:
             self.settle(log)
@@ -112,10 +112,10 @@ class VocabularyTracker:
             self.probe = draw_probe(log, self._config, self._seed)
         actions = policy(self.probe.observations)
         if self.mapping is not None:
-            learnt = self._held_against(self.mapping, learnt, self.probe, newest, actions)
+            learnt = self._compared(self.mapping, learnt, self.probe, newest, actions)
         else:
             each = number_scores(learnt.mapping, newest, self._task)
-            if self._next_id:  # after another horizon; a number is never given twice
+            if self._next_id:  # the horizon has changed; ids are never reused
                 learnt = replace(learnt, mapping=replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id))
             learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
         if learnt.taken:
@@ -127,7 +127,7 @@ class VocabularyTracker:
 
     @contextmanager
     def all_or_nothing(self) -> Iterator[None]:
-        """Go back to the vocabulary before if anything goes wrong in here."""
+        """Restore the previous vocabulary if the body raises."""
         before = dict(vars(self))
         try:
             yield
@@ -136,14 +136,14 @@ class VocabularyTracker:
             raise
 
     def save(self, folder: Path, refresh: Refresh) -> None:
-        """Keep a refresh that was taken as JSON, and with the first one the probe."""
+        """Save a taken refresh as JSON, and with the first one the probe."""
         if refresh.change is None and self.probe is not None:
             self.probe.save(folder / "probe.npz")
         if refresh.taken:
             save_refresh(folder, refresh, self._config, self._task, self.calibration)
 
     def state_dict(self) -> dict[str, Any]:
-        """All that the next refresh stands on, as arrays and plain values."""
+        """All that the next refresh depends on, as arrays and plain values."""
         arrays = {"actions": self._actions}
         if self.probe is not None:
             arrays |= {"delta": self.probe.delta, "observations": self.probe.observations}
@@ -175,20 +175,20 @@ class VocabularyTracker:
 
     @property
     def horizon_steps(self) -> int | None:
-        """n; None as long as it has not been found."""
+        """n; None until it has been found."""
         return self._config.horizon_steps
 
     @property
     def horizons_steps(self) -> list[int]:
-        """All that is explained, n first; empty as long as n has not been found."""
+        """All horizons explained, n first; empty until n has been found."""
         return [] if self.horizon_steps is None else [self.horizon_steps, *self._config.spans_steps]
 
     def mapping_of(self, horizon_steps: int) -> ClusterMapping | None:
-        """The vocabulary that stands for a span of time, None before the first refresh."""
+        """The current vocabulary of a span; None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
 
     def voice(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
-        """What the agent speaks with as it is now, after the first refresh."""
+        """The current state of the explainer, after the first refresh."""
         assert self.mapping is not None
         steps, words = horizon_of(self._config), self._task.phrases
         return ExplainerState(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
@@ -196,17 +196,17 @@ class VocabularyTracker:
     def judge(
         self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int
     ) -> dict[str, float]:
-        """Hold what was said of an episode against what happened, and learn from it how much to trust the next.
+        """Compare an episode's explanations with its outcomes, and recalibrate the confidence.
 
         Args:
             refresh: the newest one.
             episode: ``T`` steps.
-            said: ``T`` explanations in the vocabulary that stands.
-            every_steps: something new was said once in so many steps.
+            said: ``T`` explanations in the current vocabulary.
+            every_steps: steps between new explanations.
 
         Returns:
-            Columns of metrics.csv: how much of what has a known meaning went as predicted (nan without any), how often
-            the agent did not know, and how much would have gone as predicted by the vocabulary before.
+            Columns of metrics.csv: phrase accuracy where the meaning is known (nan if nowhere), the share of unknown
+            explanations, and the phrase accuracy of the previous vocabulary.
         """
         new = said[::every_steps]
         true = phrase_hits(episode, said, refresh.standing, self._task.phrases)[::every_steps]
@@ -218,14 +218,14 @@ class VocabularyTracker:
         return row
 
     def _learn_confidence(self, new: Sequence[Explanation], true: Array) -> None:
-        """Learn from what was said with a known meaning; ``true`` is of ``phrase_hits``."""
+        """Recalibrate on explanations with a known meaning; ``true`` is from ``phrase_hits``."""
         meant = ~np.isnan(true)
         if meant.any():
             self._judged.append((confidence_features(new)[meant], true[meant] == 1))
             features, outcomes = (np.concatenate(column) for column in zip(*self._judged, strict=True))
             self.calibration = Calibration.fit(features, outcomes, CONFIDENCE_FEATURES)
 
-    def _held_against(
+    def _compared(
         self, last: ClusterMapping, learnt: Refresh, probe: Probe, newest: Windows, actions: Array
     ) -> Refresh:
         mapping, transition = keep_identity(
@@ -244,12 +244,12 @@ class VocabularyTracker:
             last_scores=before,
             staleness=staleness,
         )
-        taken = self._when_stale is None or not staleness <= self._when_stale  # also if it cannot be told
+        taken = self._when_stale is None or not staleness <= self._when_stale  # also if staleness is NaN
         each = each_after if taken else each_before
         return replace(learnt, mapping=mapping, change=change, scores=after, taken=taken, scores_of_numbers=each)
 
     def _newest(self, log: TrajectoryLog) -> Windows:
-        """Windows with an instruction of the newest episodes, some of each, as all the metrics count them."""
+        """Every few windows with an instruction of the newest episodes, which all metrics use."""
         count = len(log.index)
         episodes = log.read(range(max(0, count - SCORED_EPISODES), count))
         windows = cut_windows(episodes, horizon_of(self._config), "clamp")
@@ -257,7 +257,7 @@ class VocabularyTracker:
 
 
 def check_refreshing(config: TrainConfig, task: Task) -> None:
-    """Refuse settings of the refreshes that cannot work, or that nothing would read.
+    """Refuse refresh settings that cannot work or would be ignored.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -271,7 +271,7 @@ def check_refreshing(config: TrainConfig, task: Task) -> None:
 
 
 def figures(refresh: Refresh) -> dict[str, float]:
-    """What a refresh adds to metrics.csv; ``_stale`` is of the vocabulary before, on the same newest episodes."""
+    """Columns of metrics.csv; ``_stale`` is the previous vocabulary on the same newest episodes."""
     change, scores = refresh.change, refresh.scores
     row: dict[str, float] = {"ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
     if change is not None:

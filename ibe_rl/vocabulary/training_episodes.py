@@ -1,4 +1,4 @@
-"""What a vocabulary is learnt from: the best episodes of the log, and what the instructor said in good and bad ones."""
+"""The training data of a vocabulary: the best episodes of the log, and the instructions in good and bad ones."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
 
 OTHER_EPISODES = 300
-"""How many of the episodes that are not among the best are read, for comparison and to hear the instructor."""
+"""Most episodes outside the best that are read, for comparison and for their instructions."""
 HEARD_STATES = 5_000
 FLOWN, HEARD_AXIS_STATES = 100, 2_000
-"""Episodes and states that the horizon is found in."""
+"""Episodes and states used to find the horizon."""
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class TrainingEpisodes:
     """Episodes of a log.
 
     Attributes:
-        logged: how many the log holds.
-        counted: those of them that the best were chosen from.
+        logged: episodes in the log.
+        counted: those that the best were chosen from.
         best: the best of these, oldest first.
-        heard: good and bad ones, a fair sample of those counted: here only what the instructor said matters.
-        others: those of them that are not among the best.
+        heard: an unbiased sample of those counted, used for its instructions only.
+        others: those of the sample that are not among the best.
     """
 
     logged: int
@@ -45,7 +45,7 @@ def read_training_episodes(log: TrajectoryLog, config: MappingConfig, seed: int)
     """Choose episodes of the log and read them.
 
     Raises:
-        TooLittleDataError: if none has ended in time.
+        TooLittleDataError: if no recent episode has ended.
     """
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
@@ -74,7 +74,7 @@ def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
 
 
 def horizon_of(config: MappingConfig) -> int:
-    """The n of a mapping that has one, set or found.
+    """The n of a mapping, set or found.
 
     Raises:
         ValueError: if it has still to be found (``find_steps``).
@@ -85,7 +85,7 @@ def horizon_of(config: MappingConfig) -> int:
 
 
 def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
-    """The mapping once n has been found, without the spans that are not shorter; as it is where n is set."""
+    """The config with the found n and only shorter spans; unchanged where n is set."""
     if config.horizon_steps is not None:
         return config
     shorter = [steps for steps in config.spans_steps if steps < found_steps]
@@ -93,17 +93,17 @@ def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
 
 
 def horizon_told(steps: int) -> str:
-    """One line for the person who did not set n."""
+    """One line for a user who did not set n."""
     return f"explains the next {steps} steps, as long as movements last here; mapping.horizon_steps sets it"
 
 
 def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:
-    """Find in a log how far ahead to explain; ``horizon_steps`` itself where that is set.
+    """Find the horizon to explain in a log; ``horizon_steps`` itself where that is set.
 
-    As long as movements last (``find_horizon``), and no longer than an instruction stands (``instruction_lasts``).
+    The duration of movements (``find_horizon``), at most that of an instruction (``instruction_lasts``).
 
     Raises:
-        TooLittleDataError: if no episode has ended in time.
+        TooLittleDataError: if no recent episode has ended.
     """
     if config.horizon_steps is not None:
         return config.horizon_steps
@@ -118,7 +118,7 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
 
 
 def _turning(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:
-    """The axes ``(S, d)`` of what was said, of the ``kept`` dimensions; ``otherwise`` where there are none."""
+    """The axes ``(S, d)`` of the instructions in the ``kept`` dimensions; ``otherwise`` if there are none."""
     try:
         states, told = (some[:HEARD_AXIS_STATES] for some in said_in(heard, seed))
         axes = rule_axes(states, told, seed) * kept[:, None] if len(states) else otherwise
@@ -129,7 +129,7 @@ def _turning(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array)
 
 
 def told_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows | None:
-    """Windows of these episodes that began with an instruction and are not failed ends left out; None without any."""
+    """Windows that begin with an instruction, without failed ends if these are dropped; None without episodes."""
     if not episodes:
         return None
     windows = cut_windows(episodes, horizon_steps, config.window_end)
@@ -142,10 +142,10 @@ def told_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_ste
 
 
 def best_windows(best: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows:
-    """The windows that a vocabulary is learnt from.
+    """The windows to learn a vocabulary from.
 
     Raises:
-        TooLittleDataError: if there is none.
+        TooLittleDataError: if there are none.
     """
     windows = told_windows(best, config, horizon_steps)
     if not windows:
@@ -158,7 +158,7 @@ def best_windows(best: Sequence[Episode], config: MappingConfig, horizon_steps: 
 
 
 def said_in(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
-    """States ``(N, S)`` in which the instructor spoke, and what was said ``(N, d)``, a sample."""
+    """A sample of states ``(N, S)`` with an instruction, and these instructions ``(N, d)``."""
     given = np.concatenate([episode.given for episode in heard]).astype(bool)
     states = np.concatenate([episode.states[:-1] for episode in heard])[given]
     told = np.concatenate([episode.instructions for episode in heard])[given]
