@@ -1,4 +1,4 @@
-"""Experience: TorchRL's collector over batched environments, in one process or several."""
+"""TorchRL's collector over batched environments, in one or several processes."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 
 SEEDS_PER_RUN = 100_000
-"""Environments of a run are seeded ``seed * SEEDS_PER_RUN`` and up; their episodes as ``episode_seed`` says."""
+"""A run's environments are seeded from ``seed * SEEDS_PER_RUN`` upwards; their episodes by ``episode_seed``."""
 OUTLIVES_TRAINER_S = 5.0
-"""So long a lesson goes on whose trainer is gone, to say so."""
+"""Seconds that a lesson outlives its trainer, to report the loss."""
 OpenLesson = Callable[[MutableSequence[gymnasium.Env[Any, Any]]], Instructor]
-"""Puts the first environment before a person; returns the instructor of that one."""
+"""Opens the first environment to a human; returns its instructor."""
 
 
 def env_of_worker(
@@ -46,27 +46,27 @@ def env_of_worker(
     lesson: OpenLesson | None = None,
     partial_episodes: Sequence[PartialEpisode] = (),
 ) -> EnvBase:
-    """Make a worker's environments, ``partial_episodes`` those of all workers; runs in the worker's own process."""
+    """Make a worker's environments in its own process; ``partial_episodes`` are those of all workers."""
     torch.set_num_threads(1)
     if apart(collect):
         end_with_parent(OUTLIVES_TRAINER_S if lesson else 0.0)
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
-    games = [make_env(env) for _ in range(collect.envs_per_process)]
-    person = lesson(games) if lesson else None
+    envs = [make_env(env) for _ in range(collect.envs_per_process)]
+    person = lesson(envs) if lesson else None
     mine = partial_episodes[worker * collect.envs_per_process :][: collect.envs_per_process]
-    made = make_vector_env(games, make_instructor(instructor, task, first, person), first, mine)
-    torch.manual_seed(_draws(first, mine))  # the exploring policy's, whatever was drawn to make all this
+    made = make_vector_env(envs, make_instructor(instructor, task, first, person), first, mine)
+    torch.manual_seed(_exploration_seed(first, mine))  # last: construction draws numbers
     return made
 
 
-def _draws(first: int, partial_episodes: Sequence[PartialEpisode]) -> int:
-    """Seed of the exploration: of a run that is taken up other draws than at its beginning."""
+def _exploration_seed(first: int, partial_episodes: Sequence[PartialEpisode]) -> int:
+    """Seed of the exploration; a resumed run does not repeat the draws of its beginning."""
     begun = [first, *(one.ended for one in partial_episodes), *(len(one.actions) for one in partial_episodes)]
     return int(np.random.SeedSequence(begun).generate_state(1)[0]) if partial_episodes else first
 
 
 def apart(collect: CollectConfig) -> bool:
-    """True if others than the training process collect."""
+    """True if processes other than the trainer collect."""
     return collect.processes > 1 or collect.overlap or collect.engine == "ray"
 
 
@@ -80,20 +80,20 @@ def make_collector(
     lesson: OpenLesson | None = None,
     partial_episodes: Sequence[PartialEpisode] = (),
 ) -> BaseCollector:
-    """Make the collector; each of its processes has an instructor of its own.
+    """Make the collector; each of its processes has its own instructor.
 
     Args:
         agent: its ``policy`` collects.
-        env: made once for each row.
+        env: made once per row.
         collect: how many of them, in how many processes.
         task: of the environment.
         instructor: see ``make_instructor``.
         seed: of the run.
-        lesson: wants a single process.
-        partial_episodes: the episodes that all rows take up.
+        lesson: requires a single process.
+        partial_episodes: the episodes that the rows resume.
 
     Raises:
-        LostWorkerError: if a process dies, or hangs, before it is ready.
+        LostWorkerError: if a process dies or hangs before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
     settings = (env, collect, task, instructor, seed, lesson, partial_episodes)
@@ -106,7 +106,7 @@ def make_collector(
     with interrupts_stay_here(), script_stays_here(), starting(collect.timeout_s if apart(collect) else None):
         return Collector(
             factories if apart(collect) else factories[0],
-            deepcopy(agent.policy),  # the processes share its weights, and get new ones only between two batches
+            deepcopy(agent.policy),  # shared by the processes and updated only between batches
             frames_per_batch=rows * collect.steps_per_batch,
             total_frames=-1,
             auto_register_policy_transforms=False,  # they are for recurrent policies
@@ -115,7 +115,7 @@ def make_collector(
 
 
 def check_collect(config: CollectConfig) -> None:
-    """Refuse a setting that nothing would read.
+    """Refuse a setting that would be ignored.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -135,7 +135,7 @@ def check_collect(config: CollectConfig) -> None:
 
 
 def workers_of(collector: BaseCollector) -> Workers:
-    """Those who collect for it."""
+    """The worker pool of a collector."""
     if hasattr(collector, "workers"):
         workers: Workers = collector.workers
         return workers
@@ -145,16 +145,15 @@ def workers_of(collector: BaseCollector) -> Workers:
 def batches(
     collector: BaseCollector, agent: Agent, overlap: bool, ahead_batches: int = 1, timeout_s: float | None = None
 ) -> Generator[TensorDictBase, None, None]:
-    """Yield batches ``[N, T]`` without end; close the generator before the collector.
+    """Yield endless batches ``[N, T]``; close the generator before the collector.
 
     Args:
         collector: from ``make_collector``.
-        agent: the learner; what its ``policy`` has to know is published while nobody collects.
-        overlap: collect batches while the caller learns from the ones before. Then their actions come from the
-            weights of ``ahead_batches`` updates before, however fast either side is: the same seed gives the same
-            batches.
-        ahead_batches: so many may be collected before the caller has learnt from the one before them.
-        timeout_s: a worker without a batch for so long hangs; None: it may take as long as it likes.
+        agent: the learner; its weights are synchronised between collections.
+        overlap: collect while the caller learns. Actions then always come from the weights of ``ahead_batches``
+            updates before, so the same seed gives the same batches.
+        ahead_batches: most batches collected ahead of learning.
+        timeout_s: seconds without a batch before a worker counts as hung; None disables it.
 
     Raises:
         LostWorkerError: if a worker dies or hangs.
@@ -162,7 +161,7 @@ def batches(
     asked: SimpleQueue[TensorDictBase | None] = SimpleQueue()
     coming: SimpleQueue[TensorDictBase | Exception] = SimpleQueue()
     workers = workers_of(collector)
-    apart = bool(workers.names)  # one that hangs would keep the program from ending
+    apart = bool(workers.names)  # a hung worker must not keep the program alive
     Thread(target=_collect, args=(collector, asked, coming), daemon=apart).start()
 
     def ask() -> None:
@@ -190,7 +189,7 @@ def _collect(
     asked: SimpleQueue[TensorDictBase | None],
     coming: SimpleQueue[TensorDictBase | Exception],
 ) -> None:
-    """Collect a batch with each set of weights; be a thread."""
+    """Collect a batch with each set of weights; runs in a thread."""
     source = iter(collector)
     try:
         while (weights := asked.get()) is not None:
@@ -201,7 +200,7 @@ def _collect(
 
 
 def steps_of(batch: TensorDictBase) -> dict[str, Array]:
-    """Plain arrays ``(N, T, ...)`` of a batch ``[N, T]``, as the log takes them."""
+    """Arrays ``(N, T, ...)`` of a batch ``[N, T]`` for the log."""
     after = batch["next"]
     columns = {
         "state": batch["state"],

@@ -1,4 +1,4 @@
-"""Fly whole episodes with the greedy policy: to be counted, or to be watched and explained."""
+"""Rolls out whole episodes with the greedy policy, for evaluation, recording and explanation."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
 
 EVALUATION_SEED = TRAINING_SEEDS
-"""Seeds that no training uses, for the evaluations of ``train.py``."""
+"""First seed of the evaluations of ``train.py``; training uses none of these seeds."""
 JUDGING_SEED = 2_050_000_000
-"""Seeds that neither uses, for ``explain.py`` to judge explanations on."""
+"""First seed of the episodes on which ``explain.py`` judges; training and evaluation use none of these."""
 
 
 class _Rollout:
-    """One environment in the middle of an episode, and what happened so far; ``keep`` the moments too."""
+    """One environment within an episode, and its history; ``keep`` includes the moments."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], seed: int, context: str | None = None, keep: bool = False):
         self.env, self.task = env, task_of(env)
@@ -70,29 +70,29 @@ class _Rollout:
 def play(
     envs: Sequence[gymnasium.Env[Any, Any]], policy: Policy, instructor: Instructor, seeds: Sequence[int]
 ) -> list[Episode]:
-    """Fly one whole episode for each seed, as many at once as there are environments.
+    """Roll out one whole episode per seed, as many at once as there are environments.
 
     Args:
         envs: environments of one kind; they are reset.
         policy: the greedy policy.
-        instructor: begins anew with each episode.
-        seeds: one an episode.
+        instructor: is reset for each episode.
+        seeds: one per episode.
 
     Returns:
-        The episodes in the order of ``seeds``; short ones are not favoured.
+        The episodes in the order of ``seeds``; the sample is not biased towards short ones.
     """
-    return [flight.episode() for flight in _fly(envs, policy, instructor, seeds)]
+    return [rollout.episode() for rollout in _rollouts(envs, policy, instructor, seeds)]
 
 
 def rollouts_with_moments(
     envs: Sequence[gymnasium.Env[Any, Any]], policy: Policy, instructor: Instructor, seeds: Sequence[int]
 ) -> Iterator[tuple[Episode, Sequence[Moment]]]:
-    """As ``play``, one episode after the other with the ``T`` moments before its actions.
+    """As ``play``, yielding each episode with the ``T`` moments before its actions.
 
-    Moments are many: keep those that are needed, and the others are forgotten.
+    Moments take much memory: keep only those that are needed.
     """
-    for flight in _fly(envs, policy, instructor, seeds, keep=True):
-        yield flight.episode(), flight.moments
+    for rollout in _rollouts(envs, policy, instructor, seeds, keep=True):
+        yield rollout.episode(), rollout.moments
 
 
 def moments_at(
@@ -102,29 +102,29 @@ def moments_at(
     seeds: Sequence[int],
     steps: Sequence[int],
 ) -> list[Moment]:
-    """Fly one episode for each seed up to a step, and keep that moment; episodes that are over by then have none.
+    """Roll out one episode per seed up to a step and keep that moment; episodes that end before have none.
 
     Args:
-        envs: environments of one kind, one an episode; they are reset.
+        envs: environments of one kind, one per episode; they are reset.
         policy: the greedy policy.
-        instructor: begins anew.
-        seeds: one an episode.
-        steps: one an episode, at which the moment is taken.
+        instructor: is reset.
+        seeds: one per episode.
+        steps: when to take the moment, one per episode.
     """
-    flights = [_Rollout(env, seed) for env, seed in zip(envs, seeds, strict=False)]
-    instructor.reset(np.ones(len(flights), bool))
+    rollouts = [_Rollout(env, seed) for env, seed in zip(envs, seeds, strict=False)]
+    instructor.reset(np.ones(len(rollouts), bool))
     for step in range(max(steps, default=-1) + 1):
-        here = [flight for flight, last in zip(flights, steps, strict=False) if last == step and not flight.done]
-        for flight in here:
-            flight.keep_moments()
-        if any(not flight.done for flight in flights):
-            _step_all(flights, policy, instructor)
-        for flight in here:
-            flight.done = True
-    return [moment for flight in flights for moment in flight.moments]
+        here = [rollout for rollout, last in zip(rollouts, steps, strict=False) if last == step and not rollout.done]
+        for rollout in here:
+            rollout.keep_moments()
+        if any(not rollout.done for rollout in rollouts):
+            _step_all(rollouts, policy, instructor)
+        for rollout in here:
+            rollout.done = True
+    return [moment for rollout in rollouts for moment in rollout.moments]
 
 
-def _fly(
+def _rollouts(
     envs: Sequence[gymnasium.Env[Any, Any]],
     policy: Policy,
     instructor: Instructor,
@@ -133,44 +133,44 @@ def _fly(
 ) -> Iterator[_Rollout]:
     for first in range(0, len(seeds), len(envs)):
         together = seeds[first : first + len(envs)]
-        flights = [_Rollout(env, seed, keep=keep) for env, seed in zip(envs, together, strict=False)]
-        instructor.reset(np.ones(len(flights), bool))
-        while any(not flight.done for flight in flights):
-            _step_all(flights, policy, instructor)
-        yield from flights
+        rollouts = [_Rollout(env, seed, keep=keep) for env, seed in zip(envs, together, strict=False)]
+        instructor.reset(np.ones(len(rollouts), bool))
+        while any(not rollout.done for rollout in rollouts):
+            _step_all(rollouts, policy, instructor)
+        yield from rollouts
 
 
-def _step_all(flights: Sequence[_Rollout], policy: Policy, instructor: Instructor) -> None:
-    """Step those that are not done; the instructor sees all rows, so that each keeps its place."""
-    states = np.array([flight.states[-1] for flight in flights])
-    flying = np.array([not flight.done for flight in flights])
-    instruction, given = instructor.instruct(states, flying)
-    rows = np.flatnonzero(flying).tolist()
+def _step_all(rollouts: Sequence[_Rollout], policy: Policy, instructor: Instructor) -> None:
+    """Step the unfinished rollouts; the instructor sees all rows, so that each keeps its index."""
+    states = np.array([rollout.states[-1] for rollout in rollouts])
+    unfinished = np.array([not rollout.done for rollout in rollouts])
+    instruction, given = instructor.instruct(states, unfinished)
+    rows = np.flatnonzero(unfinished).tolist()
     actions = policy(observe(states[rows], instruction[rows], given[rows]))
     for row in rows:
-        flights[row].hear(instruction[row], bool(given[row, 0]))
-    steps = step_together([flights[row].env for row in rows], actions)
+        rollouts[row].hear(instruction[row], bool(given[row, 0]))
+    steps = step_together([rollouts[row].env for row in rows], actions)
     for row, *step in zip(rows, actions, *steps, strict=True):
-        flights[row].add(*step)
+        rollouts[row].add(*step)
 
 
 def record_rollout(
     env: gymnasium.Env[Any, Any], policy: Policy, instructor: Instructor, seed: int, context: str | None = None
 ) -> RecordedRollout:
-    """Fly one episode and keep all that is needed to draw and to explain it.
+    """Roll out one episode and keep all that is needed to draw and explain it.
 
     Args:
-        env: an environment; with ``background`` and ``figure`` it can be drawn.
+        env: can be drawn if it has ``background`` and ``figure``.
         policy: the greedy policy.
-        instructor: begins anew.
+        instructor: is reset.
         seed: of the episode.
         context: one of the task's contexts; None draws one.
     """
-    flight = _Rollout(env, seed, context, keep=True)
+    rollout = _Rollout(env, seed, context, keep=True)
     instructor.reset(np.ones(1, bool))
     figures = [drawn(env, "figure")]
     background = drawn(env, "background")
-    while not flight.done:
-        _step_all([flight], policy, instructor)
+    while not rollout.done:
+        _step_all([rollout], policy, instructor)
         figures.append(drawn(env, "figure"))
-    return RecordedRollout(flight.episode(), flight.moments, background, figures)
+    return RecordedRollout(rollout.episode(), rollout.moments, background, figures)

@@ -1,4 +1,4 @@
-"""When something is due that happens every so many frames."""
+"""Schedules of recurring events, in frames."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ DENSE = 200
 
 
 class Schedule:
-    """A clock: true once in every ``frames`` frames, at the first batch that reaches them, and at the end.
+    """True once in every ``frames`` frames, at the first batch that reaches them, and at the end.
 
     Args:
-        frames: between two times; None stands for never, not even at the end.
-        now: what it starts at.
+        frames: the interval; None means never, not even at the end.
+        now: frames at the start.
     """
 
     def __init__(self, frames: int | None, now: int = 0):
@@ -31,18 +31,18 @@ class Schedule:
 
 
 def refresh_interval(config: TrainConfig) -> int | None:
-    """Frames from one refresh to the next; None if there is none."""
+    """Frames between refreshes; None without refreshes."""
     if config.refresh_every_frames != 0:
         return config.refresh_every_frames
     return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
 
 
 class GeometricSchedule:
-    """A clock for what stays for ever: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
+    """For files that are kept: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
 
     Args:
-        frames: between two times, at the beginning; None stands for never.
-        now: what it starts at.
+        frames: the interval at the beginning; None means never.
+        now: frames at the start.
     """
 
     def __init__(self, frames: int | None, now: int = 0):

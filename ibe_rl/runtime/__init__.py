@@ -1,9 +1,9 @@
-"""Processes, signals, ports, code that is named in a setting; knows no reinforcement learning.
+"""Processes, signals, ports and code named in settings; independent of reinforcement learning.
 
-``workers`` notices a process that dies or hangs, ``signals`` ends a program in order, ``ports`` finds free ones,
-``import_string`` imports what a setting or an application names.
+``workers`` detects processes that die or hang, ``signals`` stops a program in order, ``ports`` finds free ports,
+``import_string`` imports code named in a setting or by an application.
 
 In: process handles, port numbers, import strings.
-Out: the same, watched; one-line errors that say what can be done.
+Out: the same, monitored; one-line errors that say what can be done.
 Imports: types.
 """

@@ -1,4 +1,4 @@
-"""Applications that settings ask for and that the core never imports: found by name when they are asked for."""
+"""Applications that the core never imports: they are loaded by name when a setting asks for them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ APPS = {
     "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
     "task=figures": "ibe_rl.apps.paper.experiments:reproduce",
 }
-"""Setting to the module, or the function in it, that does what it asks for."""
+"""Setting to the module, or the function in it, that implements it."""
 
 
 def load_app(setting: str) -> Any:
     """The module or the function behind a setting.
 
     Raises:
-        ConfigError: if the application, or something that it needs, is not installed.
+        ConfigError: if the application or one of its dependencies is not installed.
     """
     module, _, name = APPS[setting].partition(":")
     try:

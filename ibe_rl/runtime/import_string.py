@@ -1,4 +1,4 @@
-"""Code that a person names in a setting, as ``module:name``."""
+"""Imports code that a setting names as ``module:name``."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from ibe_rl.types import ConfigError
 
 
 def import_named(key: str, name: str, allowed: str, made: bool = False) -> Any:
-    """Import what ``module:name`` names; the module may lie where the program was started.
+    """Import ``module:name``; the module may lie in the working directory.
 
     Args:
         key: of the setting.
         name: its value.
         allowed: what may be named, for the error.
-        made: of a class take an object that is made without arguments.
+        made: instantiate a class without arguments.
 
     Raises:
-        ConfigError: if it is not there, or raises anything on the way.
+        ConfigError: if it is missing or raises anything.
     """
     module, _, attribute = name.partition(":")
     try:
         found = getattr(import_from_here(module), attribute)
         return found() if made and inspect.isclass(found) else found
-    except Exception as error:  # whatever code of somebody else raises
+    except Exception as error:  # user code may raise anything
         raise ConfigError(f"{key}={name}: allowed is {allowed} ({raised(error)})") from None
 
 
 def import_from_here(module: str) -> ModuleType:
-    """Import a module that may lie where the program was started."""
+    """Import a module that may lie in the working directory."""
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
@@ -41,5 +41,5 @@ def import_from_here(module: str) -> ModuleType:
 
 
 def raised(error: Exception) -> str:
-    """What somebody else's code raised, in short."""
+    """A short description of an error from user code."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

@@ -1,4 +1,4 @@
-"""A pool of processes that each keep a copy of one object and call its methods."""
+"""A pool of processes, each with a copy of one object whose methods it calls."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ibe_rl.runtime.workers import end_with_parent
 
 
 class ProcessPool:
-    """Processes that start with the first call; Ctrl-C does not reach them, and they end with this process.
+    """Processes that start at the first call, ignore Ctrl-C and end with this process.
 
     Args:
-        kept: each process gets a copy of it, so it must be picklable.
+        kept: copied to each process, so it must be picklable.
         processes: how many.
     """
 
@@ -27,12 +27,12 @@ class ProcessPool:
         self._workers = [ProcessPoolExecutor(1, spawn, _keep, (kept,)) for _ in range(processes)]
 
     def map(self, method: str, calls: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-        """Call a method of the kept object with the arguments of each call; the results come in this order.
+        """Call a method of the kept object with the arguments of each call; results keep their order.
 
-        Each call has its process whatever the others take, so that the results are repeatable.
+        Calls are assigned to processes in a fixed order, so that results are reproducible.
 
         Raises:
-            BrokenProcessPool: if a process has been killed.
+            BrokenProcessPool: if a process was killed.
         """
         with interrupts_stay_here(), script_stays_here():
             pairs = zip(cycle(self._workers), calls, strict=False)
@@ -40,13 +40,13 @@ class ProcessPool:
         return (result.result() for result in results)
 
     def close(self) -> None:
-        """Stop the processes; calls that have not begun are dropped."""
+        """Stop the processes; pending calls are dropped."""
         for worker in self._workers:
             worker.shutdown(cancel_futures=True)
 
 
 _kept: list[Any] = []
-"""In a process of a pool: its copy of the kept object."""
+"""The copy of the kept object in a pool process."""
 
 
 def _keep(kept: Any) -> None:

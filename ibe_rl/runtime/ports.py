@@ -1,4 +1,4 @@
-"""Ports of this machine: which are free, and what to say where one is not."""
+"""Finds and checks free ports of this machine."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import socket
 from ibe_rl.types import ConfigError
 
 HOST = "127.0.0.1"
-"""What servers bind unless told otherwise."""
+"""Default address that servers bind."""
 
 
 def asked_port(key: str, port: int | None, other: int | None = None, host: str = HOST) -> int | None:
-    """Check a port that was asked for by its number; None passes.
+    """Check a port given by number; None passes.
 
     Args:
         key: of the setting.
         port: its value.
-        other: one that is spoken for already.
+        other: a port that is already reserved.
         host: to bind.
 
     Raises:
@@ -33,16 +33,16 @@ def asked_port(key: str, port: int | None, other: int | None = None, host: str =
 
 
 def free_port(default: int, other: int | None = None, host: str = HOST) -> int:
-    """The ``default`` if it is free and not the ``other`` one, else any that is free."""
+    """The ``default`` if it is free and not ``other``, else any free port."""
     if default != other and is_free(default, host):
         return default
     with socket.create_server((host, 0), family=_family(host)) as probe:
         found = int(probe.getsockname()[1])
-        return found if found != other else free_port(default, other, host)  # this one is held until then
+        return found if found != other else free_port(default, other, host)  # ``found`` is held meanwhile
 
 
 def is_free(port: int, host: str = HOST) -> bool:
-    """True if a server could listen on this port of this machine."""
+    """True if a server could listen on this port."""
     with socket.socket(_family(host)) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

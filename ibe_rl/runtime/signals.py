@@ -1,4 +1,4 @@
-"""Stopping in order, and starting processes that leave it to the one that started them."""
+"""Stops a program in order, and starts processes that leave signals to their parent."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
 
 
 class StopRequest:
-    """False until Ctrl-C or SIGTERM arrives; a second one ends the process at once.
+    """False until Ctrl-C or SIGTERM arrives; a second signal ends the process at once.
 
-    Use as a context manager in the main thread; the handlers before are put back on leaving.
+    Use as a context manager in the main thread; leaving restores the previous handlers.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class StopRequest:
         self._called: list[Callable[[], None]] = []
 
     def when_asked(self, call: Callable[[], None]) -> None:
-        """Call something short, once, as soon as the request arrives; at once if it has."""
+        """Call a short function once when the request arrives, or now if it has."""
         self._called.append(call)
         if self._asked:
             self._call()
@@ -52,9 +52,9 @@ class StopRequest:
 
 
 def killed_with_parent() -> Callable[[], None]:
-    """For ``preexec_fn``: Linux kills the new process when the one that started it ends, however that does.
+    """For ``preexec_fn``: Linux kills the new process when its parent ends for any reason.
 
-    No gentler signal: it comes once for each thread of the parent, and a second Ctrl-C ends a training at once.
+    A gentler signal would arrive once per thread of the parent, and a second Ctrl-C ends a training at once.
     """
     libc = ctypes.CDLL(None)  # loaded before the fork
     return lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -62,7 +62,7 @@ def killed_with_parent() -> Callable[[], None]:
 
 @contextmanager
 def interrupts_stay_here() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach: the process that started them gets it and stops them in order."""
+    """Start processes that Ctrl-C does not reach; the parent receives it and stops them in order."""
     multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock the signal again
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -73,7 +73,7 @@ def interrupts_stay_here() -> Iterator[None]:
 
 @contextmanager
 def script_stays_here() -> Iterator[None]:
-    """Start processes without the script: they would import all that it imports, the viewer too, and use none."""
+    """Start processes without the main script, whose imports they would load but not use."""
     names = vars(sys.modules["__main__"])
     file = names.pop("__file__", None)
     try:

@@ -1,4 +1,4 @@
-"""Processes that work for the trainer: none outlives it, and one that dies or hangs is noticed in a bounded time."""
+"""Worker processes of the trainer: none outlives it, and death or hanging is detected in bounded time."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from typing import Any, Protocol
 
 POLL_S = 0.2
 ANSWER_S = 3.0
-"""So long a worker that is not busy may take to answer."""
+"""Seconds an idle worker may take to answer."""
 START_S = 60.0
-"""So long workers may take to be ready, if they are not given longer for a batch: they import much."""
+"""Least start-up limit of workers in seconds: they import much."""
 
 
 class LostWorkerError(RuntimeError):
-    """A worker that has died or hangs; the message names it, and what can be done."""
+    """A worker has died or hangs; the message names it and what can be done."""
 
 
 def end_with_parent(farewell_s: float = 0.0) -> None:
-    """Let this process end as soon as the one that started it is gone, however that ended; call it in the new one.
+    """End this child process as soon as its parent is gone; call it in the child.
 
     Args:
-        farewell_s: so much longer it may take to say so.
+        farewell_s: seconds before it exits, to report the loss.
     """
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -42,27 +42,27 @@ def _end_after(sentinel: int, farewell_s: float) -> None:
 
 
 class Workers(Protocol):
-    """Those who collect, as one sees them who waits for their batches."""
+    """The worker pool as its consumer sees it."""
 
     names: list[str]
-    """None if there are no others than the trainer itself."""
+    """Empty if the trainer itself collects."""
 
     def dead(self, error: Exception | None = None) -> list[str]:
-        """Those who have ended, and how; ``error`` is what ended the collecting, if anything did."""
+        """The workers that have ended, and how; ``error`` is what stopped the collection, if anything."""
 
     def silent(self) -> list[str]:
-        """Those who do not answer; takes up to ``ANSWER_S``."""
+        """The workers that do not answer; takes up to ``ANSWER_S``."""
 
     def kill(self) -> None:
-        """End them all at once."""
+        """Kill all workers at once."""
 
 
 class Processes:
     """The processes of TorchRL's collector.
 
     Args:
-        processes: of ``MultiSyncCollector``; TorchRL itself closes those that live when it finds one that does not.
-        pipes: to each of them.
+        processes: of ``MultiSyncCollector``; if one dies, TorchRL closes the others.
+        pipes: one per process.
     """
 
     def __init__(self, processes: Sequence[Any] = (), pipes: Sequence[Any] = ()):
@@ -72,17 +72,17 @@ class Processes:
     def dead(self, error: Exception | None = None) -> list[str]:
         """See ``Workers``."""
         if error is not None:
-            time.sleep(POLL_S)  # the system may be later than the error
+            time.sleep(POLL_S)  # exit codes may arrive after the error
         codes = [_exit_code(process) for process in self._processes]
         found = [(code, name) for code, name in zip(codes, self.names, strict=True) if code is not None]
-        own = [pair for pair in found if pair[0] != -signal.SIGTERM]  # with that TorchRL ends the others
+        own = [pair for pair in found if pair[0] != -signal.SIGTERM]  # TorchRL terminates the others with it
         return [f"{name} has ended ({ending(code)})" for code, name in own or found]
 
     def silent(self) -> list[str]:
         """See ``Workers``."""
         for pipe in self._pipes:
             with suppress(OSError, ValueError):
-                pipe.send(("closed", "get_distant_attr"))  # any question that TorchRL's worker answers between batches
+                pipe.send(("closed", "get_distant_attr"))  # any request that TorchRL's worker answers between batches
         until = time.monotonic() + ANSWER_S
         heard = [_answers(pipe, until) for pipe in self._pipes]
         return [name for name, answered in zip(self.names, heard, strict=True) if not answered]
@@ -93,7 +93,7 @@ class Processes:
 
 
 def ending(exit_code: int) -> str:
-    """How a process has ended, by its exit code as ``multiprocessing`` gives it."""
+    """How a process ended, from its ``multiprocessing`` exit code."""
     return signal.Signals(-exit_code).name if exit_code < 0 else f"exit status {exit_code}"
 
 
@@ -113,7 +113,7 @@ def _answers(pipe: Any, until: float) -> bool:
 
 
 def kill(processes: Iterable[Any]) -> None:
-    """End processes at once, those too that hang, and wait for their end."""
+    """Kill processes, including hung ones, and wait for their end."""
     for process in processes:
         with suppress(ValueError):  # TorchRL has closed it
             process.kill()
@@ -122,13 +122,13 @@ def kill(processes: Iterable[Any]) -> None:
 
 @contextmanager
 def starting(timeout_s: float | None) -> Iterator[None]:
-    """Start processes that have to be ready by the end of this block.
+    """Start processes that must be ready by the end of the body.
 
     Args:
-        timeout_s: so long it may take, or ``START_S`` if that is longer; None: as long as it likes.
+        timeout_s: limit, at least ``START_S``; None disables it.
 
     Raises:
-        LostWorkerError: if one of them dies on the way, or they were not ready in time and had to be killed.
+        LostWorkerError: if one dies, or they were killed for not being ready in time.
     """
     before = multiprocessing.active_children()
     late: list[Any] = []
@@ -152,15 +152,15 @@ def starting(timeout_s: float | None) -> Iterator[None]:
 
 
 def next_of(coming: SimpleQueue[Any], workers: Workers, timeout_s: float | None) -> Any:
-    """Wait for what workers bring, as long as they live.
+    """Wait for the next batch while the workers live.
 
     Args:
-        coming: batches, or the error that ended the collecting.
-        workers: who bring them.
-        timeout_s: who has brought nothing for so long is taken to hang; None: nobody is.
+        coming: batches, or the error that stopped the collection.
+        workers: the collecting workers.
+        timeout_s: seconds without a batch before a worker counts as hung; None disables it.
 
     Raises:
-        LostWorkerError: if one of them is dead or hangs; then all are ended.
+        LostWorkerError: if a worker is dead or hangs; all are then killed.
     """
     begun = time.monotonic()
     while timeout_s is None or time.monotonic() < begun + timeout_s:
