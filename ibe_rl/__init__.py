@@ -1,7 +1,7 @@
-"""ibe_rl: agents that explain themselves while they learn, in the words they were taught with.
+"""ibe_rl: agents that explain themselves while they learn, in their instructor's words.
 
-Importing it registers the environments with gymnasium; IBE itself works on plain arrays, without torch. What needs
-torch is imported when it is first asked for. docs/API.md lists all of it.
+Importing it registers the environments with gymnasium. IBE itself works on plain arrays; what needs torch is imported
+at first use. docs/API.md lists the public API.
 """
 
 from importlib import import_module
@@ -55,7 +55,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What needs torch, imported when it is first asked for."""
+    """Import what needs torch at first use."""
     if name in WITH_TORCH:
         return getattr(import_module(WITH_TORCH[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

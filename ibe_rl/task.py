@@ -1,6 +1,6 @@
-"""What an environment declares of its own, so that nothing else has to know it.
+"""What an environment declares about itself; the rest of the package is environment-independent.
 
-Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``O = S + d + 1`` numbers that the policy reads.
+Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``O = S + d + 1`` numbers in an observation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Phrases:
         zero: said while the magnitude is below the first limit of ``degrees``.
         negative: template with ``{degree}`` for the other expressions below 0.
         positive: the same above 0.
-        degrees: pairs (lower limit of the magnitude, word put in for ``{degree}``), rising.
+        degrees: pairs (lower limit of the magnitude, word for ``{degree}``), rising.
     """
 
     zero: str
@@ -31,7 +31,7 @@ class Phrases:
 
 @dataclass(frozen=True)
 class Task:
-    """What an environment declares of its own, so that nothing else has to know it.
+    """What an environment declares about itself.
 
     Attributes:
         name: for titles.
@@ -39,29 +39,28 @@ class Task:
         state_units: ``S`` units.
         rule: the instructor's rule, states ``(..., S)`` to instructions ``(..., d)``.
         instruction_values: the values the rule can give, rising.
-        phrases: the words, one entry for each of the ``d`` numbers; said one after the other with "and" between.
-        context: initial state ``(S,)`` to the name of what the episode is about.
-        contexts: all such names; also the options that ``reset`` takes under ``context_option``.
+        phrases: one entry for each of the ``d`` numbers; joined with "and".
+        context: initial state ``(S,)`` to the name of the context.
+        contexts: all such names; also the values of the reset option ``context_option``.
         context_option: key of the reset option that fixes the context; empty if nothing does.
-        success_key: the key in ``info`` that says whether the episode ended well.
-        explained: for each number of an instruction the index of the state dimension that it speaks of: with +1 it
-            shall rise, with -1 fall. Used for figures and metrics, never by the explainer.
-        explained_band: change of each of these, over an explanation's horizon, beyond which it went one way or the
-            other.
-        max_episode_steps: where the environment cuts an episode off.
-        explained_range: how far each of these reaches; errors in it are told in percent of this. Empty: 1 each.
-        motion: states ``(..., S)`` to the change ``(..., d)`` of the explained dimensions in one step, if the present
-            motion simply goes on. This and the next three, each may be None, only serve to judge explanations.
-        goal_offset: states ``(..., S)`` to how far ``(..., d)`` the goal lies above the explained dimensions, signed.
-        first_contact: states ``(T + 1, S)`` of an episode to the step at which the eye knows the outcome, or the last.
-        hidden_goal: arguments of the environment with which nobody can see where the goal is; or empty.
+        success_key: the key in ``info`` that holds whether the episode succeeded.
+        explained: for each number of an instruction, the index of its state dimension: +1 asks for a rise, -1 for a
+            fall. Used for figures and metrics, never by the explainer.
+        explained_band: change of each of these, over an explanation's horizon, beyond which it counts as a rise or
+            fall.
+        max_episode_steps: where the environment truncates an episode.
+        explained_range: the range of each of these; errors are reported in percent of it. Empty: 1 each.
+        motion: states ``(..., S)`` to the change ``(..., d)`` of the explained dimensions in one step at constant
+            motion. This and the next three are optional and only used to judge explanations.
+        goal_offset: states ``(..., S)`` to the signed offset ``(..., d)`` of the goal from the explained dimensions.
+        first_contact: states ``(T + 1, S)`` of an episode to the step at which the outcome is visible, or the last.
+        hidden_goal: arguments of the environment that hide the goal; or empty.
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
-        judges_success: False if nobody says whether an episode ended well.
+        judges_success: False if the environment does not report success.
 
     Raises:
-        ValueError: if there are not as many phrases, explained dimensions, bands and ranges, or a dimension does not
-            exist.
+        ValueError: if phrases, explained dimensions, bands and ranges differ in number, or a dimension does not exist.
     """
 
     name: str
@@ -100,23 +99,23 @@ class Task:
 
     @property
     def instruction_size(self) -> int:
-        """``d``, the number of numbers in an instruction."""
+        """``d``, numbers in an instruction."""
         return len(self.phrases)
 
     @property
     def number_names(self) -> tuple[str, ...]:
-        """What each number of an instruction is about: ``d`` names of state dimensions."""
+        """The state dimension of each number of an instruction, ``d`` names."""
         return tuple(self.state_names[dimension] for dimension in self.explained)
 
     @property
     def observation_size(self) -> int:
-        """``O``, what the policy reads: state, instruction, whether it was given."""
+        """``O``, the size of state, instruction and whether it was given."""
         return len(self.state_names) + self.instruction_size + 1
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A line or a closed outline to draw: ``points`` ``(P, 2)`` in scene units, y up."""
+    """A line or closed outline to draw: ``points`` ``(P, 2)`` in scene units, y up."""
 
     points: Array
     colour: tuple[int, int, int]
@@ -126,13 +125,13 @@ class Shape:
 
 @dataclass(frozen=True)
 class RecordedRollout:
-    """An episode flown for the viewer, with all that is needed to draw and to explain it.
+    """An episode rolled out for the viewer, with all that is needed to draw and explain it.
 
     Attributes:
         episode: the episode itself.
         moments: ``T`` moments, one before each action.
-        background: what stands still.
-        figures: ``T + 1`` lists of the outlines that move, the same number with the same points each.
+        background: static shapes.
+        figures: ``T + 1`` lists of moving shapes, with the same number of shapes and points each.
     """
 
     episode: Episode

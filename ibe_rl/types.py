@@ -1,8 +1,7 @@
-"""What crosses the layers: episodes, moments, explanations, and the parts that pass them on.
+"""Types shared by all layers: episodes, moments, explanations, and protocols of the parts.
 
-This module knows numpy and nothing else of the package. Shapes: ``T`` steps of an episode, ``S`` state
-dimensions, ``d`` numbers in an instruction (1 here), ``H`` steps of a prediction, ``O = S + d + 1`` numbers
-that the policy reads.
+This module imports only numpy. Shapes: ``T`` steps of an episode, ``S`` state dimensions, ``d`` numbers in an
+instruction, ``H`` steps of a prediction, ``O = S + d + 1`` numbers in an observation.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ import numpy as np
 
 Array = np.ndarray
 Policy = Callable[[Array], Array]
-"""Observations ``(N, O)`` float32 to actions ``(N,)``, without any exploration."""
+"""Observations ``(N, O)`` float32 to actions ``(N,)``, without exploration."""
 DOES_NOT_KNOW = "I do not know"
-"""What is said where the confidence is too small."""
+"""Said when the confidence is too low."""
 CANNOT_TELL = "I cannot tell"
-"""What is said where the meaning of the word is not known."""
+"""Said when the meaning of the word is unknown."""
 
 
 class ConfigError(ValueError):
@@ -27,12 +26,12 @@ class ConfigError(ValueError):
 
 
 def observe(state: Array, instruction: Array, given: Array) -> Array:
-    """Join what the policy reads, in the order in which every part of the program reads it.
+    """Join the parts of the policy's observation, in the order used everywhere.
 
     Args:
         state: ``(..., S)`` state of the environment.
-        instruction: ``(..., d)`` the instruction, 0 where none was given.
-        given: ``(..., 1)`` 1 where there was an instruction: silence is not "straight down".
+        instruction: ``(..., d)``, 0 where none was given.
+        given: ``(..., 1)``, 1 where one was given: silence differs from the instruction 0.
 
     Returns:
         ``(..., S + d + 1)`` float32.
@@ -44,7 +43,7 @@ def read_only(array: Array, shape: tuple[int | None, ...], name: str) -> Array:
     """Return a read-only view of ``array`` after checking its shape (None matches any length).
 
     Raises:
-        ValueError: if the shape differs; both shapes are named.
+        ValueError: if the shape differs.
     """
     array = np.asarray(array)
     fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
@@ -60,14 +59,14 @@ class Episode:
     """One whole episode: ``T`` actions between ``T + 1`` states.
 
     Attributes:
-        states: ``(T + 1, S)`` in the environment's observation units, the last one included.
+        states: ``(T + 1, S)`` in the environment's observation units, including the last one.
         actions: ``(T,)`` or ``(T, A)``.
         rewards: ``(T,)`` as the environment gave them.
         instructions: ``(T, d)`` the instruction the agent saw when it chose the action, 0 in silence.
         given: ``(T,)`` bool, False where the instructor said nothing.
-        terminated: True if the environment ended it, False if it was cut off.
+        terminated: True if the environment ended it, False if it was truncated.
         success: True if the environment's own success rule held at the end.
-        context: what the episode was about, a name from the task's ``contexts``.
+        context: one of the task's ``contexts``.
     """
 
     states: Array
@@ -94,7 +93,7 @@ class Episode:
         return len(self.actions)
 
     def as_steps(self) -> dict[str, Array]:
-        """Its columns ``(1, T, ...)`` as a log takes them: one environment that played this episode."""
+        """Columns ``(1, T, ...)`` for the log, as of one environment."""
         last = np.arange(len(self)) == len(self) - 1
         columns = {
             "state": self.states[:-1],
@@ -117,14 +116,13 @@ class Episode:
 
 @dataclass(frozen=True)
 class Moment:
-    """A point in an episode from which the future can be predicted.
+    """A time step of an episode from which the future can be predicted.
 
     Attributes:
         state: ``(S,)``.
         instruction: ``(d,)`` the instruction at this moment, 0 in silence.
         given: False where the instructor said nothing.
-        snapshot: all that the environment needs to go on from here, or None; only the environment that
-            made it reads it.
+        snapshot: what the environment needs to continue from here, or None; opaque to all others.
     """
 
     state: Array
@@ -142,25 +140,25 @@ def columns_of(moments: Sequence[Moment]) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What the agent says at one moment about its next ``horizon_steps`` steps.
+    """The agent's explanation, at one moment, of its next ``horizon_steps`` steps.
 
     Attributes:
-        expression: ``(d,)`` in [-1, 1], the instructor's own scale (m_t in the paper).
+        expression: ``(d,)`` in [-1, 1], the instructor's scale (m_t in the paper).
         phrase: the expression in words.
-        cluster: lasting id of the cluster that the predicted change falls into.
+        cluster: id of the cluster of the predicted change, stable across refreshes.
         delta_state: ``(S,)`` predicted change of the state.
-        horizon_steps: how far ahead, in steps of the environment.
-        confidence: in [0, 1]; once calibrated the probability that it goes as predicted, until then ``agreement``
-            times ``purity``.
-        path: ``(H + 1, S)`` predicted states, the present one first; repeats the last one after an end.
-        futures: ``(F, S)`` predicted changes in all the futures that were sampled, ``delta_state`` one of them.
-        agreement: share of these that are called like this and that the predictor stands by to the horizon.
-        purity: share of the cluster's windows that carried its most frequent instruction.
-        known: False if the agent is not confident enough to say it, or does not know what the word means.
-        meant: False if it does not know what the word means.
+        horizon_steps: in steps of the environment.
+        confidence: in [0, 1]; the probability of a correct phrase once calibrated, before that ``agreement`` times
+            ``purity``.
+        path: ``(H + 1, S)`` predicted states, the current one first; repeats the last one after an end.
+        futures: ``(F, S)`` predicted changes of all sampled futures, ``delta_state`` one of them.
+        agreement: share of these with the same phrase and a path trusted to the horizon.
+        purity: share of the cluster's windows with its most frequent instruction.
+        known: False if the confidence is too low or the meaning of the word is unknown.
+        meant: False if the meaning of the word is unknown.
         calibrated: whether ``confidence`` is a probability; if not, it is not shown.
-        spans: what it says of other spans of time from here, by rising horizon.
-        trusted_steps: for so many of the steps the predictor stands by ``path``; None: for all of them.
+        spans: explanations of the other spans from here, by rising horizon.
+        trusted_steps: steps for which the predictor trusts ``path``; None for all.
     """
 
     expression: Array
@@ -181,29 +179,29 @@ class Explanation:
 
     @property
     def trusted(self) -> bool:
-        """Whether the predictor stands by the path to the horizon."""
+        """Whether the predictor trusts the path to the horizon."""
         return self.trusted_steps is None or self.trusted_steps >= self.horizon_steps
 
     @property
     def trusted_path(self) -> Array:
-        """The path ``(H + 1, S)`` as far as the predictor stands by it; from there on it repeats that state."""
+        """The path ``(H + 1, S)``, repeating the last trusted state from there on."""
         last = len(self.path) - 1 if self.trusted_steps is None else self.trusted_steps
         return self.path[np.minimum(np.arange(len(self.path)), last)]
 
     @property
     def said(self) -> str:
-        """The phrase, or that the agent does not know it or cannot tell what it means."""
+        """The phrase, or that the agent does not know or cannot tell."""
         if not self.meant:
             return CANNOT_TELL
         return self.phrase if self.known else DOES_NOT_KNOW
 
     @property
     def all_spans(self) -> list[Explanation]:
-        """This one and those of the other spans of time, by rising horizon."""
+        """This one and those of the other spans, by rising horizon."""
         return sorted((*self.spans, self), key=lambda one: one.horizon_steps)
 
     def in_time(self, shortened: Callable[[str], str] = str) -> str:
-        """What is said of all spans of time: the phrases in the order of their horizons, repeated ones once."""
+        """The phrases of all spans by rising horizon, without repetition."""
         parts: list[tuple[int, str]] = []
         for one in self.all_spans:
             if not parts or parts[-1][1] != shortened(one.said):
@@ -214,17 +212,17 @@ class Explanation:
 
 
 class Instructor(Protocol):
-    """Whoever tells ``N`` agents what to do."""
+    """Gives instructions to ``N`` agents."""
 
     def reset(self, rows: Array) -> None:
-        """Begin a new episode in the rows that are True of ``(N,)`` bool; ``N`` is how many agents there are."""
+        """Begin a new episode in the True rows of ``(N,)`` bool."""
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
-        """Give agents their instruction, once for each step.
+        """Give agents their instructions, once per step.
 
         Args:
             states: ``(N, S)``.
-            rows: ``(N,)`` bool, who is asked; what is said to the others is not read, and their time stands still.
+            rows: ``(N,)`` bool, active agents; results of the others are ignored, and their time does not advance.
 
         Returns:
             instructions ``(N, d)`` float32, 0 where silent, and given ``(N, 1)`` float32, 0 or 1.
@@ -232,11 +230,11 @@ class Instructor(Protocol):
 
 
 class ExpressionMapping(Protocol):
-    """f: change of the state to expression, as it was learnt at one refresh."""
+    """f: change of the state to expression, learnt at one refresh."""
 
     @property
     def ids(self) -> Array:
-        """Names ``(k,)`` of the clusters that last over refreshes."""
+        """Ids ``(k,)`` of the clusters, stable across refreshes."""
 
     def cluster(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to cluster indices ``(W,)``."""
@@ -245,7 +243,7 @@ class ExpressionMapping(Protocol):
         """Changes ``(W, S)`` to expressions ``(W, d)`` in [-1, 1]."""
 
     def knows(self, delta: Array) -> Array:
-        """For which changes ``(W, S)`` the meaning of the word is known, ``(W,)`` bool."""
+        """Whether the meaning of the word is known, ``(W,)`` bool, for changes ``(W, S)``."""
 
     def confidence(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to confidences ``(W,)`` in [0, 1]."""
@@ -256,10 +254,10 @@ class Prediction:
     """``N`` predicted futures.
 
     Attributes:
-        paths: ``(N, H + 1, S)`` predicted states, the present one first; one that ends early repeats its last state.
-        trusted_steps: ``(N,)`` for so many steps, ``H`` at most, the predictor stands by each of them.
-        uncertainty: ``(N,)`` error that the predictor expects of its last states, as a share of how much the changes
-            of the state vary: 0 for the exact one, about 1 for one that knows nothing.
+        paths: ``(N, H + 1, S)`` predicted states, the current one first; one that ends early repeats its last state.
+        trusted_steps: ``(N,)`` steps, at most ``H``, for which the predictor trusts each path.
+        uncertainty: ``(N,)`` expected error of the last states, relative to the spread of the changes of the state:
+            0 is exact, about 1 uninformative.
     """
 
     paths: Array
@@ -273,13 +271,13 @@ class Prediction:
 
     @classmethod
     def exact(cls, paths: Array) -> Prediction:
-        """Of a predictor that is sure of all of its paths ``(N, H + 1, S)``."""
+        """The prediction of a predictor that is certain of its paths ``(N, H + 1, S)``."""
         count, horizon_steps = len(paths), paths.shape[1] - 1
         return cls(paths, np.full(count, horizon_steps), np.zeros(count, np.float32))
 
 
 class Predictor(Protocol):
-    """Where a policy will lead, from given moments."""
+    """Predicts the rollouts of a policy from given moments."""
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """Follow the policy from each moment.

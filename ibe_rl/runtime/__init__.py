@@ -1,6 +1,6 @@
 """Processes, signals, ports and code named in settings; independent of reinforcement learning.
 
-``workers`` detects processes that die or hang, ``signals`` stops a program in order, ``ports`` finds free ports,
+``workers`` detects processes that die or hang, ``signals`` stops a program gracefully, ``ports`` finds free ports,
 ``import_string`` imports code named in a setting or by an application.
 
 In: process handles, port numbers, import strings.

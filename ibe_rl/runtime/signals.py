@@ -1,4 +1,4 @@
-"""Stops a program in order, and starts processes that leave signals to their parent."""
+"""Stops a program gracefully, and starts processes that leave signals to their parent."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def killed_with_parent() -> Callable[[], None]:
 
 @contextmanager
 def interrupts_stay_here() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach; the parent receives it and stops them in order."""
+    """Start processes that Ctrl-C does not reach; the parent receives it and stops them gracefully."""
     multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock the signal again
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

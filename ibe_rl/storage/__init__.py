@@ -1,9 +1,9 @@
-"""Bytes on disk: the run folder, its table, checkpoints, and the log of whole episodes.
+"""Files of a run: its folder, table, checkpoints, and the log of whole episodes.
 
-Nothing that was logged is lost: a file is written under another name and then renamed. Opening a folder runs no code
-from it: arrays, JSON and tensors with ``weights_only=True``.
+Nothing logged is lost: files are written under a temporary name and then renamed. Opening a folder runs no code from
+it: it holds arrays, JSON and tensors loaded with ``weights_only=True``.
 
 In: rows, arrays, state dicts.
-Out: files, and the same read back and checked.
+Out: files, and the same values read back and checked.
 Imports: types, task, runtime.
 """

@@ -1,4 +1,4 @@
-"""Arrays on disk: opening one runs no code, and asks for no more than what is there."""
+"""Arrays on disk: opening one runs no code and allocates no more than the file holds."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 
 
 def make_array(path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> Array:
-    """Make a ``.npy`` file of zeros, mapped into memory, with all its room on the disk.
+    """Make a memory-mapped ``.npy`` file of zeros, with its disk space reserved.
 
     Raises:
-        OSError: if the disk has no room for it.
+        OSError: if the disk is full.
     """
     try:
         array = np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
@@ -30,10 +30,10 @@ def make_array(path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> Array:
 
 
 def reserve(path: Path) -> None:
-    """Take up the room of a whole file now: where a mapped file finds none later on, the system kills the process.
+    """Reserve the disk space of a mapped file: on a full disk, writing to it would kill the process.
 
     Raises:
-        OSError: if there is none; not where a file system cannot tell.
+        OSError: if the disk is full; not on file systems that cannot reserve.
     """
     if not hasattr(os, "posix_fallocate"):
         return
@@ -46,11 +46,11 @@ def reserve(path: Path) -> None:
 
 
 def map_array(path: Path, mode: Literal["r", "r+"] = "r") -> Array:
-    """Map a whole ``.npy`` file into memory; ``r+`` writes through to it.
+    """Memory-map a whole ``.npy`` file; ``r+`` writes through to it.
 
     Raises:
-        OSError: for ``r+``, if the disk has no room for all of it.
-        ValueError: if it is missing, cut short, damaged, or holds anything that would have to run code.
+        OSError: for ``r+``, if the disk is full.
+        ValueError: if it is missing, cut short, damaged, or would have to run code.
     """
     try:
         with np.errstate(over="raise"):
@@ -61,7 +61,7 @@ def map_array(path: Path, mode: Literal["r", "r+"] = "r") -> Array:
     except Exception as error:  # numpy raises a dozen types for damaged files
         first = str(error).partition(". If you trust")[0].splitlines()[0][:200] if str(error) else type(error).__name__
         raise ValueError(f"{path.name} is not a readable array ({first})") from None
-    if mode == "r+":  # only now: numpy fills up with zeros what is cut short, as long as it declares to be
+    if mode == "r+":  # after the checks: numpy would pad a file that is cut short with zeros
         reserve(path)
         array = np.load(path, mmap_mode=mode, allow_pickle=False)
     return array

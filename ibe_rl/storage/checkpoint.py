@@ -1,4 +1,4 @@
-"""Weights on disk; loading them runs no code from the file."""
+"""Checkpoints on disk; loading one runs no code from the file."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ibe_rl.types import ConfigError
 
 LATEST, BEST = "latest.pt", "best.pt"
 EVALUATED, BETWEEN, PREDICTOR = "policy", "between", "predictor"
-"""What files of weights begin with: of policies kept at an evaluation, or between two; of a predictor at a refresh."""
+"""File prefixes: policies saved at an evaluation or between two, and predictors saved at a refresh."""
 
 
 def save_policy(folder: Path, frames: int, state: dict[str, Any], kind: str = EVALUATED) -> Path:
-    """Keep the greedy policy's weights, or a predictor's."""
+    """Save the weights of the greedy policy or of a predictor."""
     path = folder / f"{kind}_{frames:012d}.pt"
     write_atomically(path, lambda stream: torch.save(state, stream))
     return path
 
 
 def save_state(run_folder: Path, state: dict[str, Any]) -> None:
-    """Replace the state of a run by the present one, in one go; that of the best evaluation stays too."""
+    """Atomically replace the state of a run by the current one; that of the best evaluation is kept."""
     folder = run_folder / CHECKPOINTS
     write_atomically(folder / LATEST, lambda stream: torch.save(state, stream))
     if state["frames"] == state["counts"]["best_frames"]:
@@ -37,7 +37,7 @@ def save_state(run_folder: Path, state: dict[str, Any]) -> None:
 
 
 def as_tensors(values: Any) -> Any:
-    """The same state with its arrays as tensors, which a checkpoint is made of; any depth of dicts, lists, tuples."""
+    """Convert arrays to tensors in nested dicts, lists and tuples."""
     return _each(values, np.ndarray, torch.from_numpy)
 
 
@@ -57,7 +57,7 @@ def _each(values: Any, kind: type, convert: Callable[[Any], Any]) -> Any:
 
 
 def link(folder: Path, name: str, also: str) -> None:
-    """Let a full state stay under another name too; it costs nothing, states are replaced and never written to."""
+    """Hard-link a state under another name; safe because states are replaced and never written to."""
     temporary = folder / f"{also}.partial"
     temporary.unlink(missing_ok=True)
     os.link(folder / name, temporary)
@@ -65,33 +65,33 @@ def link(folder: Path, name: str, also: str) -> None:
 
 
 def policies(folder: Path, *kinds: str) -> dict[int, Path]:
-    """Frames to files of weights kept, in rising order; without ``kinds`` the policies of the evaluations."""
+    """Frames to weight files, in rising order; by default the policies of the evaluations."""
     named = re.compile(rf"(?:{'|'.join(kinds or (EVALUATED,))})_(\d+)\.pt")
     found = {int(match[1]): path for path in folder.glob("*.pt") if (match := named.match(path.name))}
     return dict(sorted(found.items()))
 
 
 def load(path: Path) -> Any:
-    """Read a checkpoint: tensors and plain values only.
+    """Load a checkpoint of tensors and plain values.
 
     Raises:
-        ConfigError: if the file is missing, damaged, or holds anything that would have to run code.
+        ConfigError: if the file is missing, damaged, or would have to run code.
     """
     try:
         _check_whole(path)
-        # mapped, torch looks no further than to the end of the file, whatever the sizes in it say
-        return deepcopy(torch.load(path, weights_only=True, mmap=True))  # off the file, which may change
+        # mmap: torch reads no further than the end of the file, whatever sizes it declares
+        return deepcopy(torch.load(path, weights_only=True, mmap=True))  # a copy, as the file may change
     except Exception as error:  # torch raises a dozen types for damaged files
         first = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ConfigError(f"{path}: not a readable checkpoint ({first})") from None
 
 
 def _check_whole(path: Path) -> None:
-    """Look at what torch does not: checksums, and what would take up more memory than the file has bytes."""
+    """Check what torch does not: checksums, and contents that need more memory than the file has bytes."""
     with ZipFile(path) as archive:
         if any(part.compress_type != ZIP_STORED for part in archive.infolist()):
             raise ValueError("it is packed")
         if damaged := archive.testzip():
             raise ValueError(f"{damaged} in it is damaged")
         if any(b"bytearray" in archive.read(name) for name in archive.namelist() if name.endswith(".pkl")):
-            raise ValueError("a bytearray in it")  # of any size that a few bytes name
+            raise ValueError("a bytearray in it")  # a few bytes can declare any size

@@ -1,7 +1,7 @@
-"""The log: batches of steps in, whole episodes out, bounded on disk and in memory.
+"""The log: takes batches of steps, returns whole episodes, bounded on disk and in memory.
 
-Episodes lie one behind the other in memory-mapped ``.npy`` files, ``T + 1`` rows each (the last row holds
-the last state only), and the oldest make room. Plain ``.npy`` files open without running any code.
+It is a ring buffer of memory-mapped ``.npy`` files, ``T + 1`` rows per episode; the last row holds the last
+state only. New episodes overwrite the oldest. Plain ``.npy`` files open without running any code.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ibe_rl.types import Array, Episode
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1}
-"""Of the columns' arrays; actions may have one or two."""
+"""Dimensions of the columns' arrays; actions may have one or two."""
 INDEX = np.dtype(
     [
         ("start", "i8"),
@@ -34,7 +34,7 @@ INDEX = np.dtype(
         ("frame", "i8"),
     ]
 )
-"""One record an episode: where it lies, and what can be asked without reading it; ``frame`` is when it ended."""
+"""One record per episode: its position and a summary; ``frame`` is when it ended."""
 
 
 class UnreadableLogError(ValueError):
@@ -45,13 +45,13 @@ class TrajectoryLog:
     """Whole episodes of all environments, joined across batches.
 
     Args:
-        folder: where the files go; made if missing.
-        capacity_frames: rows kept, at least as many as the longest episode has states.
-        contexts: the names that episodes can have as their context.
+        folder: of the files; made if missing.
+        capacity_frames: rows kept, at least the states of the longest episode.
+        contexts: all names of contexts.
 
     Attributes:
-        frames: steps seen so far, those of unfinished episodes included.
-        episodes_ended: whole episodes seen so far, those that made room included.
+        frames: steps seen so far, including unfinished episodes.
+        episodes_ended: whole episodes seen so far, including overwritten ones.
         index: records of the episodes kept, oldest first (see ``INDEX``).
     """
 
@@ -59,9 +59,9 @@ class TrajectoryLog:
         self.folder, self.capacity_frames, self.contexts = folder, capacity_frames, tuple(contexts)
         self.frames = self.episodes_ended = 0
         self._columns: dict[str, Array] = {}
-        self._open: list[list[dict[str, Array]]] = []  # of each environment, the parts of its unfinished episode
+        self._open: list[list[dict[str, Array]]] = []  # parts of each environment's unfinished episode
         self._ended: list[int] = []  # episodes of each environment
-        self._taken_up = False
+        self._resumed = False
         self._kept: deque[Any] = deque()
         self._head = 0
         folder.mkdir(parents=True, exist_ok=True)
@@ -73,27 +73,27 @@ class TrajectoryLog:
 
     @property
     def context_names(self) -> Array:
-        """``(E,)`` names."""
+        """``(E,)`` names of contexts."""
         return np.array(self.contexts)[self.index["context"]]
 
     def add(self, steps: Mapping[str, Array], context_of: Any) -> Array:
-        """Take in what ``N`` environments did in ``T`` steps.
+        """Add ``T`` steps of ``N`` environments.
 
         Args:
             steps: ``(N, T, ...)`` arrays: the columns ``state``, ``action``, ``reward``, ``instruction``,
-                ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step. Row i is the same
-                environment in every call, going on where it stopped.
+                ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step. Row i continues the
+                same environment in every call.
             context_of: initial state ``(S,)`` to the name of the context.
 
         Returns:
             Records of the episodes that ended, dtype ``INDEX``.
 
         Raises:
-            ValueError: if a row does not go on where it stopped.
+            ValueError: if a row does not continue where it stopped.
         """
         rows = len(steps["done"])
         self._open, self._ended = self._open or [[] for _ in range(rows)], self._ended or [0] * rows
-        self._go_on(steps["state"][:, 0])
+        self._check_continuity(steps["state"][:, 0])
         self.frames += steps["done"].size
         ended = [
             self._store(piece, context_of)
@@ -102,19 +102,19 @@ class TrajectoryLog:
         ]
         return np.array(ended, dtype=INDEX)
 
-    def _go_on(self, states: Array) -> None:
-        """Check that each row goes on; right after the log was taken up, an episode may have begun anew instead."""
+    def _check_continuity(self, states: Array) -> None:
+        """Check that each row continues; right after a resume, a new episode may have begun instead."""
         for row, (parts, state) in enumerate(zip(self._open, states, strict=True)):
             if not parts or np.array_equal(parts[-1]["next_state"][-1], state):
                 continue
-            if not self._taken_up:
+            if not self._resumed:
                 raise ValueError(f"row {row} does not go on where it stopped")
             parts.clear()
             self._ended[row] += 1
-        self._taken_up = False
+        self._resumed = False
 
     def _pieces(self, row: int, steps: dict[str, Array]) -> Iterable[dict[str, Array]]:
-        """Cut one environment's steps ``(T, ...)`` at the ends of episodes; yield those that became whole."""
+        """Split one environment's steps ``(T, ...)`` at episode ends; yield the whole episodes."""
         cuts = [0, *(np.flatnonzero(steps["done"]) + 1).tolist(), len(steps["done"])]
         for start, stop in pairwise(cuts):
             if start == stop:
@@ -126,8 +126,8 @@ class TrajectoryLog:
                 yield {name: np.concatenate([part[name] for part in parts]) for name in steps}
 
     def partial_episodes(self) -> list[PartialEpisode]:
-        """Where each environment stands."""
-        return [_stands(parts, ended) for parts, ended in zip(self._open, self._ended, strict=True)]
+        """The unfinished episode of each environment."""
+        return [_partial_episode(parts, ended) for parts, ended in zip(self._open, self._ended, strict=True)]
 
     def _store(self, whole: dict[str, Array], context_of: Any) -> Any:
         steps = len(whole["done"])
@@ -151,10 +151,10 @@ class TrajectoryLog:
         return record
 
     def _make_room(self, rows: int) -> int:
-        """Find ``rows`` rows in a line and forget the episodes that lay there; return the first."""
+        """Free ``rows`` contiguous rows, dropping the episodes there; returns the first."""
         if self._head + rows > self.capacity_frames:
             while self._kept and self._kept[0][0] >= self._head:
-                self._kept.popleft()  # the end of the last lap, older than what lies at the beginning
+                self._kept.popleft()  # the end of the previous lap holds the oldest episodes
             self._head = 0
         start, self._head = self._head, self._head + rows
         while self._kept and start <= self._kept[0][0] < self._head:
@@ -168,7 +168,7 @@ class TrajectoryLog:
         return self._columns[name]
 
     def read(self, rows: Iterable[int]) -> list[Episode]:
-        """Copy episodes out of the files.
+        """Copy episodes from the files.
 
         Args:
             rows: positions in ``index``.
@@ -191,7 +191,7 @@ class TrajectoryLog:
         )
 
     def flush(self) -> None:
-        """Bring everything to disk; the index is replaced in one go."""
+        """Write everything to disk; the index is replaced atomically."""
         for column in self._columns.values():
             column.flush()  # type: ignore[attr-defined]  # a memmap, made in _column
         about = {"capacity_frames": self.capacity_frames, "contexts": self.contexts, "frames": self.frames}
@@ -200,24 +200,22 @@ class TrajectoryLog:
         write_atomically(self.folder / "episodes.npy", lambda stream: np.save(stream, self.index))
 
     def state_dict(self) -> dict[str, Any]:
-        """All that is not in the files, as arrays and plain values; see ``load_state_dict``."""
+        """All that is not in the files, as arrays and plain values."""
         index, parts = self.index, [part for row in self._open for part in row]
         return {
             "frames": self.frames,
             "episodes_ended": self.episodes_ended,
             "head": self._head,
             "index": {name: index[name].copy() for name in INDEX.names or ()},
-            "open_steps": [_steps(row) for row in self._open],  # of each row, one behind the other in:
+            "open_steps": [_steps(row) for row in self._open],  # steps of each row, concatenated in:
             "open": {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]},
             "ended": list(self._ended),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on, in the same folder, from a ``state_dict``; what was logged after it is logged anew.
+        """Continue from a ``state_dict`` in the same folder; what was logged after it is logged again.
 
-        Episodes that made room for what came after it are gone.
-
-        Without any of the files, of what was ended by then nothing is kept.
+        Episodes overwritten since then are lost. Without any of the files, all ended episodes are.
 
         Raises:
             ValueError: if the files are not those of the state.
@@ -227,13 +225,13 @@ class TrajectoryLog:
             index[name] = state["index"][name]
         self.frames, self.episodes_ended, self._head = state["frames"], state["episodes_ended"], state["head"]
         self._open = _rows(state["open"], state["open_steps"])
-        self._ended, self._taken_up = list(state["ended"]), True
+        self._ended, self._resumed = list(state["ended"]), True
         there = any((self.folder / f"{name}.npy").exists() for name in COLUMNS)
         self._head = self._head if there else 0
         self._load(index if there else index[:0], "r+")
 
     def _load(self, index: Array, mode: Literal["r", "r+"]) -> None:
-        """Open the files and keep the episodes of ``index`` that still lie in them."""
+        """Open the files and keep the episodes of ``index`` that are still in them."""
         try:
             if index.size:
                 self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in COLUMNS}
@@ -243,7 +241,7 @@ class TrajectoryLog:
             raise UnreadableLogError(f"{self.folder} is not a readable log: {error}") from None
 
     def _check(self, index: Array) -> None:
-        """Hold files and index against each other; raises ValueError."""
+        """Check the files against the index; raises ValueError."""
         for name, column in self._columns.items():
             fits = len(column) == self.capacity_frames and column.dtype.kind in "biuf"
             if not fits or column.ndim != DIMENSIONS.get(name, column.ndim):
@@ -281,7 +279,7 @@ def _steps(parts: Sequence[dict[str, Array]]) -> int:
 
 
 def _rows(joined: Mapping[str, Array], steps: Sequence[int]) -> list[list[dict[str, Array]]]:
-    """Cut what was joined into the parts of each row again."""
+    """Split concatenated columns into the parts of each row."""
     if any(len(column) != sum(steps) for column in joined.values()):
         raise ValueError(f"its rows are {sum(steps)} steps long, not as long as its columns")
     cuts = [slice(end - count, end) for count, end in zip(steps, np.cumsum(steps).tolist(), strict=True)]
@@ -290,7 +288,7 @@ def _rows(joined: Mapping[str, Array], steps: Sequence[int]) -> list[list[dict[s
     ]
 
 
-def _stands(parts: Sequence[dict[str, Array]], ended: int) -> PartialEpisode:
+def _partial_episode(parts: Sequence[dict[str, Array]], ended: int) -> PartialEpisode:
     if not parts:
         return PartialEpisode(ended, np.zeros(0, np.int64), None)
     return PartialEpisode(ended, np.concatenate([part["action"] for part in parts]), parts[-1]["next_state"][-1])

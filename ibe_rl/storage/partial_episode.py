@@ -1,4 +1,4 @@
-"""Where the episodes of a run stand that is taken up again."""
+"""The unfinished episodes of a resumed run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ibe_rl.types import Array
 
 @dataclass(frozen=True)
 class PartialEpisode:
-    """Where an environment stands in the middle of an episode, as far as it can be brought there again.
+    """An unfinished episode, from which the environment can be restored by replaying its actions.
 
     Attributes:
-        ended: episodes that it has played before this one.
-        actions: ``(t,)`` or ``(t, A)`` what was done in this one so far.
-        state: ``(S,)`` that these actions led to; None if there is nothing to take up and an episode begins.
+        ended: earlier episodes of the environment.
+        actions: ``(t,)`` or ``(t, A)`` actions so far.
+        state: ``(S,)`` that these actions led to; None if a new episode begins.
     """
 
     ended: int

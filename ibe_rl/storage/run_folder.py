@@ -1,4 +1,4 @@
-"""The folder of a run: its names, writing into it without losing anything, finding it again."""
+"""The folder of a run: file names, atomic writing, and finding it again."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ LESSON = "lesson.jsonl"
 REPLACED = "replaced"
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
 NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once", "runs_on")
-"""Settings that say nothing about a run when it is named after its settings."""
+"""Settings left out of a run's name."""
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Let ``write`` fill a file under another name, then put it in the place of ``path`` in one go.
+    """Let ``write`` fill a temporary file, then rename it to ``path``.
 
     Raises:
-        OSError: naming ``path``; what was there before is there still.
+        OSError: naming ``path``, which is unchanged.
     """
     temporary = path.with_name(path.name + ".partial")
     try:
@@ -54,23 +54,23 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
     except Exception as error:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
-        failed = error if isinstance(error, OSError) else error.__context__  # torch raises another one on top
+        failed = error if isinstance(error, OSError) else error.__context__  # torch raises another error on top
         if isinstance(failed, OSError) and failed.errno:
             raise OSError(failed.errno, failed.strerror, str(path)) from None
         raise
 
 
 def write_json(path: Path, values: Mapping[str, Any]) -> None:
-    """Write ``values`` atomically, readable for people too."""
+    """Write ``values`` atomically as indented JSON."""
     text = json.dumps(values, indent=2, allow_nan=False) + "\n"
     write_atomically(path, lambda stream: stream.write(text.encode()))
 
 
 def read_json(path: Path) -> Any:
-    """Read values back.
+    """Read JSON.
 
     Raises:
-        ValueError: if it is no JSON.
+        ValueError: if it is not JSON.
         OSError: if it cannot be read.
     """
     try:
@@ -80,10 +80,10 @@ def read_json(path: Path) -> Any:
 
 
 def read_yaml(path: Path) -> Any:
-    """Read plain values back: no tags of other types, nothing that stands for more than is written.
+    """Read YAML of plain values, without type tags or aliases.
 
     Raises:
-        ValueError: if it is no such YAML.
+        ValueError: if it is not such YAML.
         OSError: if it cannot be read.
     """
     try:
@@ -98,7 +98,7 @@ def read_yaml(path: Path) -> Any:
 
 
 def read_overrides(path: Path) -> list[str]:
-    """The settings that a run was started with; none if that cannot be told."""
+    """The overrides that a run was started with; empty if unknown."""
     try:
         given = read_yaml(path)
     except (OSError, ValueError):
@@ -107,13 +107,13 @@ def read_overrides(path: Path) -> list[str]:
 
 
 def refuse_special_files(path: Path) -> None:
-    """Refuse a run's folder with a link in it, through which files elsewhere would be written, or a pipe, which hangs.
+    """Refuse a run folder with links, which could write elsewhere, or pipes, which hang.
 
     Raises:
         ConfigError: naming it.
     """
     for found in path.rglob("*"):
-        with suppress(FileNotFoundError):  # a run that still trains replaces files
+        with suppress(FileNotFoundError):  # a run in training replaces files
             mode = found.lstat().st_mode
             if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
                 kind = "a link to another place" if stat.S_ISLNK(mode) else "neither a file nor a folder"
@@ -121,10 +121,10 @@ def refuse_special_files(path: Path) -> None:
 
 
 def create_run_folder(path: Path) -> Path:
-    """Make the folder of a new run, with the folders in it.
+    """Make the folder of a new run and its subfolders.
 
     Raises:
-        ConfigError: if it holds a run already, or cannot be written to.
+        ConfigError: if it already holds a run or cannot be written to.
     """
     try:
         if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
@@ -139,7 +139,7 @@ def create_run_folder(path: Path) -> Path:
 
 @contextmanager
 def hold_folder(path: Path) -> Iterator[None]:
-    """Keep other trainings out of a run's folder; the system lets go of it, however the process ends.
+    """Lock a run's folder against other trainings; the system releases it whenever the process ends.
 
     Raises:
         ConfigError: if another process holds it.
@@ -157,7 +157,7 @@ def hold_folder(path: Path) -> Iterator[None]:
 
 
 def is_run(path: Path) -> bool:
-    """True for a folder with a run's config in it."""
+    """True for a folder with a run's config."""
     return (path / CONFIG).is_file()
 
 
@@ -165,11 +165,11 @@ def find_run(run: str | None, below: Path) -> Path:
     """Find the folder of a run.
 
     Args:
-        run: its path; None takes the newest anywhere below ``below``.
-        below: where runs are looked for.
+        run: its path; None takes the newest below ``below``.
+        below: where to search.
 
     Raises:
-        ConfigError: if ``run`` is not a run, or there is none.
+        ConfigError: if ``run`` is not a run, or none is found.
     """
     if run is not None:
         if not is_run(Path(run)):
@@ -182,12 +182,12 @@ def find_run(run: str | None, below: Path) -> Path:
 
 
 class MetricsTable:
-    """``metrics.csv``: one row at a time, each on disk before the next; use as a context manager.
+    """``metrics.csv``, written row by row; use as a context manager.
 
     Args:
         path: the file.
-        later: columns that the first row may lack; the others are the first row's.
-        until_frames: go on with the rows that the file has up to there; the others are dropped. None: a new file.
+        later: columns that the first row may lack.
+        until_frames: keep the file's rows up to there and drop the others; None starts a new file.
     """
 
     def __init__(self, path: Path, later: Iterable[str] = (), until_frames: int | None = None):
@@ -204,11 +204,11 @@ class MetricsTable:
             self._stream.close()
 
     def write(self, row: Mapping[str, float]) -> None:
-        """Append a row; columns that it lacks stay empty.
+        """Append a row; missing columns stay empty.
 
         Raises:
-            ValueError: for a name that is no column.
-            OSError: if the disk does not take it; the file ends with the row before.
+            ValueError: for an unknown column.
+            OSError: if it cannot be written; the file ends with the previous row.
         """
         if self._stream is None:
             self._stream = self._begin(row)
@@ -216,7 +216,7 @@ class MetricsTable:
         append(self._stream, line, self._path)
 
     def _begin(self, row: Mapping[str, float]) -> FileIO:
-        """Write the head and the rows before, in one go, with the columns of them all."""
+        """Atomically write the header and the kept rows, with all columns."""
         self._columns = list(dict.fromkeys([*row, *self._later, *(self._rows[0] if self._rows else ())]))
         write_rows(self._path, self._rows, self._columns)
         self._rows = []
@@ -224,7 +224,7 @@ class MetricsTable:
 
 
 def append(stream: FileIO, data: bytes, path: Path) -> None:
-    """Write all of it at the end of a file, or nothing.
+    """Append all of ``data`` to a file, or nothing.
 
     Raises:
         OSError: naming ``path``.
@@ -240,7 +240,7 @@ def append(stream: FileIO, data: bytes, path: Path) -> None:
 
 
 def read_rows(path: Path, above_frames: float = -1, until_frames: float = math.inf) -> list[dict[str, str]]:
-    """The rows of a ``metrics.csv`` between two frames, the first one excluded; a last one that was cut off is not.
+    """Rows of a ``metrics.csv`` after one frame and up to another, without an incomplete last row.
 
     Raises:
         ConfigError: if it cannot be read.
@@ -254,7 +254,7 @@ def read_rows(path: Path, above_frames: float = -1, until_frames: float = math.i
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, str]], columns: Iterable[str] = ()) -> None:
-    """Write a table in one go, by default with the columns of its first row."""
+    """Write a table atomically, by default with the columns of its first row."""
     names = list(columns) or list(rows[0])
     table = _table([dict(zip(names, names, strict=True)), *rows], names)
     write_atomically(path, lambda stream: stream.write(table))

@@ -57,14 +57,14 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
     cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
     for note in check_run(cfg, env):
-        print(note)  # noqa: T201 - talks to a person
+        print(note)  # noqa: T201 - for the user
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
     with StopRequest() as stop, hold_folder(folder):
         if state:
-            _go_back(cfg, folder, state)
+            _restore_folder(cfg, folder, state)
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
             live = serve_live(folder / RECORDING, ports, owned, print) if ports else list
@@ -75,9 +75,9 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
             yield _begin(cfg, folder, stop, owned, live, classroom, state)
 
 
-def _go_back(cfg: TrainConfig, folder: Path, state: State) -> None:
+def _restore_folder(cfg: TrainConfig, folder: Path, state: State) -> None:
     """Restore the folder to the time of the checkpoint."""
-    print(clear_way(folder, state))  # noqa: T201 - talks to a person
+    print(clear_way(folder, state))  # noqa: T201 - for the user
     if state["recorder"] and cfg.viewer.mode != "off":
         with must_fit(folder):
             set_back(folder / RECORDING, state["recorder"]["recorder"]["bytes"])
@@ -99,7 +99,7 @@ def _begin(
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
         columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]
-        table = owned.enter_context(MetricsTable(folder / METRICS, columns, _until(state)))
+        table = owned.enter_context(MetricsTable(folder / METRICS, columns, _kept_frames(state)))
         optional = [one for one in (run.recorder, progress, classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
@@ -114,7 +114,7 @@ def _begin(
     return run
 
 
-def _until(state: State | None) -> int | None:
+def _kept_frames(state: State | None) -> int | None:
     return (state["frames"] or None) if state else None  # at 0 frames the table may not exist yet
 
 

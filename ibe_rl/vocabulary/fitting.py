@@ -73,10 +73,10 @@ def fit_windows(
 ) -> ClusterMapping:
     """Learn a vocabulary from windows; otherwise as ``fit_mapping``."""
     estimator = _estimator(config, task, seed, last)
-    states, told = said_in(heard, seed)
+    states, instructions = said_in(heard, seed)
     with warnings.catch_warnings():  # the mapping records it, and explainers report it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
-        mapping = estimator.fit(windows.delta, windows.instruction, states, told, interpretation).mapping_
+        mapping = estimator.fit(windows.delta, windows.instruction, states, instructions, interpretation).mapping_
     if not isinstance(mapping, ClusterMapping):
         raise TypeError(f"mapping={config.kind}: its mapping_ is a {type(mapping).__name__}, not a ClusterMapping")
     return mapping

@@ -33,11 +33,11 @@ def ask(moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon
     if not moments:
         return None
     size = len(moments[0].instruction)
-    told = [sign * np.eye(size, dtype=np.float32)[number] for sign in (1, -1) for number in range(size)]
-    if not _listens(moments, policy, told):
+    instructions = [sign * np.eye(size, dtype=np.float32)[number] for sign in (1, -1) for number in range(size)]
+    if not _listens(moments, policy, instructions):
         nothing = np.zeros((len(moments), size, len(moments[0].state)))
         return Reactions(nothing, nothing)
-    changes = [_changes(moments, policy, predictor, horizon_steps, one) for one in told]
+    changes = [_changes(moments, policy, predictor, horizon_steps, one) for one in instructions]
     up, down = np.stack(changes[:size], axis=1), np.stack(changes[size:], axis=1)
     return Reactions(up, down)
 
@@ -73,9 +73,9 @@ def told_throughout(policy: Policy, instruction: Array, observations: Array) -> 
     return policy(observe(states, np.tile(instruction, (count, 1)), np.ones((count, 1))))
 
 
-def _listens(moments: Sequence[Moment], policy: Policy, told: Sequence[Array]) -> bool:
+def _listens(moments: Sequence[Moment], policy: Policy, instructions: Sequence[Array]) -> bool:
     observations = observe(*columns_of(moments))
-    first, *others = (told_throughout(policy, one, observations) for one in told)
+    first, *others = (told_throughout(policy, one, observations) for one in instructions)
     return any(not np.array_equal(first, other) for other in others)
 
 

@@ -79,11 +79,11 @@ def random_states(env: gymnasium.Env[Any, Any]) -> Array:
 
 def reads(states: Array, task: Task, number: int) -> Array:
     """Which dimensions ``(S,)`` bool one number of the rule depends on: permuting their values changes it."""
-    told, random, found = task.rule(states)[:, number], np.random.default_rng(0), []
+    instructions, random, found = task.rule(states)[:, number], np.random.default_rng(0), []
     for dimension in range(states.shape[1]):
         dealt = states.copy()
         dealt[:, dimension] = random.permutation(states[:, dimension])
-        found.append(bool(np.any(task.rule(dealt)[:, number] != told)))
+        found.append(bool(np.any(task.rule(dealt)[:, number] != instructions)))
     return np.array(found)
 
 
@@ -106,8 +106,8 @@ def _varies(states: Array, task: Task, number: int) -> bool:
 
 def _correlates(states: Array, kept: Array, task: Task, number: int) -> bool:
     """Whether the rule correlates with any of the ``kept`` dimensions without depending on them."""
-    told = task.rule(states)[:, number]
-    weights = np.abs(rule_axes(states, told[:, None], seed=0)[:, 0]) * states.std(axis=0)
+    instructions = task.rule(states)[:, number]
+    weights = np.abs(rule_axes(states, instructions[:, None], seed=0)[:, 0]) * states.std(axis=0)
     return bool(weights[kept].max() > NOTHING * weights.max())
 
 

@@ -113,15 +113,15 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
     heard = log.read(random.permutation(counted)[:FLOWN])
     states = [episode.states for episode in best]
     kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
-    steps = find_horizon(states, _turning(heard, seed, kept, leading_change(states, kept)))
+    steps = find_horizon(states, _instruction_axes(heard, seed, kept, leading_change(states, kept)))
     return min(steps, instruction_lasts([episode.instructions for episode in best]) or steps)
 
 
-def _turning(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:
+def _instruction_axes(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:
     """The axes ``(S, d)`` of the instructions in the ``kept`` dimensions; ``otherwise`` if there are none."""
     try:
-        states, told = (some[:HEARD_AXIS_STATES] for some in said_in(heard, seed))
-        axes = rule_axes(states, told, seed) * kept[:, None] if len(states) else otherwise
+        states, instructions = (some[:HEARD_AXIS_STATES] for some in said_in(heard, seed))
+        axes = rule_axes(states, instructions, seed) * kept[:, None] if len(states) else otherwise
     except TooLittleDataError:
         return otherwise
     reached = np.any(axes, axis=0)
@@ -161,6 +161,6 @@ def said_in(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
     """A sample of states ``(N, S)`` with an instruction, and these instructions ``(N, d)``."""
     given = np.concatenate([episode.given for episode in heard]).astype(bool)
     states = np.concatenate([episode.states[:-1] for episode in heard])[given]
-    told = np.concatenate([episode.instructions for episode in heard])[given]
+    instructions = np.concatenate([episode.instructions for episode in heard])[given]
     rows = np.random.default_rng(seed).permutation(len(states))[:HEARD_STATES]
-    return states[rows], told[rows]
+    return states[rows], instructions[rows]
