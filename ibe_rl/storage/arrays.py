@@ -61,7 +61,7 @@ def map_array(path: Path, mode: Literal["r", "r+"] = "r") -> Array:
     except Exception as error:  # numpy raises a dozen types for damaged files
         first = str(error).partition(". If you trust")[0].splitlines()[0][:200] if str(error) else type(error).__name__
         raise ValueError(f"{path.name} is not a readable array ({first})") from None
-    if mode == "r+":  # after the checks: numpy would pad a file that is cut short with zeros
+    if mode == "r+":  # after the checks: numpy would fill up a cut file with zeros
         reserve(path)
         array = np.load(path, mmap_mode=mode, allow_pickle=False)
     return array
