@@ -36,7 +36,7 @@ class Actions(Protocol):
         """Add further learnt parameters of the distribution: ``(B, outputs)`` becomes ``(B, K)``."""
 
     def draw(self, outputs: Tensor) -> dict[str, Tensor]:
-        """Sample; outputs ``(B, K)`` to entries of the batch: ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
+        """Sample from outputs ``(B, K)``: entries ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
 
     def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """Outputs ``(B, K)`` and samples to log-probability ``(B,)`` and entropy ``(B,)``."""

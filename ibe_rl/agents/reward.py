@@ -11,7 +11,7 @@ from ibe_rl.config.settings import AgentConfig
 def learning_reward(batch: TensorDictBase, config: AgentConfig) -> Tensor:
     """The environment's reward plus a bonus on success, times ``config.reward_scale``.
 
-    An environment may reward failed ends alike, such as coming to rest in the wrong place.
+    An environment may reward success and failure alike, such as coming to rest in the wrong place.
 
     Args:
         batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, and optionally
