@@ -197,9 +197,7 @@ class LunarLanderPads(game.LunarLander):
         self._place(snapshot)
         self.world.Step(1 / game.FPS, 6 * 30, 2 * 30)  # warms up Box2D's hidden impulses
         self._place(snapshot)
-        for leg, contact in zip(
-            self.legs, snapshot.contacts, strict=True
-        ):  # a touching leg may not count as in contact
+        for leg, contact in zip(self.legs, snapshot.contacts, strict=True):  # a touching leg may not count
             leg.ground_contact = contact and any(edge.contact.touching for edge in leg.contacts)
         self.game_over = snapshot.game_over
         self.prev_shaping, self._gap = snapshot.shaping

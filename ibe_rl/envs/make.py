@@ -126,28 +126,28 @@ class InstructedEnvs(EnvBase):
     Each episode has a seed of its own (``episode_seed``), so that it can be replayed alone.
 
     Args:
-        games: environments of one kind that declare a task.
+        envs: environments of one kind that declare a task.
         instructor: instructs all rows.
         partial_episodes: per row the episode that the first reset resumes.
     """
 
     def __init__(
         self,
-        games: Sequence[gymnasium.Env[Any, Any]],
+        envs: Sequence[gymnasium.Env[Any, Any]],
         instructor: Instructor,
         partial_episodes: Sequence[PartialEpisode] = (),
     ):
-        super().__init__(batch_size=[len(games)])
-        self._games, self._instructor, self._task = games, instructor, task_of(games[0])
-        self._partial_episodes, self._first_seed, self._episodes_begun = list(partial_episodes), 0, [0] * len(games)
-        self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
-        self._said = np.zeros((len(games), self._task.instruction_size + 1), np.float32)
+        super().__init__(batch_size=[len(envs)])
+        self._environments, self._instructor, self._task = envs, instructor, task_of(envs[0])
+        self._partial_episodes, self._first_seed, self._episodes_begun = list(partial_episodes), 0, [0] * len(envs)
+        self._states = np.zeros((len(envs), len(self._task.state_names)), np.float32)
+        self._said = np.zeros((len(envs), self._task.instruction_size + 1), np.float32)
         self._declare()
 
     def _declare(self) -> None:
         """Declare the specs."""
-        rows, task, game = len(self._games), self._task, self._games[0]
-        state = torchrl_spec(game.observation_space, categorical_action_encoding=True)
+        rows, task, env = len(self._environments), self._task, self._environments[0]
+        state = torchrl_spec(env.observation_space, categorical_action_encoding=True)
         flag = Unbounded(shape=(rows, 1), dtype=torch.bool)
         self.observation_spec = Composite(
             observation=Unbounded(shape=(rows, task.observation_size), dtype=torch.float32),
@@ -157,7 +157,7 @@ class InstructedEnvs(EnvBase):
             success=flag,
             shape=[rows],
         )
-        action = torchrl_spec(game.action_space, categorical_action_encoding=True)
+        action = torchrl_spec(env.action_space, categorical_action_encoding=True)
         self.action_spec = action.expand(rows, *action.shape)
         self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
         self.done_spec = Composite(
@@ -167,12 +167,12 @@ class InstructedEnvs(EnvBase):
 
     def _set_seed(self, seed: int | None) -> None:
         self._first_seed = episode_seed(0, 0) if seed is None else seed
-        self._episodes_begun = [0] * len(self._games)
+        self._episodes_begun = [0] * len(self._environments)
 
     def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
         asked = None if tensordict is None else tensordict.get("_reset", None)
-        rows = np.ones(len(self._games), bool) if asked is None else asked.numpy().reshape(-1)
-        no = torch.zeros(len(self._games), 1, dtype=torch.bool)
+        rows = np.ones(len(self._environments), bool) if asked is None else asked.numpy().reshape(-1)
+        no = torch.zeros(len(self._environments), 1, dtype=torch.bool)
         fresh = self._replay() if self._partial_episodes else rows
         for row in np.flatnonzero(fresh).tolist():
             self._states[row] = self._begin(row)
@@ -183,7 +183,7 @@ class InstructedEnvs(EnvBase):
         """Begin the next episode of a row; returns its first state."""
         seed = episode_seed(self._first_seed + row, self._episodes_begun[row])
         self._episodes_begun[row] += 1
-        state: Array = self._games[row].reset(seed=seed)[0]
+        state: Array = self._environments[row].reset(seed=seed)[0]
         return state
 
     def _replay(self) -> Array:
@@ -203,7 +203,7 @@ class InstructedEnvs(EnvBase):
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
                 action = plain(partial_episodes[row].actions[step])
-                self._states[row], _, terminated, truncated, _ = self._games[row].step(action)
+                self._states[row], _, terminated, truncated, _ = self._environments[row].step(action)
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -213,7 +213,7 @@ class InstructedEnvs(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
-        states, rewards, terminated, truncated, infos = step_together(self._games, actions.numpy())
+        states, rewards, terminated, truncated, infos = step_together(self._environments, actions.numpy())
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
         success = [info[self._task.success_key] for info in infos]
@@ -244,9 +244,9 @@ class InstructedEnvs(EnvBase):
         }
 
 
-def step_together(games: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:
+def step_together(envs: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:
     """Step each environment once: states, rewards, terminated, truncated, infos of ``N`` environments."""
-    steps = [game.step(action) for game, action in zip(games, plain(actions), strict=True)]
+    steps = [env.step(action) for env, action in zip(envs, plain(actions), strict=True)]
     return list(zip(*steps, strict=True))
 
 
@@ -256,13 +256,13 @@ def plain(actions: Array) -> Any:
 
 
 def make_vector_env(
-    games: Sequence[gymnasium.Env[Any, Any]],
+    envs: Sequence[gymnasium.Env[Any, Any]],
     instructor: Instructor,
     seed: int,
     partial_episodes: Sequence[PartialEpisode] = (),
 ) -> EnvBase:
     """Make ``InstructedEnvs`` with rows seeded from ``seed`` on."""
-    env = InstructedEnvs(games, instructor, partial_episodes)
+    env = InstructedEnvs(envs, instructor, partial_episodes)
     env.set_seed(seed)
     return env
 

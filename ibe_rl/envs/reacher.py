@@ -76,14 +76,14 @@ def scene_path(states: Array) -> Array:
     return HALF_SCENE + SCENE_SCALE * (states[..., TARGET] + states[..., OFFSET])
 
 
-def background(game: Any) -> list[Shape]:
+def background(env: Any) -> list[Shape]:
     """The target."""
-    return [Shape(_circle(game.get_body_com("target")[:2], REACHED), (250, 204, 21), closed=True)]
+    return [Shape(_circle(env.get_body_com("target")[:2], REACHED), (250, 204, 21), closed=True)]
 
 
-def figure(game: Any) -> list[Shape]:
+def figure(env: Any) -> list[Shape]:
     """The arm."""
-    joints = [(0.0, 0.0), game.get_body_com("body1")[:2], game.get_body_com("fingertip")[:2]]
+    joints = [(0.0, 0.0), env.get_body_com("body1")[:2], env.get_body_com("fingertip")[:2]]
     arm = HALF_SCENE + SCENE_SCALE * np.array(joints)
     return [Shape(arm, (165, 148, 249), radius=0.06), Shape(_circle(joints[-1], 0.01), (165, 148, 249), closed=True)]
 
