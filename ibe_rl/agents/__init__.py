@@ -1,8 +1,8 @@
 """Agents: policies that learn; they know no environment.
 
-In: batches of steps, the sizes of observations and actions, the settings of one kind. A kind is a module here or
+In: batches of steps, observation size, action space, the settings of one kind. A kind is a module here or
 elsewhere; see ``Agent``.
-Out: a policy that explores, a greedy one that is explained, and what was learnt as a state to resume from.
+Out: an exploring policy, a greedy one that is explained, and a state to resume from.
 Imports: ``types``, ``config``.
 """
 
@@ -23,11 +23,11 @@ from ibe_rl.types import ConfigError
 
 
 class Agent(Protocol):
-    """A learner: ``policy`` explores and is what the collector runs, ``greedy`` is what is explained.
+    """A learner: ``policy`` explores and collects experience, ``greedy`` is evaluated and explained.
 
-    A kind of agent is such a class. It is called with its settings, the observation size O, the space of actions, the
-    frames that it will learn from, and the places in the observation that it does not see. Class attributes:
-    ``settings``, a dataclass derived from ``AgentConfig``, and if need be ``check(settings, actions)``, which raises
+    A kind of agent is such a class. Its constructor takes its settings, the observation size O, the action space, the
+    total number of frames, and the indices of the observation that are hidden from it. Class attributes:
+    ``settings``, a dataclass derived from ``AgentConfig``, and optionally ``check(settings, actions)``, which raises
     ``ConfigError``.
     """
 
@@ -35,17 +35,17 @@ class Agent(Protocol):
     greedy: GreedyPolicy
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
-        """Learn from a batch ``[N, T]``; returns figures for the log, the same names every time.
+        """Learn from a batch ``[N, T]``; returns metrics for the log, the same names every time.
 
         Raises:
-            FloatingPointError: if the loss or the weights are no finite numbers any more.
+            FloatingPointError: if the loss or the weights are NaN or infinite.
         """
 
     def sync_weights(self) -> None:
-        """Let ``policy`` have what has been learnt; not while it collects, which would not be repeatable."""
+        """Copy the learnt weights to ``policy``; for reproducibility not while it collects."""
 
     def state_dict(self) -> dict[str, Any]:
-        """All that learning goes on from, tensors and plain values."""
+        """All that learning continues from: tensors and plain values."""
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """The inverse of ``state_dict``, for an agent made with the same settings."""
@@ -58,17 +58,17 @@ def make_agent(
     total_frames: int,
     state_names: Sequence[str] = (),
 ) -> Agent:
-    """Make the agent of the kind that ``config`` is of.
+    """Make the agent of the kind that ``config`` names.
 
     Args:
         config: of the agent.
         observation_size: O.
-        actions: the environment's.
-        total_frames: that it will learn from.
-        state_names: of the first numbers of the observation, for ``config.ignores``.
+        actions: action space of the environment.
+        total_frames: length of the training.
+        state_names: names of the leading numbers of the observation, for ``config.ignores``.
 
     Raises:
-        ConfigError: if the agent cannot take such actions, there is no such kind, or it is to ignore what is not there.
+        ConfigError: if the kind is unknown, cannot take such actions, or is to ignore an unknown dimension.
     """
     check_actions(config, actions)
     ignored = _ignored(config, state_names)
@@ -77,7 +77,7 @@ def make_agent(
 
 
 def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
-    """Refuse, before anything is made, an agent that is to ignore what is not there.
+    """Refuse an agent that is to ignore an unknown state dimension.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -86,7 +86,7 @@ def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
 
 
 def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
-    """Refuse, before anything is made, an agent that cannot work with the environment's actions.
+    """Refuse an agent that cannot work with the environment's actions.
 
     Raises:
         ConfigError: naming the actions and what is allowed.
@@ -98,7 +98,7 @@ def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
 
 
 def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
-    """The places of what it ignores."""
+    """Indices of the ignored dimensions."""
     for name in config.ignores:
         if name not in state_names:
             raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")

@@ -1,4 +1,4 @@
-"""Kinds of actions: how a network's outputs become one, and how probable it was.
+"""Action distributions, parametrised by the outputs of a network.
 
 Shapes: ``B`` steps, ``A`` numbers of a continuous action, ``K`` outputs of the network for one step.
 """
@@ -17,15 +17,15 @@ from torch import Tensor, nn
 from ibe_rl.types import ConfigError
 
 RAW_ACTION = "action_drawn"
-"""Entry of a batch: the continuous draw itself, before it is put into the environment's units and bounds."""
+"""Entry of a batch: the continuous sample before scaling and clipping to the environment's bounds."""
 Mode = Callable[[Tensor], Tensor]
 
 
 class Actions(Protocol):
-    """The distribution of actions that the outputs of a network stand for.
+    """The action distribution given by the outputs of a network.
 
     Attributes:
-        outputs: how many numbers ``make_network`` has to give.
+        outputs: number of outputs of the network.
         learnt_from: entry of the batch that ``evaluate_actions`` takes.
     """
 
@@ -33,20 +33,20 @@ class Actions(Protocol):
     learnt_from: str
 
     def finish(self, network: nn.Module) -> nn.Module:
-        """Add to a network what else is learnt of the distribution: ``(B, outputs)`` becomes ``(B, K)``."""
+        """Add further learnt parameters of the distribution: ``(B, outputs)`` becomes ``(B, K)``."""
 
     def draw(self, outputs: Tensor) -> dict[str, Tensor]:
-        """Outputs ``(B, K)`` to entries of the batch: ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
+        """Sample from outputs ``(B, K)``: entries ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
 
     def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
-        """Outputs ``(B, K)`` and what was drawn to its log-probability ``(B,)`` and the entropy ``(B,)``."""
+        """Outputs ``(B, K)`` and samples to log-probability ``(B,)`` and entropy ``(B,)``."""
 
     def mode(self, outputs: Tensor) -> Tensor:
         """Outputs ``(B, K)`` to the most probable actions, in the environment's units."""
 
 
 class Categorical:
-    """One of ``n`` actions, an output each: its unnormalised log-probability."""
+    """One of ``n`` actions; the outputs are their logits."""
 
     learnt_from = "action"
 
@@ -75,12 +75,12 @@ class Categorical:
 
 
 def best(outputs: Tensor) -> Tensor:
-    """The place of the highest of the outputs ``(B, K)``: ``(B,)`` int64."""
+    """Index of the highest output: ``(B, K)`` to ``(B,)`` int64."""
     return outputs.argmax(-1)
 
 
 class GaussianNetwork(nn.Module):
-    """A network of means with log standard deviations beside them, learnt too, the same in every state."""
+    """A network of means, with learnt log standard deviations that do not depend on the state."""
 
     def __init__(self, network: nn.Module, size: int, first_std: float):
         super().__init__()
@@ -94,15 +94,15 @@ class GaussianNetwork(nn.Module):
 
 
 class Gaussian:
-    """Numbers within bounds, each from a normal distribution of its own.
+    """Bounded actions from a diagonal Gaussian.
 
-    Means and deviations are in units of half the range around its middle. Draws beyond the bounds are put on them
-    for the environment, and learnt from as they were drawn.
+    Means and deviations are in units of half the range around its middle. The environment gets samples clipped to the
+    bounds; learning uses the unclipped ones.
 
     Args:
         low: ``(A,)`` bounds in the environment's units.
         high: ``(A,)``.
-        first_std: standard deviation that learning begins with, in units of half the range.
+        first_std: initial standard deviation, in units of half the range.
     """
 
     learnt_from = RAW_ACTION
@@ -112,7 +112,7 @@ class Gaussian:
         self._middle, self._half = (low + high) / 2, (high - low) / 2
 
     def finish(self, network: nn.Module) -> nn.Module:
-        """Add the deviations."""
+        """Add the standard deviations."""
         return GaussianNetwork(network, self.outputs, self._first_std)
 
     def draw(self, outputs: Tensor) -> dict[str, Tensor]:
@@ -123,7 +123,7 @@ class Gaussian:
         return {"action": self._bounded(drawn), "action_log_prob": log_prob, RAW_ACTION: drawn}
 
     def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
-        """See ``Actions``; densities are those of the draw in its own units."""
+        """See ``Actions``; densities are of the unscaled sample."""
         mean, log_std = outputs.chunk(2, dim=-1)
         distance = (drawn - mean) * (-log_std).exp()
         log_prob = (-0.5 * distance.square() - log_std - 0.5 * math.log(2 * math.pi)).sum(-1)
@@ -138,22 +138,22 @@ class Gaussian:
 
 
 def discrete(space: gymnasium.Space[Any]) -> bool:
-    """True for one of a few actions, counted from 0."""
+    """True for ``Discrete`` from 0."""
     return isinstance(space, gymnasium.spaces.Discrete) and space.start == 0
 
 
 def continuous(space: gymnasium.Space[Any]) -> bool:
-    """True for a row of real numbers, all of them bounded."""
+    """True for a one-dimensional floating-point ``Box`` with finite bounds."""
     if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1 or not space.shape[0]:
         return False
     return bool(np.issubdtype(space.low.dtype, np.floating) and np.isfinite([space.low, space.high]).all())
 
 
 def make_actions(space: gymnasium.Space[Any], first_std: float) -> Actions:
-    """The distribution for an environment's actions.
+    """Make the distribution for an action space.
 
     Raises:
-        ConfigError: for actions of another kind.
+        ConfigError: for any other space.
     """
     if isinstance(space, gymnasium.spaces.Discrete) and discrete(space):
         return Categorical(int(space.n))

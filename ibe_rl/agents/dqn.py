@@ -1,4 +1,4 @@
-"""Deep Q-learning on TorchRL's replay buffer: double, with returns of several steps; the paper's kind of agent."""
+"""Double deep Q-learning with n-step returns on TorchRL's replay buffer; the paper's kind of agent."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from ibe_rl.types import ConfigError
 
 @dataclass
 class DQNConfig(AgentConfig):
-    """Deep Q-learning with a slowly following target network, the paper's kind of agent.
+    """Deep Q-learning with a target network, the paper's kind of agent.
 
-    The learning rate falls linearly to 0 over the run; epsilon from 1 to ``epsilon_early`` and on to ``epsilon_end``.
+    Over the run the learning rate falls linearly to 0, epsilon from 1 to ``epsilon_early`` to ``epsilon_end``.
     """
 
     kind: str = setting("dqn", kept=True)
-    n_steps: int = setting(5, low=1, high=1_000, kept=True)  # of real rewards before the target network is asked
+    n_steps: int = setting(5, low=1, high=1_000, kept=True)  # rewards summed before bootstrapping
     buffer_frames: int = setting(400_000, low=1_000, kept=True)
     minibatch_size: int = setting(256, low=1)
     frames_per_update: int = setting(10, low=1)
     learn_after_frames: int = setting(5_000, low=0)
     epsilon_early: float = setting(0.1, low=0.0, high=1.0)
     epsilon_end: float = setting(0.0, low=0.0, high=1.0)
-    epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # of the run, until epsilon_early
-    target_rate: float = setting(1.0, low=TINY, high=1.0)  # share of the way to the network, a batch; 1: all of it
+    epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # share of the run until epsilon_early
+    target_rate: float = setting(1.0, low=TINY, high=1.0)  # target update (tau) per batch; 1: a copy
 
 
 class EpsilonGreedyPolicy(TensorDictModuleBase):
-    """Mostly the best action, with probability ``epsilon`` any; one fused module as in ``ppo.SamplingPolicy``.
+    """Epsilon-greedy actions in one fused module, as ``ppo.SamplingPolicy``.
 
-    ``epsilon`` is a buffer of the module, so that it reaches the collector's processes with the weights.
+    ``epsilon`` is a buffer so that it is sent to the collector's processes with the weights.
     """
 
     epsilon: torch.Tensor
@@ -66,55 +66,55 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
 
 
 def n_step_returns(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
-    """Look ``n_steps`` ahead from every step that has so many after and with it, or to the end of its episode.
+    """N-step returns of every step with ``n_steps`` in its row, cut at the end of its episode.
 
-    TorchRL's ``MultiStepTransform`` is not used: by the source of torchrl 0.14.1 it moves the next observation on
-    but not ``terminated``, so that the steps before an end would be worth more than the end.
+    TorchRL's ``MultiStepTransform`` (0.14.1) is not used: it shifts the next observation but not ``terminated``.
+    Steps before a terminal state would wrongly bootstrap.
 
     Args:
         steps: ``[N, T]``, each row one environment without gaps, ``T >= n_steps``.
-        n_steps: 1 for what was rewarded at once and the next observation.
-        gamma: of the rewards.
+        n_steps: 1 for the immediate reward and the next observation.
+        gamma: discount factor.
 
     Returns:
         ``(N * (T - n_steps + 1),)``: ``observation``, ``action``, discounted ``reward``, ``later`` (the observation
-        to go on from) and its ``discount``, 0 where the game has ended.
+        to bootstrap from) and its ``discount``, 0 after a terminal state.
     """
     starts = steps.shape[1] - n_steps + 1
     reward, done, terminated = (steps["next", name].squeeze(-1) for name in ("reward", "done", "terminated"))
-    ahead = torch.zeros(len(steps), starts, dtype=torch.long)  # how far the step is that is looked at last
+    ahead = torch.zeros(len(steps), starts, dtype=torch.long)  # index of the last reward summed
     going, total = torch.ones_like(ahead, dtype=torch.bool), torch.zeros(ahead.shape)
     for step in range(n_steps):
         ahead = torch.where(going, step, ahead)
         total += gamma**step * reward[:, step : step + starts] * going
         going = going & ~done[:, step : step + starts]
     rows, last = torch.arange(len(steps))[:, None], torch.arange(starts) + ahead
-    looked = {
+    returns = {
         "observation": steps["observation"][:, :starts],
         "action": steps["action"][:, :starts],
         "reward": total,
         "later": steps["next", "observation"][rows, last],
         "discount": gamma ** (ahead + 1) * ~terminated[rows, last],
     }
-    return TensorDict(looked, ahead.shape).reshape(-1)
+    return TensorDict(returns, ahead.shape).reshape(-1)
 
 
 class DQN:
     """The learner and its policies.
 
-    A batch of experience brings many gradient steps. All their minibatches are drawn and valued at once before the
-    first of them, and the target network follows after the last.
+    Each batch of experience is followed by many gradient steps. Their minibatches and targets are computed at once
+    before the first; the target network is updated after the last.
 
     Args:
         config: see ``DQNConfig``.
         observation_size: O.
-        actions: of the environment, one of a few.
+        actions: of the environment, discrete.
         total_frames: frames after which the learning rate reaches 0 and epsilon its end.
-        ignored: places in the observation that it does not see.
+        ignored: indices of the observation that are hidden from it.
 
     Attributes:
-        policy: what the collector runs; it explores.
-        greedy: what is evaluated and explained.
+        policy: explores; run by the collector.
+        greedy: evaluated and explained.
     """
 
     kind, settings = "dqn", DQNConfig
@@ -137,11 +137,11 @@ class DQN:
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
         self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
-        self._unfinished: TensorDictBase | None = None  # the newest steps, whose n-th next is still to come
+        self._unfinished: TensorDictBase | None = None  # newest steps, whose n-step return is incomplete
 
     @staticmethod
     def check(config: DQNConfig, actions: gymnasium.Space[Any]) -> None:
-        """Refuse actions of another kind.
+        """Refuse actions that are not discrete.
 
         Raises:
             ConfigError: naming the actions and what is allowed.
@@ -152,12 +152,12 @@ class DQN:
             )
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
-        """Take in a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon.
+        """Store a batch ``[N, T]`` and learn from the buffer; returns the mean loss and epsilon.
 
-        Row i of every batch has to be the same environment, going on where it stopped.
+        Row i of every batch must be the same environment, continued.
 
         Raises:
-            FloatingPointError: if the loss or the weights are no finite numbers any more.
+            FloatingPointError: if the loss or the weights are NaN or infinite.
         """
         self._store(batch)
         self._anneal()
@@ -199,13 +199,13 @@ class DQN:
 
     @torch.no_grad()
     def _worth(self, data: TensorDictBase) -> Tensor:
-        """What the network shall say: the network chooses the action to go on with, the target network values it."""
+        """Double-DQN targets: the network chooses the next action, the target network values it."""
         best = self._network(data["later"]).argmax(-1, keepdim=True)
         return data["reward"] + data["discount"] * self._target.module(data["later"]).gather(-1, best).squeeze(-1)
 
-    def _step(self, observation: Tensor, action: Tensor, worth: Tensor) -> Tensor:
-        said = self._network(observation).gather(-1, action[:, None]).squeeze(-1)
-        loss = nn.functional.smooth_l1_loss(said, worth)
+    def _step(self, observation: Tensor, action: Tensor, target: Tensor) -> Tensor:
+        q_values = self._network(observation).gather(-1, action[:, None]).squeeze(-1)
+        loss = nn.functional.smooth_l1_loss(q_values, target)
         loss.backward()
         self._optimizer.step()
         self._optimizer.zero_grad()
@@ -217,7 +217,7 @@ class DQN:
         self.policy.epsilon.fill_(self._epsilon)
 
     def state_dict(self) -> dict[str, Any]:
-        """All that learning goes on from."""
+        """See ``Agent``."""
         return {
             "network": self._network.state_dict(),
             "target": self._target.state_dict(),

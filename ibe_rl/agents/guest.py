@@ -1,4 +1,4 @@
-"""The settings of an agent that was trained elsewhere."""
+"""Settings of an external agent, trained elsewhere."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ibe_rl.types import ConfigError
 
 @dataclass
 class ExternalPolicyConfig(AgentConfig):
-    """An agent that was trained elsewhere; a run folder says what it was, and never where to load it from."""
+    """An agent trained elsewhere; a run folder describes it but never says where to load it from."""
 
     kind: str = setting("guest", kept=True)
-    sees_instruction: bool | None = None  # None: it says so itself
+    sees_instruction: bool | None = None  # None: as it declares
     made_from: str = "an object in Python"  # for messages
 
 
 class ExternalAgent:
-    """Stands for an agent that no run folder holds."""
+    """Placeholder for an agent that no run folder holds."""
 
     kind, settings = "guest", ExternalPolicyConfig
 

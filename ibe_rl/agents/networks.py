@@ -1,4 +1,4 @@
-"""The networks of the agents, and the average of their weights that is explained and evaluated."""
+"""The agents' networks, and the averaged weights that are evaluated and explained."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ibe_rl.types import Array
 
 
 class InputMask(nn.Module):
-    """Passes on all of its inputs but those in the places ``ignored``, which are 0 whatever they are."""
+    """Zeroes the inputs with the indices ``ignored``."""
 
     seen: Tensor
 
@@ -39,7 +39,7 @@ def make_network(
     last_gain: float,
     ignored: Sequence[int] = (),
 ) -> nn.Sequential:
-    """An MLP with orthogonal weights; ``last_gain`` scales those of the last layer, inputs ``ignored`` do nothing."""
+    """An MLP with orthogonal weights, those of the last layer scaled by ``last_gain``; masks inputs ``ignored``."""
     network = MLP(in_features=inputs, out_features=outputs, num_cells=list(hidden), activation_class=activation)
     layers = [layer for layer in network if isinstance(layer, nn.Linear)]
     for layer in layers:
@@ -49,15 +49,15 @@ def make_network(
 
 
 class GreedyPolicy:
-    """The action that an average of a network's weights holds for the best.
+    """The greedy action of a network with averaged weights.
 
-    The average wavers less between updates than the weights themselves. It reaches back over a share of all
-    updates so far: early it follows fast, late it is steady (Shamir and Zhang 2013, polynomial-decay averaging).
+    The average varies less between updates than the weights. It spans a share of all updates so far: early it
+    follows fast, late it is steady (Shamir and Zhang 2013, polynomial-decay averaging).
 
     Args:
         network: observations ``(N, O)`` to outputs ``(N, K)``; not changed.
-        share: of the updates so far that the average reaches back over, about; 0 follows the weights themselves.
-        mode: outputs to actions; as it stands the place of the highest one.
+        share: approximate share of the updates so far that the average spans; 0: the current weights.
+        mode: outputs to actions; default: the argmax.
     """
 
     def __init__(self, network: nn.Module, share: float, mode: Mode = best):
@@ -65,7 +65,7 @@ class GreedyPolicy:
         self._average = AveragedModel(network, avg_fn=partial(_move, share))
 
     def follow(self, network: nn.Module) -> None:
-        """Move the average towards the network's present weights."""
+        """Update the average with the network's current weights."""
         self._average.update_parameters(network)
 
     @torch.no_grad()
@@ -75,7 +75,7 @@ class GreedyPolicy:
         return actions
 
     def state_dict(self) -> dict[str, Tensor]:
-        """The averaged weights and how many updates they have followed."""
+        """The averaged weights and their number of updates."""
         return dict(self._average.state_dict())
 
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
@@ -84,10 +84,10 @@ class GreedyPolicy:
 
 
 def check_finite(losses: Mapping[str, float], parameters: Iterable[Tensor]) -> None:
-    """Look whether an update has gone wrong.
+    """Check the result of an update for NaN and infinity.
 
     Raises:
-        FloatingPointError: naming the loss that is not a finite number, or that it is the weights.
+        FloatingPointError: naming the loss, or the weights.
     """
     for name, loss in losses.items():
         if not math.isfinite(loss):
@@ -96,10 +96,10 @@ def check_finite(losses: Mapping[str, float], parameters: Iterable[Tensor]) -> N
         raise FloatingPointError("weights are not finite numbers")
 
 
-def _move(share: float, average: Tensor, present: Tensor, updates: Tensor | int) -> Tensor:
-    return torch.lerp(average, present, 1 / (1 + share * float(updates)))
+def _move(share: float, average: Tensor, current: Tensor, updates: Tensor | int) -> Tensor:
+    return torch.lerp(average, current, 1 / (1 + share * float(updates)))
 
 
 def linear(start: float, end: float, progress: float) -> float:
-    """Go in a straight line from ``start`` (progress 0) to ``end`` (progress 1 and later)."""
+    """Interpolate linearly from ``start`` (progress 0) to ``end`` (progress 1 and later)."""
     return start + (end - start) * min(max(progress, 0.0), 1.0)

@@ -1,7 +1,7 @@
-"""Proximal policy optimisation on TorchRL's advantage estimate.
+"""Proximal policy optimisation with TorchRL's generalised advantage estimate.
 
-The loss is written out: with networks this small, ``torchrl.objectives.ClipPPOLoss`` takes two and a half times as
-long a step (docs/LOG.md). A test holds both equal.
+The loss is written out: with networks this small, ``torchrl.objectives.ClipPPOLoss`` takes 2.5 times as long a step
+(docs/LOG.md). A test checks that both are equal.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class PPOConfig(AgentConfig):
     epochs: int = setting(4, low=1)
     minibatch_size: int = setting(512, low=2)
     entropy: float = setting(0.004, low=0.0)
-    first_std: float = setting(0.6, low=TINY, high=10.0)  # of continuous actions at the start, in half ranges
+    first_std: float = setting(0.6, low=TINY, high=10.0)  # initial, of continuous actions, in half ranges
     value_weight: float = setting(0.5, low=0.0)
     max_grad_norm: float = setting(0.5, low=TINY)
 
 
 class SamplingPolicy(TensorDictModuleBase):
-    """Draws actions and writes their log-probabilities: one fused module, half the cost of a chain of modules."""
+    """Samples actions and writes log-probabilities in one fused module, half the cost of a chain of modules."""
 
     def __init__(self, network: nn.Module, actions: Actions):
         super().__init__()
@@ -59,12 +59,12 @@ class SamplingPolicy(TensorDictModuleBase):
 
 
 class PPOSteps(NamedTuple):
-    """What PPO learns from, ``B`` steps.
+    """``B`` steps to learn from.
 
     Attributes:
         observation: ``(B, O)``.
-        drawn: ``(B,)`` int64 or ``(B, A)``, what the policy drew.
-        log_prob: ``(B,)`` of it when it was drawn.
+        drawn: ``(B,)`` int64 or ``(B, A)``, sampled actions.
+        log_prob: ``(B,)`` under the policy that sampled them.
         advantage: ``(B,)``.
         value_target: ``(B,)``.
     """
@@ -79,14 +79,14 @@ class PPOSteps(NamedTuple):
 def clipped_losses(
     log_prob: Tensor, entropy: Tensor, values: Tensor, steps: PPOSteps, clip: float
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """The clipped objective of Schulman et al. (2017), equation 7, the squared error of the values, the mean entropy.
+    """Clipped objective (Schulman et al. 2017, equation 7), squared error of the values, mean entropy.
 
     Args:
-        log_prob: ``(B,)`` of what was drawn, under the present policy.
-        entropy: ``(B,)`` of the present policy.
-        values: ``(B,)`` of the present critic.
-        steps: what was done; advantages are normalised over the ``B`` steps.
-        clip: how far the ratio of probabilities may go from 1.
+        log_prob: ``(B,)`` of the sampled actions under the current policy.
+        entropy: ``(B,)`` of the current policy.
+        values: ``(B,)`` of the current critic.
+        steps: advantages are normalised over these ``B`` steps.
+        clip: largest distance of the probability ratio from 1.
     """
     ratio = (log_prob - steps.log_prob).exp()
     advantage = (steps.advantage - steps.advantage.mean()) / steps.advantage.std().clamp_min(1e-6)
@@ -102,11 +102,11 @@ class PPO:
         observation_size: O.
         actions: of the environment.
         total_frames: frames after which learning rate and entropy bonus reach 0.
-        ignored: places in the observation that it does not see.
+        ignored: indices of the observation that are hidden from it.
 
     Attributes:
-        policy: what the collector runs; it explores.
-        greedy: what is evaluated and explained.
+        policy: explores; run by the collector.
+        greedy: evaluated and explained.
     """
 
     kind, settings = "ppo", PPOConfig
@@ -135,9 +135,9 @@ class PPO:
         """Learn from a batch ``[N, T]``; returns the last minibatch's losses.
 
         Raises:
-            FloatingPointError: if these, or the weights, are no finite numbers any more.
+            FloatingPointError: if a loss or the weights are NaN or infinite.
         """
-        left = 1 - min(self._frames / self._total_frames, 1)  # of the run
+        left = 1 - min(self._frames / self._total_frames, 1)  # share of the run
         self._optimizer.param_groups[0]["lr"] = left * self._config.learning_rate
         self._frames += batch.numel()
         steps = self._prepare(batch)
@@ -149,7 +149,7 @@ class PPO:
         return losses
 
     def _prepare(self, batch: TensorDictBase) -> PPOSteps:
-        """Estimate advantages, which needs whole rows of time, then forget which row a step came from."""
+        """Estimate advantages over whole rows, then flatten rows and time."""
         ends = [("next", name) for name in ("observation", "done", "terminated")]
         data = batch.select("observation", *ends)
         data["next", "reward"] = learning_reward(batch, self._config)
@@ -164,9 +164,9 @@ class PPO:
         )
 
     def _step(self, steps: PPOSteps, entropy_weight: float) -> dict[str, float]:
-        judged = self._actions.evaluate_actions(self._actor(steps.observation), steps.drawn)
+        log_prob_and_entropy = self._actions.evaluate_actions(self._actor(steps.observation), steps.drawn)
         values = self._critic(steps.observation).squeeze(-1)
-        policy_loss, value_loss, entropy = clipped_losses(*judged, values, steps, self._config.clip)
+        policy_loss, value_loss, entropy = clipped_losses(*log_prob_and_entropy, values, steps, self._config.clip)
         (policy_loss + self._config.value_weight * value_loss - entropy_weight * entropy).backward()
         nn.utils.clip_grad_norm_(self._parameters, self._config.max_grad_norm)
         self._optimizer.step()
@@ -178,7 +178,7 @@ class PPO:
         self.policy.network.load_state_dict(self._actor.state_dict())
 
     def state_dict(self) -> dict[str, Any]:
-        """All that learning goes on from."""
+        """See ``Agent``."""
         return {
             "actor": self._actor.state_dict(),
             "critic": self._critic.state_dict(),

@@ -1,4 +1,4 @@
-"""What the agents learn from."""
+"""The reward that agents learn from."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from ibe_rl.config.settings import AgentConfig
 
 
 def learning_reward(batch: TensorDictBase, config: AgentConfig) -> Tensor:
-    """The environment's reward, with a bonus where its own rule says success, in the learner's scale.
+    """The environment's reward plus a bonus on success, times ``config.reward_scale``.
 
-    A game may pay the same for an end that is no success, such as coming to rest in the wrong place.
+    An environment may reward success and failure alike, such as coming to rest in the wrong place.
 
     Args:
-        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, and ``extra_reward`` if there
-            is any; not changed.
+        batch: ``[N, T]`` with ``reward`` and ``success`` ``[N, T, 1]`` under ``next``, and optionally
+            ``extra_reward``; not changed.
         config: of the agent.
     """
     after = batch["next"]

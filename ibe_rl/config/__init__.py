@@ -1,7 +1,7 @@
 """Settings: what can be set, its limits, and how a config is composed.
 
 In: a command line, the YAML files in ``configs/`` and below a ``--config-dir``, or the config of a run folder.
-Out: dataclasses with values within their limits, or one line that names what is wrong. ``settings`` has what all kinds
-of a part share. ``kinds`` finds the class that a ``kind`` names, with its own settings; nothing else lists kinds.
-Imports: ``types``, ``runtime``, ``storage``. No other room knows hydra or omegaconf.
+Out: dataclasses with values within their limits, or a one-line error. ``settings`` has what all kinds of a part share.
+``kinds`` finds the class that a ``kind`` names, with its own settings; nothing else lists kinds.
+Imports: ``types``, ``runtime``, ``storage``. No other package knows hydra or omegaconf.
 """

@@ -1,4 +1,4 @@
-"""From what a person types to what hydra reads."""
+"""Translate command-line arguments into hydra overrides."""
 
 from __future__ import annotations
 
@@ -14,45 +14,45 @@ from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles
 from ibe_rl.storage.run_folder import CONFIG, read_yaml
 
 SPELT = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
-"""Settings of a script that name a file or folder, where hydra would look in ``configs/``; what they are in it."""
+"""Settings that name a path but clash with a config group, mapped to their field in the config."""
 OF_A_TRAINING = re.compile(r"(env|mapping)[.=]")
-"""Settings that ``explain.py`` hands on to what a guest's run folder is made of."""
+"""Settings that ``explain.py`` passes on when it creates an external agent's run folder."""
 
 
 def as_hydra_reads(arguments: Sequence[str], script: str, configs: Path) -> list[str]:
-    """The arguments of a script as its config is composed from them.
+    """Translate the arguments of a script into hydra overrides.
 
     Args:
-        arguments: as they were typed.
+        arguments: as typed.
         script: "train" or "explain".
-        configs: the folder of the hydra files.
+        configs: folder of the hydra files.
     """
-    spelt = [_spelt(one, script) for one in arguments]
+    renamed = [_renamed(one, script) for one in arguments]
     if script == "explain":
-        return _handed_on(spelt)
-    at = next((place for place, one in enumerate(spelt) if one.startswith("resume=")), len(spelt))
-    spelt[at:at] = _kinds(spelt, configs)  # beside it: settings on both sides of an option are refused
-    return spelt
+        return _passed_on(renamed)
+    at = next((place for place, one in enumerate(renamed) if one.startswith("resume=")), len(renamed))
+    renamed[at:at] = _resumed_choices(renamed, configs)  # next to it: hydra refuses settings on both sides of an option
+    return renamed
 
 
-def _spelt(argument: str, script: str) -> str:
+def _renamed(argument: str, script: str) -> str:
     key, equals, value = argument.partition("=")
     names = SPELT.get(script, {})
     return f"{names[key]}={value}" if equals and key in names else argument
 
 
-def _handed_on(arguments: list[str]) -> list[str]:
-    """An environment's file may set what only a training has, so that only a training's config can be made of it."""
-    theirs = [one for one in arguments if OF_A_TRAINING.match(one)]
-    if not theirs:
+def _passed_on(arguments: list[str]) -> list[str]:
+    """Pass settings of a training on as one value: ``explain.py`` cannot compose them itself."""
+    passed = [one for one in arguments if OF_A_TRAINING.match(one)]
+    if not passed:
         return arguments
-    at = arguments.index(theirs[0])
-    rest = [one for one in arguments if one not in theirs]
-    return [*rest[:at], f"guest_settings=[{','.join(map(quoted, theirs))}]", *rest[at:]]
+    at = arguments.index(passed[0])
+    rest = [one for one in arguments if one not in passed]
+    return [*rest[:at], f"guest_settings=[{','.join(map(quoted, passed))}]", *rest[at:]]
 
 
-def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
-    """What kinds a run that is resumed has: with them, their settings are known to hydra."""
+def _resumed_choices(arguments: Sequence[str], configs: Path) -> list[str]:
+    """The group choices of a resumed run, from which hydra knows the settings of their kinds."""
     resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
@@ -64,11 +64,11 @@ def _kinds(arguments: Sequence[str], configs: Path) -> list[str]:
             if group not in given and (chosen := _chosen(group, saved, folders)) is not None
         ]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
-        return []  # if it is wrong, taking the run up says so
+        return []  # resuming the run reports the error
 
 
 def _chosen(group: str, saved: dict[str, Any], folders: Sequence[KindFiles]) -> str | None:
-    """The files of a group that a saved config was made from, as on the command line; None if there are none."""
+    """The choice of a group that matches a saved config, as on the command line; None if there is none."""
     names = {kind: name for folder in folders for kind, name in folder.kinds(group).items()}
     if group in SEVERAL:
         several = saved.get(SEVERAL[group], {})
@@ -85,5 +85,5 @@ def own_folders(arguments: Sequence[str]) -> list[str]:
 
 
 def quoted(text: str) -> str:
-    """A text as hydra takes it as a value, whatever is in it."""
+    """Quote a text so that hydra reads it as one value."""
     return QuotedString(text, Quote.single).with_quotes()

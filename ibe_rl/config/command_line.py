@@ -37,10 +37,10 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 
     Args:
         script: takes the composed config as its dataclass.
-        configs: the folder of the hydra files.
-        name: the root config in it.
+        configs: folder of the hydra files.
+        name: root config in it.
     """
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # hydra prints and exits itself otherwise
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
     register()
     sys.argv = as_hydra_reads(sys.argv, name, configs)
     started = False
@@ -53,18 +53,18 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
             values = OmegaConf.to_object(_with_what_a_run_keeps(composed))
             check_config(values)
             started = True
-            with threadpool_limits(1):  # one thread a process: more lose when processes share the cores
+            with threadpool_limits(1):  # more threads are slower when processes share the cores
                 script(values)
         except (
             ConfigError,
             LostWorkerError,
             OmegaConfBaseException,
-        ) as error:  # kept from hydra, which adds lines; a sweep goes on
+        ) as error:  # hydra would add lines; a sweep continues
             refused.append(f"error: {one_line(error)}")
 
     try:
         main()
-    except (HydraException, OmegaConfBaseException, ConfigError) as error:  # of a sweep, before its first run
+    except (HydraException, OmegaConfBaseException, ConfigError) as error:  # in a sweep, before its first run
         sys.exit(f"error: {one_line(error)}")
     except OSError as error:
         if started:
@@ -77,14 +77,14 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 
 
 def choices(group: str) -> dict[str, Any]:
-    """All choices of a group of ``configs/``, as ``train.py`` would compose each; only inside ``run_script``."""
+    """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
     names = GlobalHydra.instance().config_loader().get_group_options(group)
     return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in names}
 
 
 @contextmanager
 def settings_at_hand() -> Iterator[None]:
-    """Let hydra find the files of ``configs/``, also where no script runs."""
+    """Make ``configs/`` available to hydra, also outside ``run_script``."""
     if GlobalHydra.instance().is_initialized():
         yield
         return
@@ -94,7 +94,7 @@ def settings_at_hand() -> Iterator[None]:
 
 
 def composed(name: str, overrides: Sequence[str]) -> Any:
-    """What ``train.py`` or ``explain.py`` with these settings would compose and check.
+    """Compose and check a config as ``train.py`` or ``explain.py`` does.
 
     Args:
         name: "train" or "explain".
@@ -113,48 +113,48 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
 
 
 def named_settings() -> set[str]:
-    """The settings that were named on the command line, those within others by the others' names."""
+    """The top-level settings named on the command line."""
     given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
     return {one.key_or_group.partition(".")[0] for one in given}
 
 
 def installed(program: str) -> str:
-    """A program that came with this Python, as one would type it from here."""
+    """Path of a program of this Python environment, relative to the working directory."""
     return os.path.relpath(Path(sys.executable).parent / program)
 
 
 def own_configs() -> str:
-    """The option that names a folder of one's own configs, as it has to be given again, with a space; or nothing."""
+    """The ``--config-dir`` options of this run, each followed by a space; empty if there are none."""
     sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
     return "".join(f"--config-dir {one.path} " for one in sources if one.provider == "command-line")
 
 
 def is_sweep() -> bool:
-    """True while one of several runs of a hydra multirun is under way."""
+    """True inside a hydra multirun."""
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
 def output_folder(run_dir: str) -> Path:
-    """The folder of this run: ``run_dir``, or in a sweep the one that hydra makes in it."""
+    """The folder of this run: ``run_dir``, or in a sweep hydra's subfolder of it."""
     return Path(HydraConfig.get().runtime.output_dir if is_sweep() else run_dir)
 
 
 def run_name(folder: Path) -> str:
-    """Name this run: after its folder, or in a sweep after the settings that differ in it, as ``seed=1``."""
+    """Name this run after its folder, or in a sweep after the settings that vary, as ``seed=1``."""
     if any(
         one.startswith("hydra.job.name=") for one in HydraConfig.get().overrides.hydra
-    ):  # by ibe_rl.apps.sweep.launch
+    ):  # set by ibe_rl.apps.sweep.launch
         return str(HydraConfig.get().job.name)
     if not is_sweep():
         return folder.name
     given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
     swept = _swept()
-    told = [one for one in given if (one.key_or_group in swept if swept else one.key_or_group not in NOT_IN_NAMES)]
-    return ", ".join(str(one.input_line).lstrip("+") for one in told) or folder.name
+    varied = [one for one in given if (one.key_or_group in swept if swept else one.key_or_group not in NOT_IN_NAMES)]
+    return ", ".join(str(one.input_line).lstrip("+") for one in varied) or folder.name
 
 
 def _swept() -> set[str]:
-    """The settings that a sweep varies; none where the command line is another process's or is not understood."""
+    """The settings that a sweep varies; none if the command line is another process's or does not parse."""
     params = HydraConfig.get().sweeper.get("params") or {}
     given = [f"{key}={values}" for key, values in params.items()] + [one for one in sys.argv[1:] if "=" in one]
     try:
@@ -164,7 +164,7 @@ def _swept() -> set[str]:
 
 
 def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
-    """Write the composed config and the overrides the way hydra does; of a run that ``goes_on`` behind those before."""
+    """Write the composed config and the overrides as hydra does; a run that ``goes_on`` appends its overrides."""
     known = ("resume", "resume_from", *(GROUPS if goes_on else ()))
     given = [one for one in HydraConfig.get().overrides.task if one.partition("=")[0] not in known]
     before = read_overrides(folder / "overrides.yaml") if goes_on else []
@@ -172,7 +172,7 @@ def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
 
 
 def write_config(values: Any, overrides: Sequence[str], folder: Path) -> None:
-    """Write a config, and the settings that it was composed with, into the folder ``.hydra``."""
+    """Write a config and its overrides into the folder ``.hydra``."""
     contents = {"config": OmegaConf.structured(values), "overrides": OmegaConf.create(list(overrides))}
     for name, content in contents.items():
         write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
@@ -183,10 +183,10 @@ def _write(text: str, stream: BinaryIO) -> None:
 
 
 def load_config(path: Path, schema: type) -> Any:
-    """Read a saved config back; values only, nothing in it is run.
+    """Read a saved config: values only, no code of it is run.
 
     Raises:
-        ConfigError: if the file does not fit the schema, or names code that no file of one's own names.
+        ConfigError: if the file does not fit the schema, or names code that no local config file names.
     """
     try:
         saved = _renamed(read_yaml(path))
@@ -202,7 +202,7 @@ def load_config(path: Path, schema: type) -> Any:
 
 
 def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
-    """With the names that code of this package has now: the room of the environments was called ``env``."""
+    """Update names from older versions: the package ``envs`` was called ``env``."""
     task = saved["env"].get("task") or {}
     old = {name: value for name, value in task.items() if isinstance(value, str) and value.startswith("ibe_rl.env.")}
     task |= {name: f"ibe_rl.envs.{value.removeprefix('ibe_rl.env.')}" for name, value in old.items()}
@@ -210,7 +210,7 @@ def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_strange_code(saved: dict[str, Any], path: Path) -> None:
-    """Refuse a saved config that names code which no file in ``configs`` or below a ``--config-dir`` names.
+    """Refuse code that no file in ``configs`` or below a ``--config-dir`` names.
 
     Raises:
         ConfigError: naming the code and what is allowed.
@@ -231,9 +231,9 @@ def _refuse_strange_code(saved: dict[str, Any], path: Path) -> None:
     if strange:
         group = strange[0][0]
         codes = ", ".join(code for of, code in strange if of == group)
-        whose = "environment" if group == "env" else group
+        owner = "environment" if group == "env" else group
         raise ConfigError(
-            f"{path}: its {whose} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
+            f"{path}: its {owner} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
             f"configs/{group} or below a --config-dir: put one there if you trust it"
         )
 
@@ -243,20 +243,20 @@ def _kind_of(values: dict[str, Any]) -> str:
 
 
 def _code_of_env(env: dict[str, Any]) -> set[str]:
-    """All code outside this package that making an environment and calling what is declared of it would run."""
+    """All code outside this package that an environment and its declared task would run."""
     task, env_id = env.get("task") or {}, str(env.get("id"))
     named = {str(task[name]) for name in CODE_SETTINGS if task.get(name)} | ({env_id} if ":" in env_id else set())
     return {one for one in named if not one.startswith("ibe_rl.envs.")}
 
 
 def _with_what_a_run_keeps(composed: Any) -> Any:
-    """A composed config in which a run that is resumed has its own values where there is no default."""
+    """Fill settings without a default from the saved config of the run to resume."""
     if not composed.get("resume"):
         return composed
     try:
         saved = OmegaConf.create(read_yaml(Path(composed.resume) / CONFIG))
     except (OSError, ValueError):
-        return composed  # taking the run up says what is wrong with it
+        return composed  # resuming the run reports the error
     for key in OmegaConf.missing_keys(composed):
         if OmegaConf.select(saved, key) is not None:
             OmegaConf.update(composed, key, OmegaConf.select(saved, key))
@@ -264,11 +264,11 @@ def _with_what_a_run_keeps(composed: Any) -> Any:
 
 
 def changed(saved: Any, fixed: Sequence[str]) -> Any:
-    """A saved config with what was named on the command line beside ``resume``; only inside ``run_script``.
+    """Apply the settings named beside ``resume`` to a saved config; only inside ``run_script``.
 
     Args:
-        saved: of the run, from ``load_config``.
-        fixed: settings that a run keeps, those below them included.
+        saved: from ``load_config``.
+        fixed: settings that a run keeps, including those below them.
 
     Raises:
         ConfigError: naming a setting that the run keeps.
@@ -295,5 +295,5 @@ def _is_group(key: str) -> bool:
 
 
 def _is_of_kind(chosen: Any, kept: Any) -> bool:
-    """Whether what was chosen is of the kind that the run has."""
+    """Whether the choice has the kind of the run."""
     return chosen is not None and "kind" in chosen and chosen.kind == getattr(kept, "kind", None)

@@ -1,4 +1,4 @@
-"""What is wrong with a command line or a config, in one line."""
+"""One-line errors for command lines and configs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 
 def one_line(error: BaseException) -> str:
-    """Say what was wrong in one line: the key, the value and what is allowed."""
+    """Describe an error in one line: the key, the value and what is allowed."""
     if isinstance(error, MissingConfigException):
         return _unknown_choice(str(error))
     cause = error.__cause__ or error
@@ -31,7 +31,7 @@ def one_line(error: BaseException) -> str:
 def _unknown_choice(text: str) -> str:
     wanted = re.search(r"Could not find '([\w/]+)/([\w.-]+)'", text) or re.search(r"'([\w/]+)/([\w.-]+)'", text)
     options = [line.strip() for line in text.splitlines() if line.startswith("\t") and "/" not in line]
-    if wanted and not options:  # of several choices hydra names none
+    if wanted and not options:  # hydra lists no options for a list of choices
         folders = [Path(folder) / wanted[1] for folder in re.findall("path=file://(.+)", text)]
         options = [file.stem for folder in folders for file in folder.glob("*.yaml")]
     names = ", ".join(sorted(options))

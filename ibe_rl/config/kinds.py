@@ -1,9 +1,9 @@
-"""From the ``kind`` in a config to the class that it names, and to that class's settings.
+"""Find the class that a ``kind`` names, and the settings of that class.
 
 A kind is a class, and a YAML file in ``configs/GROUP`` (or below a ``--config-dir``) whose ``kind`` names it:
 ``my_package.my_module:MyMapping``, or for those of this package the name of their module. The class attribute
-``settings`` is a dataclass derived from the one that the group shares; hydra takes its fields, types and defaults
-for the file's. Nothing else lists kinds.
+``settings`` is a dataclass derived from the group's; hydra takes fields, types and defaults from it.
+Nothing else lists kinds.
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ GROUPS: dict[str, type] = {
     "listener": ListenerConfig,
     "metric": MetricConfig,
 }
-"""Groups of ``configs/`` whose files have a ``kind``, and the settings that all kinds of a group share."""
+"""Groups of ``configs/`` whose files have a ``kind``, with the settings that all kinds share."""
 SEVERAL = {"listener": "listeners", "metric": "metrics"}
-"""Groups of which a run has several, each under its name in this setting."""
+"""Groups of which a run can have several, and the setting that holds them by name."""
 ROOMS = {"agent": "ibe_rl.agents", "instructor": "ibe_rl.instructors", "predictor": "ibe_rl.predict"}
-"""Where the module lies that a kind without a colon is called after."""
+"""The package with the module that a kind without a colon names."""
 MAPPING = "ibe_rl.ibe.estimator:IBEMapping"
-"""A mapping's kind without a colon is a name for settings of this one."""
+"""The class of a mapping whose kind has no colon."""
 SETTINGS = ".settings"
-"""Behind the name of a file: the settings of its kind, as a config that hydra merges before the file."""
+"""Suffix of a file's name for the settings of its kind, a config that hydra merges before the file."""
 
 
 def implementation(group: str, kind: str) -> type[Any]:
@@ -82,7 +82,7 @@ def implementation(group: str, kind: str) -> type[Any]:
 
 
 def _of_room(room: str, kind: str) -> Any:
-    """The class with this ``kind`` in the module of that name; None if there is none."""
+    """The class with this ``kind`` in the module of that name, or None."""
     try:
         module = import_module(f"{room}.{kind}" if kind.isidentifier() else "")
     except (ModuleNotFoundError, ValueError):
@@ -92,7 +92,7 @@ def _of_room(room: str, kind: str) -> Any:
 
 
 def settings_of(group: str, kind: str | None) -> type[Any]:
-    """The dataclass of a kind's settings; of None that which the group shares."""
+    """The settings dataclass of a kind; for None the group's."""
     base = GROUPS[group]
     if kind is None or (group == "mapping" and ":" not in kind):
         return base
@@ -101,23 +101,23 @@ def settings_of(group: str, kind: str | None) -> type[Any]:
 
 
 def made(group: str, config: Any, *args: Any, **kwargs: Any) -> Any:
-    """What the class of a kind makes of its settings and the other arguments: by its ``make``, or by itself."""
+    """Construct an instance of a kind, by its ``make`` if it has one."""
     found = implementation(group, config.kind)
     make: Callable[..., Any] = getattr(found, "make", found)
     return make(config, *args, **kwargs)
 
 
 def make_listeners(cfg: TrainConfig) -> list[Any]:
-    """The listeners that were asked for, each made of its settings.
+    """Make the configured listeners.
 
     Raises:
-        ConfigError: if one cannot be made.
+        ConfigError: if one raises an error.
     """
     return _make_several("listener", cfg.listeners)
 
 
 def make_metrics(cfg: TrainConfig) -> list[Any]:
-    """The metrics that were asked for, as ``make_listeners``."""
+    """Make the configured metrics; see ``make_listeners``."""
     return _make_several("metric", cfg.metrics)
 
 
@@ -128,13 +128,13 @@ def _make_several(group: str, configs: dict[str, Any]) -> list[Any]:
             several.append(made(group, config))
         except ConfigError:
             raise
-        except Exception as error:  # whatever code of somebody else raises
+        except Exception as error:  # third-party code may raise anything
             raise ConfigError(f"{SEVERAL[group]}.{name}={config.kind}: it cannot be made ({raised(error)})") from None
     return several
 
 
 def checked(settings: type[Any], values: Mapping[str, Any], key: str) -> Any:
-    """Values as a dataclass of settings; ``key`` is where they stand in the config.
+    """Convert values to a settings dataclass; ``key`` is their place in the config.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -151,7 +151,7 @@ def checked(settings: type[Any], values: Mapping[str, Any], key: str) -> Any:
 
 
 def check_config(values: Any) -> None:
-    """Refuse values outside their limits, settings that nothing reads, and the settings of another kind.
+    """Refuse values outside their limits, unknown settings, and the settings of another kind.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -167,7 +167,7 @@ def check_config(values: Any) -> None:
 
 
 def with_settings(saved: dict[str, Any]) -> dict[str, Any]:
-    """The parts of a saved config that have a kind, as the settings of their kinds, which they must fit."""
+    """Convert the parts of a saved config that have a kind to the settings of these kinds."""
     one = {group: _typed(group, saved[group]) for group in GROUPS.keys() - SEVERAL.keys() if group in saved}
     several = {
         key: {name: _typed(group, values) for name, values in saved[key].items()}
@@ -183,14 +183,14 @@ def _typed(group: str, values: dict[str, Any]) -> Any:
 
 
 class KindFiles(FileConfigSource):
-    """A folder of config files; before one with a ``kind`` come the settings of that kind.
+    """A folder of config files; a file with a ``kind`` is merged onto the settings of that kind.
 
-    They are in the file's list of defaults, as its first entry, so that hydra knows them when it merges the file and
-    what the command line says.
+    These settings are the first entry of the file's defaults list, so hydra knows them when it merges the file and
+    the command line.
     """
 
     def load_config(self, config_path: str) -> ConfigResult:
-        """Read a file, or make the config of the settings of its kind."""
+        """Read a file, or make a config from the settings of its kind."""
         path = config_path.removesuffix(".yaml")
         group, _, name = path.partition("/")
         if self._is_virtual(path):
@@ -203,7 +203,7 @@ class KindFiles(FileConfigSource):
         return loaded
 
     def is_group(self, config_path: str) -> bool:
-        """Whether it is a folder; the groups of kinds are there also where they have no files."""
+        """Whether it is a folder or a group of kinds, even one without files."""
         return config_path in GROUPS or bool(super().is_group(config_path))
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
@@ -221,24 +221,24 @@ class KindFiles(FileConfigSource):
         return name == "schema" and group in SHARED
 
     def kinds(self, group: str) -> dict[str, str]:
-        """Kinds to the names of the files of a group that name them."""
+        """Map the kinds of a group to the names of their files."""
         found: dict[str, str] = {}
         for file in sorted((Path(self.path) / group).glob("*.yaml")):
-            with suppress(YAMLError, OSError, OmegaConfBaseException):  # one that is broken names nothing
+            with suppress(YAMLError, OSError, OmegaConfBaseException):  # a broken file names no kind
                 kind = _kind_in(super().load_config(f"{group}/{file.stem}"), group)
                 found |= {} if kind is None else {kind: file.stem}
         return found
 
 
 def _kind_in(loaded: ConfigResult, group: str) -> str | None:
-    """The kind that a file names, None if it names none."""
+    """The kind that a file names, or None."""
     own = loaded.config.get(group) if loaded.header["package"] == "_global_" else loaded.config
     kind = own.get("kind") if isinstance(own, DictConfig) else None
     return None if kind is None else str(kind)
 
 
 SHARED: dict[str, type] = GROUPS | {"env": EnvConfig, "viewer": ViewerConfig}
-"""What ``schema`` in a file's list of defaults means."""
+"""What ``schema`` in a file's defaults list stands for."""
 
 
 def _lead_with_settings(loaded: ConfigResult, group: str, name: str) -> None:
@@ -252,9 +252,9 @@ def _lead_with_settings(loaded: ConfigResult, group: str, name: str) -> None:
 
 
 def register() -> None:
-    """Tell hydra the two roots, and to read folders of config files as ``KindFiles``."""
+    """Register the two root configs and ``KindFiles`` with hydra."""
     store = ConfigStore.instance()
     store.store(name="train_schema", node=TrainConfig)
     store.store(name="explain_schema", node=ExplainConfig)
-    Plugins.instance()  # registers hydra's own sources, once
+    Plugins.instance()  # registers hydra's own sources first
     SourcesRegistry.instance().types["file"] = KindFiles

@@ -1,4 +1,4 @@
-"""The limits of settings: declared beside each of them, checked before anything is built."""
+"""Limits of settings: declared with each field, checked before anything is built."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 from ibe_rl.types import ConfigError
 
 MISSING: Any = "???"
-"""The default of a setting that has to be given, as hydra writes it."""
+"""Hydra's marker for a setting that must be given."""
 TINY = 1e-9
-"""The lower limit of what must be above 0."""
+"""Lower limit of settings that must be above 0."""
 KEPT = {"kept": True}
 """Metadata of a field without limits that a resumed run keeps; see ``setting``."""
 
@@ -29,19 +29,19 @@ def setting(
     """A field with limits.
 
     Args:
-        default: its value.
-        low: the lowest value allowed.
-        high: the highest value allowed.
-        choices: the only values allowed.
-        kept: a run that is resumed keeps it, and of a group all that is in it.
-        learnt: False where what a predictor learns does not depend on it.
+        default: default value.
+        low: lowest allowed value.
+        high: highest allowed value.
+        choices: the only allowed values.
+        kept: a resumed run keeps it; for a group, everything in it.
+        learnt: False if what a predictor learns does not depend on it.
     """
     metadata = {"low": low, "high": high, "choices": tuple(choices), "kept": kept, "learnt": learnt}
     return field(default=default, metadata=metadata)
 
 
 def kept_settings(config: Any, prefix: str = "") -> list[str]:
-    """The settings of a config that a resumed run keeps; of a group that it keeps whole only its name."""
+    """Names of the settings that a resumed run keeps; a group that is kept whole is one name."""
     found = []
     for item in fields(config):
         value = getattr(config, item.name)
@@ -53,7 +53,7 @@ def kept_settings(config: Any, prefix: str = "") -> list[str]:
 
 
 def check(config: Any, prefix: str = "") -> None:
-    """Refuse values outside their limits, and settings that nothing reads.
+    """Refuse values outside their limits, and unknown settings.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -66,7 +66,7 @@ def check(config: Any, prefix: str = "") -> None:
 
 def _settings(config: Any, prefix: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     known = [item.name for item in fields(config)]
-    for added in vars(config).keys() - set(known):  # what `+key=value` has put there
+    for added in vars(config).keys() - set(known):  # set by `+key=value`
         raise ConfigError(f"{prefix}{added}={getattr(config, added)}: no such setting; allowed are {', '.join(known)}")
     for item in fields(config):
         value = getattr(config, item.name)

@@ -1,7 +1,7 @@
 """The settings that all kinds share: name, type, default, limits and meaning. Files in configs/ pick and override.
 
-A kind of agent, instructor, mapping or predictor adds its own in its module (``ibe_rl.config.kinds``). A field's
-metadata holds its limits; ``ibe_rl.config.limits.check`` refuses what is outside before anything is built.
+A kind of agent, instructor, mapping or predictor adds its own in its module (``ibe_rl.config.kinds``).
+Limits are field metadata; ``ibe_rl.config.limits.check`` enforces them before anything is built.
 See all values of a run with ``python train.py --cfg job``.
 """
 
@@ -21,41 +21,41 @@ class PhrasesConfig:
     """The words for one number of the instruction; see ``ibe_rl.task.Phrases``."""
 
     zero: str = MISSING
-    negative: str = MISSING  # with {degree} where the word for it goes
+    negative: str = MISSING  # template; {degree} is replaced by the degree word
     positive: str = MISSING
-    degrees: dict[str, float] = field(default_factory=lambda: dict(DEGREES))  # word: from which magnitude on, rising
+    degrees: dict[str, float] = field(default_factory=lambda: dict(DEGREES))  # word: its lowest magnitude, rising
 
 
 @dataclass
 class TaskConfig:
-    """See ``ibe_rl.task.Task``. What is ``module:name`` is a function, or a class that is made without arguments.
+    """See ``ibe_rl.task.Task``. ``module:name`` names a function, or a class constructed without arguments.
 
-    Modules are looked for where Python does and in the folder that the program was started in.
+    Modules are searched on Python's path and in the working directory.
     """
 
     name: str = MISSING
     rule: str = MISSING  # module:name; states (..., S) to instructions (..., d)
-    phrases: list[PhrasesConfig] = MISSING  # one for each number of the instruction
-    explained: list[str] = MISSING  # the state dimensions that its numbers speak of: each rises where the rule says +1
-    explained_band: list[float] = MISSING  # change of each beyond which it went one way or the other
-    explained_range: list[float] = field(default_factory=list)  # how far each reaches; empty: 1 each
-    instruction_values: list[float] = field(default_factory=lambda: [-1.0, 0.0, 1.0])  # that each number can have
+    phrases: list[PhrasesConfig] = MISSING  # one per number of the instruction
+    explained: list[str] = MISSING  # one state dimension per number of the instruction; +1 means it should rise
+    explained_band: list[float] = MISSING  # smallest change of each that counts as movement
+    explained_range: list[float] = field(default_factory=list)  # range of each, the unit of errors; empty: 1 each
+    instruction_values: list[float] = field(default_factory=lambda: [-1.0, 0.0, 1.0])  # values of each number
     state_names: list[str] = field(default_factory=list)  # empty: state_0, state_1, ...
     state_units: list[str] = field(default_factory=list)  # empty: none
-    max_episode_steps: int | None = setting(None, low=1)  # None: as it is registered
-    success: str | None = None  # module:name; last state (S,), terminated, truncated to bool
-    success_key: str | None = None  # or the key of its info that says so; with neither nothing counts as success
-    context: str | None = None  # module:name; first state (S,) to the name of what the episode is about
-    contexts: list[str] = field(default_factory=list)  # all such names
-    context_option: str | None = None  # the key of the reset option that fixes it
-    motion: str | None = None  # module:name; states (..., S) to the change (..., d) in one step as it moves now
-    goal_offset: str | None = None  # module:name; states (..., S) to how far (..., d) the goal lies above
-    first_contact: str | None = None  # module:name; states (T + 1, S) to the step at which the outcome is seen
-    hidden_goal: dict[str, Any] = field(default_factory=dict)  # arguments with which nobody can see the goal
-    scene_path: str | None = None  # module:name; states (..., S) to points (..., 2) of a drawing, y up
+    max_episode_steps: int | None = setting(None, low=1)  # None: as registered with gymnasium
+    success: str | None = None  # module:name; (last state (S,), terminated, truncated) to bool
+    success_key: str | None = None  # or a key of info; with neither, no episode counts as a success
+    context: str | None = None  # module:name; first state (S,) to the name of the episode's context
+    contexts: list[str] = field(default_factory=list)  # all context names
+    context_option: str | None = None  # key of the reset option that sets the context
+    motion: str | None = None  # module:name; states (..., S) to the change (..., d) in one step at current velocity
+    goal_offset: str | None = None  # module:name; states (..., S) to goal minus explained dimensions (..., d)
+    first_contact: str | None = None  # module:name; states (T + 1, S) to the step when the outcome is visible
+    hidden_goal: dict[str, Any] = field(default_factory=dict)  # constructor arguments that hide the goal
+    scene_path: str | None = None  # module:name; states (..., S) to drawing points (..., 2), y up
     scene_size: list[float] = field(default_factory=lambda: [1.0, 1.0])  # width and height of the drawing
-    background: str | None = None  # module:name; the environment to the list of ibe_rl.task.Shape that stand still
-    figure: str | None = None  # module:name; the environment to those that move
+    background: str | None = None  # module:name; environment to its static shapes, list of ibe_rl.task.Shape
+    figure: str | None = None  # module:name; environment to its moving shapes
 
 
 CODE_SETTINGS = (
@@ -67,9 +67,9 @@ CODE_SETTINGS = (
 
 @dataclass
 class EnvConfig:
-    """A gymnasium environment; what is explained of it is declared by itself (``ibe_rl.task.Task``) or in ``task``."""
+    """A gymnasium environment; its task is its own attribute (``ibe_rl.task.Task``) or declared in ``task``."""
 
-    id: str = MISSING  # module:id for one that a module registers
+    id: str = MISSING  # gymnasium id, or module:id to import the module first
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
     task: TaskConfig | None = None
 
@@ -78,23 +78,21 @@ class EnvConfig:
 class CollectConfig:
     """How experience is gathered."""
 
-    engine: str = setting("processes", choices=("processes", "ray"))  # ray: on this machine or on a cluster
-    address: str | None = None  # of the Ray cluster, as host:port; None: Ray on this machine, for this run
-    processes: int = setting(2, low=1, high=64, kept=True)  # 1 collects in the training process itself, but over Ray
+    engine: str = setting("processes", choices=("processes", "ray"))  # ray: one machine or a cluster
+    address: str | None = None  # host:port of a Ray cluster; None: start Ray on this machine for this run
+    processes: int = setting(2, low=1, high=64, kept=True)  # 1: in the training process, except with Ray
     envs_per_process: int = setting(64, low=1, high=1024, kept=True)
-    steps_per_batch: int = setting(64, low=1, high=100_000, kept=True)  # of each environment
-    overlap: bool = setting(
-        False, kept=True
-    )  # collect a batch, in processes of its own, while learning from the one before
-    ahead_batches: int = setting(1, low=1, high=16, kept=True)  # with overlap: so many may be under way
-    timeout_s: float | None = setting(300.0, low=1.0)  # a worker without a batch for so long hangs: the run ends
+    steps_per_batch: int = setting(64, low=1, high=100_000, kept=True)  # per environment
+    overlap: bool = setting(False, kept=True)  # collect in separate processes while learning
+    ahead_batches: int = setting(1, low=1, high=16, kept=True)  # with overlap: batches collected ahead of learning
+    timeout_s: float | None = setting(300.0, low=1.0)  # without a batch before a worker counts as hung; None: never
 
 
 @dataclass
 class LogConfig:
     """The log of whole episodes."""
 
-    capacity_frames: int = setting(1_000_000, low=10_000)  # the oldest episodes make room; about 60 bytes a frame
+    capacity_frames: int = setting(1_000_000, low=10_000)  # oldest episodes are dropped first; about 60 bytes a frame
 
 
 @dataclass
@@ -103,12 +101,12 @@ class AgentConfig:
 
     kind: str = field(default=MISSING, metadata=KEPT)
     hidden: list[int] = field(default_factory=lambda: [64, 64], metadata=KEPT)
-    ignores: list[str] = field(default_factory=list, metadata=KEPT)  # names of state dimensions that it does not see
+    ignores: list[str] = field(default_factory=list, metadata=KEPT)  # names of state dimensions hidden from it
     gamma: float = setting(0.995, low=0.0, high=1.0)
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)
-    success_bonus: float = setting(100.0, low=0.0)  # added where the environment says success, for the learner only
-    reward_scale: float = setting(0.05, low=TINY)  # both are multiplied with it
-    average_share: float = setting(0.1, low=0.0, high=1.0)  # of the updates so far: what is explained averages them
+    success_bonus: float = setting(100.0, low=0.0)  # added to the learner's reward on success, not to logged rewards
+    reward_scale: float = setting(0.05, low=TINY)  # multiplies reward and bonus
+    average_share: float = setting(0.1, low=0.0, high=1.0)  # share of past updates in the evaluated weight average
 
 
 @dataclass
@@ -120,58 +118,52 @@ class InstructorConfig:
 
 @dataclass
 class ObedienceConfig:
-    """Extra reward for having done what one was told, which fades out (see ``ibe_rl.training.instruction_reward``)."""
+    """Extra reward for following the instruction, annealed to 0 (see ``ibe_rl.training.instruction_reward``)."""
 
-    judge: str = setting("none", choices=("none", "mapping", "oracle"))  # what the agent has learnt, or what is meant
-    weight: float = setting(0.1, low=0.0)  # of a step at the start, in units of the environment's reward
-    until_frames: int = setting(500_000, low=1)  # from there on it is 0
+    judge: str = setting("none", choices=("none", "mapping", "oracle"))  # mapping: as learnt; oracle: true meaning
+    weight: float = setting(0.1, low=0.0)  # initial, per step, in units of the environment's reward
+    until_frames: int = setting(500_000, low=1)  # 0 from here on
 
 
 @dataclass
 class MappingConfig:
-    """How the vocabulary is learnt; as it stands here, the paper's (docs/PAPER.md, docs/QUALITY.md say why)."""
+    """How the vocabulary is learnt; the defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md)."""
 
-    kind: str = "paper"  # what the mapping is called in summaries and tables
-    horizon_steps: int | None = setting(None, low=1)  # None: found in the episodes at each refresh
-    spans_steps: list[int] = field(default_factory=lambda: [20])  # other horizons; where n was found only shorter ones
+    kind: str = "paper"  # name in summaries and tables
+    horizon_steps: int | None = setting(None, low=1)  # None: estimated from the episodes at each refresh
+    spans_steps: list[int] = field(default_factory=lambda: [20])  # further ones; horizon_steps=None: only shorter
     top_fraction: float = setting(0.25, low=TINY, high=1.0)
     top_within: str = setting("all", choices=("all", "context"))
     window_end: str = setting("clamp", choices=("drop", "clamp"))
-    failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of an episode gone wrong
-    n_clusters: int = setting(8, low=2)  # for each number of an instruction: two of them get twice as many together
+    failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of a failed episode
+    n_clusters: int = setting(8, low=2)  # per number of an instruction; two numbers get twice as many in total
     space: str = setting("all", choices=("all", "information", "lasso", "network", "rule"))  # see ibe_rl.ibe.IBEMapping
     split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
-    power: float = setting(1.0, low=0.05, high=1.0)  # of a movement's magnitude: below 1 small ones get more clusters
-    symmetric: bool = False  # as many clusters on both sides
+    power: float = setting(1.0, low=0.05, high=1.0)  # exponent of magnitudes; below 1: more clusters for small ones
+    symmetric: bool = False  # mirror the clusters, as many on each side of 0
     normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
     membership: str = setting("hard", choices=("hard", "soft", "direct"))
-    meaning: str = setting("tested", choices=("tested", "assumed"))  # assumed: words mean what the best did, untested
-    weigh_followed: bool = False  # windows count by how well the instruction was followed
-    dimensions: list[str] = field(default_factory=list)  # names of state dimensions that count; empty: all
-    hidden: list[int] = field(default_factory=lambda: [32, 32])  # of space=network
-    n_init: int = setting(4, low=1)  # k-means starts of a refresh that starts from nothing
-    newest_frames: int | None = setting(250_000, low=1)  # episodes that ended in these count; None: the whole log
-    memory: float | None = setting(0.85, low=0.0, high=0.99)  # what earlier windows still count; None: from nothing
-    survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # with less in common a cluster is not the same one
-    hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving cluster's expression moves by more or stays
-    max_fit_windows: int = setting(20_000, low=100)  # clusters are learnt from at most so many, drawn at random
+    meaning: str = setting("tested", choices=("tested", "assumed"))  # assumed: as the best episodes moved, untested
+    weigh_followed: bool = False  # weight windows by how well the instruction was followed
+    dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster; empty: all
+    hidden: list[int] = field(default_factory=lambda: [32, 32])  # layer widths of space=network
+    n_init: int = setting(4, low=1)  # k-means initialisations when no earlier vocabulary is used
+    newest_frames: int | None = setting(250_000, low=1)  # fit on episodes that ended in these; None: the whole log
+    memory: float | None = setting(0.85, low=0.0, high=0.99)  # factor on earlier windows' weight; None: from scratch
+    survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # least overlap with which a cluster keeps its identity
+    hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving expression changes only by more than this
+    max_fit_windows: int = setting(20_000, low=100)  # at most this many windows, sampled at random, are clustered
 
 
 @dataclass
 class PredictorConfig:
-    """What all predictors share; as it stands the simulator, the environment's own engine from a snapshot."""
+    """What all predictors share; the default steps a copy of the environment from a snapshot."""
 
     kind: str = setting("simulator", kept=True)
     future_instruction: str = setting("hold", choices=("hold", "rule"), learnt=False)
-    processes: int | None = setting(
-        None, low=1, high=64, learnt=False
-    )  # that share the moments; None: 1, to judge a run 2
-    futures: int = setting(
-        3, low=1, high=100, learnt=False
-    )  # sampled from each moment; what most of them are called is said
-    moments_at_once: int = setting(
-        32, low=1, learnt=False
-    )  # copies of the environment; more of them crowd the processor's cache
+    processes: int | None = setting(None, low=1, high=64, learnt=False)  # None: 1, or 2 in task=evaluate
+    futures: int = setting(3, low=1, high=100, learnt=False)  # rollouts per moment; the majority expression is reported
+    moments_at_once: int = setting(32, low=1, learnt=False)  # environments per process; more crowd the cache
 
 
 @dataclass
@@ -181,7 +173,7 @@ class ViewerConfig:
     mode: str = setting("live", choices=("live", "file", "off"))
     grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
     web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
-    max_recording_mb: int = setting(50, low=1)  # of 10^6 bytes; a long training is recorded more and more sparsely
+    max_recording_mb: int = setting(50, low=1)  # MB of 10^6 bytes; recorded more sparsely as the run grows
 
 
 @dataclass
@@ -202,28 +194,28 @@ class MetricConfig:
 class TrainConfig:
     """``train.py``.
 
-    With ``refresh_every_frames=0`` the vocabulary is learnt anew eight times in a run, in a long one every 250,000
-    frames. With ``refresh_when_stale`` it is not replaced by the clock: a new one is learnt each time, and replaces the
-    standing one if it puts the newest episodes into words better by more than this (``motion_auc``).
+    With ``refresh_every_frames=0`` the vocabulary is refreshed eight times in a run, in a long one every 250,000
+    frames. With ``refresh_when_stale`` each refresh only fits a candidate. It replaces the current vocabulary if its
+    ``motion_auc`` on the newest episodes is higher by more than this value.
     """
 
     seed: int = setting(0, low=0, high=MAX_SEED, kept=True)
     total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
-    stop_after_frames: int | None = setting(None, low=1)  # end in order there, in the middle of all schedules
+    stop_after_frames: int | None = setting(None, low=1)  # stop here, with schedules still set for total_frames
     run_dir: str = field(default=MISSING, metadata=KEPT)
-    runs_at_once: int | None = setting(None, low=1, high=1024)  # of a sweep (-m); None: a core for each process
-    runs_on: str | None = None  # of a sweep: HOST:PORT of a Ray cluster that this machine is part of; None: here
-    resume: str | None = None  # the folder of a run that goes on; other settings than its own are named beside it
-    resume_from: str = setting("latest", choices=("latest", "best"))  # its latest state, or that of its best evaluation
-    checkpoint_every_frames: int = setting(100_000, low=1)  # and at refreshes, evaluations: the state to resume from
-    refresh_every_frames: int | None = setting(0, low=0)  # and at the end; 0: see above; None: no vocabulary at all
-    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # then only if a new one tells more, see below
-    min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
-    explain_every_steps: int = setting(5, low=1)  # of the episode watched at a refresh; in between the last one holds
-    eval_every_frames: int = setting(400_000, low=1)  # and at the end
+    runs_at_once: int | None = setting(None, low=1, high=1024)  # in a sweep (-m); None: one core per process
+    runs_on: str | None = None  # in a sweep: HOST:PORT of a Ray cluster this machine belongs to; None: here
+    resume: str | None = None  # folder of the run to resume; only settings to change are named beside it
+    resume_from: str = setting("latest", choices=("latest", "best"))  # latest checkpoint or best evaluation
+    checkpoint_every_frames: int = setting(100_000, low=1)  # also at refreshes and evaluations
+    refresh_every_frames: int | None = setting(0, low=0)  # also at the end; 0: see above; None: no vocabulary
+    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # least gain in motion_auc, see above
+    min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
+    explain_every_steps: int = setting(5, low=1)  # in the episode shown at a refresh; each one holds until the next
+    eval_every_frames: int = setting(400_000, low=1)  # also at the end
     eval_episodes: int = setting(100, low=1, high=10_000)
-    keep_policy_every_frames: int | None = setting(10_000, low=1)  # for agents of any skill, rarer later; None: never
-    report: bool = False  # in the end do the paper's experiments with it, as explain.py task=figures
+    keep_policy_every_frames: int | None = setting(10_000, low=1)  # agents of any skill; less often later; None: never
+    report: bool = False  # end with the paper's experiments, as explain.py task=figures
     env: EnvConfig = field(default=MISSING, metadata=KEPT)
     collect: CollectConfig = field(default_factory=CollectConfig)
     log: LogConfig = field(default_factory=LogConfig, metadata=KEPT)
@@ -239,57 +231,57 @@ class TrainConfig:
 
 @dataclass
 class EvaluateConfig:
-    """How it is judged whether what the agent says is true (``task=evaluate`` and ``task=compare``)."""
+    """How explanations are scored (``task=evaluate`` and ``task=compare``)."""
 
-    seed: int = setting(0, low=0, high=999)  # another one flies other episodes and draws other futures
+    seed: int = setting(0, low=0, high=999)  # of the episodes and of the sampled futures
     episodes: int = setting(100, low=2, high=10_000)
-    calibration_episodes: int = setting(60, low=2, high=10_000)  # others, that the confidence is calibrated on
-    changing_episodes: int = setting(40, low=0, high=10_000)  # with each policy that was kept; 0 leaves that out
-    stride_steps: int = setting(4, low=1)  # from one moment that is judged to the next
-    horizons_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # and the run's own
-    resamples: int = setting(1_000, low=20, high=100_000)  # of the episodes, for the intervals
-    shuffles: int = setting(50, low=1, high=10_000)  # vocabularies from shuffled instructions, and from random clusters
+    calibration_episodes: int = setting(60, low=2, high=10_000)  # held-out episodes to calibrate the confidence on
+    changing_episodes: int = setting(40, low=0, high=10_000)  # with each kept policy; 0: skip
+    stride_steps: int = setting(4, low=1)  # between scored moments
+    horizons_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # in addition to the run's own
+    resamples: int = setting(1_000, low=20, high=100_000)  # bootstrap over episodes, for confidence intervals
+    shuffles: int = setting(50, low=1, high=10_000)  # negative controls: shuffled instructions, random clusters
 
 
 @dataclass
 class CompareConfig:
-    """Which mappings ``task=compare`` holds against each other."""
+    """Which mappings ``task=compare`` compares."""
 
     mappings: list[str] = field(default_factory=list)  # names of files in configs/mapping; empty: all
 
 
 @dataclass
 class FiguresConfig:
-    """The paper's experiments, done again with the agents of a run (``task=figures``)."""
+    """The paper's experiments, repeated with the agents of a run (``task=figures``)."""
 
-    seed: int = setting(0, low=0, high=999)  # another one flies other episodes and draws other futures
-    episodes: int = setting(200, low=10, high=10_000)  # flown again by each of the agents A, B and C
-    checked_episodes: int = setting(100, low=2, high=10_000)  # others, that no vocabulary is learnt from
-    prediction_episodes: int = setting(20, low=2, high=1_000)  # that observers foretell the end of
-    clusterings: int = setting(8, low=1, high=1_000)  # of each vocabulary; rates of words are means over them
-    shuffles: int = setting(20, low=1, high=1_000)  # vocabularies from shuffled instructions
-    resamples: int = setting(1_000, low=20, high=100_000)  # of the episodes, for the intervals
+    seed: int = setting(0, low=0, high=999)  # of the episodes and of the sampled futures
+    episodes: int = setting(200, low=10, high=10_000)  # rolled out with each of the agents A, B and C
+    checked_episodes: int = setting(100, low=2, high=10_000)  # held out from vocabulary learning
+    prediction_episodes: int = setting(20, low=2, high=1_000)  # whose outcome simulated observers predict
+    clusterings: int = setting(8, low=1, high=1_000)  # per vocabulary; word rates are averaged over them
+    shuffles: int = setting(20, low=1, high=1_000)  # negative controls: vocabularies from shuffled instructions
+    resamples: int = setting(1_000, low=20, high=100_000)  # bootstrap over episodes, for confidence intervals
 
 
 @dataclass
 class ExplainConfig:
     """``explain.py``."""
 
-    run: str | None = None  # None: the newest below runs/
-    agent_file: str | None = None  # agent=FILE.zip or MODULE:NAME on the command line: trained elsewhere
-    agent_sees_instruction: bool | None = None  # None: it says so itself, or did when its run folder was made
-    episodes: int = setting(200, low=2, high=100_000)  # of such an agent, that its vocabulary is learnt from
-    random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of the actions in them
-    run_dir: str = MISSING  # of the folder that is made for it
-    guest_settings: list[str] = field(default_factory=list)  # env=, env.…, mapping=, mapping.…: as of a training
-    sweep_dir: str | None = None  # sweep=DIR on the command line: a report of all runs of that sweep instead
+    run: str | None = None  # run folder; None: the newest in runs/
+    agent_file: str | None = None  # agent=FILE.zip or agent=MODULE:NAME on the command line: an external agent
+    agent_sees_instruction: bool | None = None  # None: as the external agent or its run folder declares
+    episodes: int = setting(200, low=2, high=100_000)  # of the external agent, to learn its vocabulary from
+    random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of random actions in these episodes
+    run_dir: str = MISSING  # run folder to create for the external agent
+    guest_settings: list[str] = field(default_factory=list)  # env=, env.…, mapping=, mapping.…: as for train.py
+    sweep_dir: str | None = None  # sweep=DIR on the command line: report on all runs of a sweep instead
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
-    context: str | None = None  # what the episode is about; None draws one
-    min_confidence: float = setting(0.5, low=0.0, high=1.0)  # under it the agent says that it does not know
+    context: str | None = None  # of the episode; None: drawn
+    min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
     compare: CompareConfig = field(default_factory=CompareConfig)
     figures: FiguresConfig = field(default_factory=FiguresConfig)
-    output: str | None = None  # where the recording goes; None: into the run's folder
+    output: str | None = None  # path of the recording; None: in the run folder

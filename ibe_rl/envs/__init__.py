@@ -1,9 +1,9 @@
 """Environments; importing this registers them with gymnasium.
 
 In: the id of an environment, its arguments, and what a config declares of it (``ibe_rl.config.settings.TaskConfig``).
-Out: gymnasium environments that declare a ``Task``, many of them as one TorchRL environment whose observation holds the
-instruction, and copies that can be stopped and resumed exactly.
-Imports: ``types``, ``task``, ``runtime``, ``storage``, ``config``. No other room knows what the games are about.
+Out: gymnasium environments that declare a ``Task``; many of them as one TorchRL environment with the instruction in the
+observation; copies that can be snapshot and restored exactly.
+Imports: ``types``, ``task``, ``runtime``, ``storage``, ``config``. No other package knows a particular environment.
 """
 
 import gymnasium

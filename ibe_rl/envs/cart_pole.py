@@ -1,7 +1,7 @@
-"""gymnasium's cart-pole with a target on the rail, which moves once while it plays.
+"""gymnasium's cart-pole with a target on the rail, which moves once in an episode.
 
-The physics and the step are gymnasium's. New are the target, which is part of the state, the reward for being near it,
-and that the game can be stopped in one copy and taken up in another (snapshot, restore).
+Physics and step are gymnasium's. New are the target, which is part of the state, the reward for being near it, and
+``snapshot`` and ``restore``, also from one copy to another.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from ibe_rl.task import Shape
 from ibe_rl.types import Array
 
 MOVES_FROM, MOVES_UNTIL = 120, 240
-"""The steps between which the target moves: the cart has had time to arrive, and has time to arrive again."""
-TARGET_STREAM = 0xCA7  # keeps the draws of the target apart from gymnasium's own of the same seed
+"""Range of steps in which the target moves: time to arrive before, and to arrive again after."""
+TARGET_STREAM = 0xCA7  # separates target draws from gymnasium's with the same seed
 
 
 @dataclass(frozen=True)
 class CartPoleSnapshot:
-    """All that the step of the game reads.
+    """All that ``step`` reads.
 
     Attributes:
         state: ``(4,)`` gymnasium's, in double precision.
-        target: name of the place.
+        target: name of its place.
         moved: True once the target has moved.
-        steps: since the beginning of the episode.
-        generator: state of the random generator that moves the target.
+        steps: in the episode so far.
+        generator: state of the random generator of the target.
     """
 
     state: Array
@@ -53,21 +53,21 @@ class CartPoleSnapshot:
 
 
 class CartPoleTarget(CartPoleEnv):
-    """Stand at the target with the pole upright, and go with it when it moves.
+    """Balance the pole at the target, and follow the target when it moves.
 
-    The state has five numbers: gymnasium's four and the target's x. A step with the pole upright pays up to a half
-    for how near the target is (0 from 2.4 m on), and up to a half more close to it (0 from 0.4 m on). The target
-    stands still for 120 steps at least, moves to one of the other two places at a step that nobody knows, and stays
-    there. ``info["there"]`` is True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
-    ``reset(options={"target": "left"})`` places the target for the beginning of one episode.
+    The state has five numbers: gymnasium's four and the target's x. With the pole upright a step is rewarded with
+    up to 0.5 near the target (0 from 2.4 m), and up to another 0.5 close to it (0 from 0.4 m). The target rests for
+    at least 120 steps, moves to one of the other two places at a random step, and stays there. ``info["there"]`` is
+    True after 400 steps with the pole upright, if the cart is within 0.2 m of the target.
+    ``reset(options={"target": "left"})`` sets the first place for one episode.
 
     Args:
-        target: "random" to draw the first place for each episode, or "left", "center", "right".
-        moving: False leaves the target where it is.
+        target: "random" to draw the first place in each episode, or "left", "center", "right".
+        moving: False keeps the target at its first place.
         **kwargs: gymnasium's own, such as ``render_mode``.
 
     Raises:
-        ValueError: for another place.
+        ValueError: for an unknown place.
     """
 
     task = CART_POLE_TASK
@@ -84,10 +84,10 @@ class CartPoleTarget(CartPoleEnv):
         )
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode; ``options={"target": ...}`` overrides where the target is at first."""
+        """Begin an episode; ``options={"target": ...}`` sets the target's first place."""
         if seed is not None:
             self._random = np.random.default_rng([TARGET_STREAM, seed])
-        drawn = list(TARGET_X)[self._random.integers(len(TARGET_X))]  # also if unused: no later draw is shifted
+        drawn = list(TARGET_X)[self._random.integers(len(TARGET_X))]  # always, so later draws do not shift
         asked = _checked((options or {}).get("target", self._default_target))
         self.target = drawn if asked == "random" else asked
         self._moved, self._steps = False, 0
@@ -98,7 +98,7 @@ class CartPoleTarget(CartPoleEnv):
         return np.append(state, np.float32(TARGET_X[self.target]))
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Step gymnasium's game, then perhaps move the target; the reward is for the place after that."""
+        """Step gymnasium's cart-pole, then perhaps move the target; the reward uses its new place."""
         state, _, fallen, _, _ = super().step(action)
         self._steps += 1
         self._move_target()
@@ -108,7 +108,7 @@ class CartPoleTarget(CartPoleEnv):
         return self._with_target(state), 0.0 if fallen else pay, fallen, False, {"there": there}
 
     def _move_target(self) -> None:
-        """Each step on which it may move is as likely as any other, and at the last one it does."""
+        """Move the target at a step drawn uniformly from the range."""
         if self._moved or not self._moving or not MOVES_FROM <= self._steps < MOVES_UNTIL:
             return
         if self._random.random() * (MOVES_UNTIL - self._steps) < 1:
@@ -121,11 +121,11 @@ class CartPoleTarget(CartPoleEnv):
         return CartPoleSnapshot(np.array(self.state, float), self.target, self._moved, self._steps, generator)
 
     def restore(self, snapshot: CartPoleSnapshot, noise: np.random.Generator | None = None) -> None:
-        """Take the game up where ``snapshot`` left it, to the last bit; call ``reset`` once before.
+        """Continue from ``snapshot``, bit for bit; call ``reset`` once before.
 
         Args:
             snapshot: from ``snapshot()``, also of another copy.
-            noise: decides from here on when and where to the target moves; None repeats the original's draws.
+            noise: generator of the target's move from here on; None repeats the original's draws.
         """
         self.state, self.target = snapshot.state, snapshot.target
         self._moved, self._steps, self.steps_beyond_terminated = snapshot.moved, snapshot.steps, None
@@ -135,14 +135,14 @@ class CartPoleTarget(CartPoleEnv):
         self._random = noise
 
     def background(self) -> list[Shape]:
-        """The rail and its ends, for a drawing in scene units."""
+        """The rail and its ends, in scene units."""
         left, right = (float(scene_x(np.array(x))) for x in (-RAIL_END, RAIL_END))
         ends = [np.array([(x, RAIL_Y), (x, RAIL_Y + 1.0)]) for x in (left, right)]
         rail = np.array([(left, RAIL_Y), (right, RAIL_Y)])
         return [Shape(points, (150, 150, 160)) for points in (rail, *ends)]
 
     def figure(self) -> list[Shape]:
-        """Cart, pole and target as they are now, for a drawing in scene units."""
+        """Cart, pole and target in their current place, in scene units."""
         (x, axle), angle = cart_pole_scene_path(np.array(self.state)).tolist(), float(self.state[2])
         target, near = float(scene_x(np.array(TARGET_X[self.target]))), PER_METRE * ON_TARGET
         cart = np.array([(x + right, axle + up) for right, up in ((-0.8, -0.4), (0.8, -0.4), (0.8, 0.4), (-0.8, 0.4))])

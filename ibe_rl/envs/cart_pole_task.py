@@ -1,4 +1,4 @@
-"""What the cart-pole with a target declares of its own: rule, names, units, phrases, places, scene.
+"""The task of the cart-pole with a target: rule, names, units, phrases, places, scene.
 
 Units are gymnasium's: metres, seconds, radians; x is 0 in the middle of the rail, which ends at 2.4 m to each side.
 """
@@ -13,30 +13,30 @@ from ibe_rl.types import Array
 TARGET_X: dict[str, float] = {"left": -1.2, "center": 0.0, "right": 1.2}
 CART_POLE_EPISODE_STEPS = 400
 ON_TARGET = 0.2
-"""This near to the target the cart is there, and told to stay."""
+"""Within this distance of the target, in m, the instruction is to stay."""
 RAIL_END = 2.4
 CART_STEP_S = 0.02
 
 CART_X, CART_VX, ANGLE, CART_TARGET = 0, 1, 2, 4
 PER_METRE = 4.0
-"""Scene units in a metre; the scene is as large as others, so that lines and labels look alike."""
+"""Scene units per metre; the scene has the size of the others, so lines and labels look alike."""
 SCENE_WIDTH, SCENE_HEIGHT, RAIL_Y, AXLE_Y = 22.0, 11.0, 3.0, 3.5
 
 
 def cart_pole_instruction(states: Array) -> Array:
-    """Say which way to go: states ``(..., 5)`` to ``(..., 1)`` float32, -1 right of the target, +1 left of it."""
+    """Which way to go: states ``(..., 5)`` to ``(..., 1)`` float32, -1 right of the target, +1 left of it."""
     offset = cart_pole_goal_offset(states)
     instruction = np.where(offset < -ON_TARGET, -1.0, np.where(offset > ON_TARGET, 1.0, 0.0))
     return instruction.astype(np.float32)
 
 
 def place_of(state: Array) -> str:
-    """Name the place that the target in ``state`` ``(5,)`` is at."""
+    """Name the place of the target in ``state`` ``(5,)``."""
     return min(TARGET_X, key=lambda name: abs(TARGET_X[name] - float(state[CART_TARGET])))
 
 
 def cart_pole_motion(states: Array) -> Array:
-    """States ``(..., 5)`` to the change ``(..., 1)`` of x in one step at the present velocity, in m."""
+    """States ``(..., 5)`` to the change ``(..., 1)`` of x in one step at the current velocity, in m."""
     return CART_STEP_S * states[..., CART_VX, None]
 
 

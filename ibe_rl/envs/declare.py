@@ -1,4 +1,4 @@
-"""What a config declares of an environment that does not declare it itself."""
+"""The task that a config declares for an environment without one."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array, ConfigError
 
 ANY = "any"
-"""The context where none is declared."""
+"""The context if none is declared."""
 
 SHAPE_FUNCTIONS = ("background", "figure")
 
 
 def load_function(key: str, name: str) -> Callable[..., Any]:
-    """The function, or the object of a small class, that ``module:name`` names.
+    """The function, or an instance of the class, that ``module:name`` names.
 
     Raises:
-        ConfigError: if it is not there or cannot be called; ``key`` is the setting.
+        ConfigError: if it is missing or not callable; ``key`` is the setting.
     """
     found = import_named(key, name, "module:function or module:class", made=True)
     if not callable(found):
@@ -35,14 +35,14 @@ def load_function(key: str, name: str) -> Callable[..., Any]:
 
 
 def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
-    """Make an environment one that declares a task.
+    """Wrap an environment with a declared task.
 
     Args:
-        env: with states in a ``Box`` of one dimension.
-        config: what is declared of it.
+        env: with a one-dimensional ``Box`` of states.
+        config: the declared task.
 
     Raises:
-        ConfigError: naming the setting that cannot be, its value and what is allowed.
+        ConfigError: naming the setting, its value and what is allowed.
     """
     made: dict[str, Callable[..., Any]] = {
         name: load_function(f"env.task.{name}", getattr(config, name))
@@ -144,7 +144,7 @@ def _steps(env: gymnasium.Env[Any, Any], config: TaskConfig) -> int:
 
 
 def _try(env: gymnasium.Env[Any, Any], task: Task, config: TaskConfig) -> None:
-    """Let the functions that are called from now on have a first state, so that their errors come now."""
+    """Call the functions with a first state, so that their errors appear before training."""
     state = np.asarray(env.reset(seed=0)[0], np.float32)
     several, size = np.stack([state, state]), task.instruction_size
     shapes = {"rule": (2, size), "motion": (2, size), "goal_offset": (2, size), "scene_path": (2, 2)}

@@ -1,8 +1,8 @@
-"""gymnasium's Lunar Lander with the pad at left, centre or right: the paper's game.
+"""gymnasium's Lunar Lander with the pad at left, centre or right: the paper's environment.
 
-The physics, the step and the draws of the terrain are gymnasium's. Only four things are new: the flat part
-of the terrain is moved under the pad, the goal is part of the state, the distance in the shaped reward is
-measured to it, and the game can be stopped in one copy and taken up in another (snapshot, restore).
+Physics, step and terrain draws are gymnasium's. Four things are new: the flat part of the terrain lies under the pad,
+the goal is part of the state, the shaped reward uses the distance to it, and ``snapshot`` and ``restore``, also from
+one copy to another.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from ibe_rl.envs.lean_step import lean_step
 from ibe_rl.task import Shape
 from ibe_rl.types import Array
 
-CHUNKS = 11  # corners of gymnasium's terrain, 0.2 half widths apart
-PAD_STREAM = 0x1BE  # keeps the draws of pads apart from gymnasium's own of the same seed
+CHUNKS = 11  # vertices of gymnasium's terrain, 0.2 half widths apart
+PAD_STREAM = 0x1BE  # separates pad draws from gymnasium's with the same seed
 
 
 @dataclass(frozen=True)
 class LanderSnapshot:
-    """All that the step of the game reads.
+    """All that ``step`` reads.
 
     Attributes:
-        bodies: ``(3, 6)`` x, y, angle, their velocities, of the lander and its two legs (m, rad, s).
-        awake: ``(3,)`` Box2D's flag that a body has not come to rest.
-        contacts: ``(2,)`` which legs count as touching the ground.
+        bodies: ``(3, 6)`` x, y, angle and their velocities of the lander and its two legs (m, rad, s).
+        awake: ``(3,)`` Box2D's flag that a body is not at rest.
+        contacts: ``(2,)`` ground contact of each leg.
         game_over: True once the body has touched the ground.
         terrain: ``(11,)`` heights in metres.
         pad: name of the pad.
-        shaping: gymnasium's potential and the distance that replaces its own in it.
+        shaping: gymnasium's potential, and the correction of its distance term.
         wind: the two indices of gymnasium's wind, zeros without wind.
-        generator: state of the random generator that draws the engines' noise.
+        generator: state of the random generator of the engines' noise.
     """
 
     bodies: Array
@@ -55,21 +55,21 @@ class LanderSnapshot:
 
 
 class LunarLanderPads(game.LunarLander):
-    """Land on the pad, wherever it is.
+    """Land on the pad.
 
     The state has nine numbers: gymnasium's eight and the pad's x. The reward is gymnasium's with the
-    distance measured to the pad. ``info["landed"]`` is True at an end at rest, with both legs in contact and
-    the lander's centre between the flags. ``reset(options={"pad": "left"})`` places the pad for one episode.
+    distance measured to the pad. ``info["landed"]`` is True if the lander rests at the end, with both legs in
+    contact and its centre between the flags. ``reset(options={"pad": "left"})`` places the pad for one episode.
 
     Args:
         pad: "random" to draw the pad for each episode, or "left", "center", "right".
         flat: flat ground everywhere (the paper's prediction task).
         flags: False hides the flags in ``render`` (the paper's prediction task).
-        speed: True instructs how fast to fall too (``lander_speed_task``).
+        speed: True also instructs how fast to fall (``lander_speed_task``).
         **kwargs: gymnasium's own, such as ``render_mode``.
 
     Raises:
-        ValueError: for another pad.
+        ValueError: for an unknown pad.
     """
 
     lander: Any
@@ -100,7 +100,7 @@ class LunarLanderPads(game.LunarLander):
         """Begin an episode; ``options={"pad": ...}`` overrides the pad for this one."""
         if seed is not None:
             self._pad_random = np.random.default_rng([PAD_STREAM, seed])
-        drawn = list(PAD_X)[self._pad_random.integers(len(PAD_X))]  # also if unused: a fixed pad shifts no later draw
+        drawn = list(PAD_X)[self._pad_random.integers(len(PAD_X))]  # drawn even if unused, so later draws do not shift
         asked = self._checked((options or {}).get("pad", self._default_pad), ("random", *PAD_X))
         self.pad = drawn if asked == "random" else asked
         self._gap = 0.0
@@ -110,13 +110,13 @@ class LunarLanderPads(game.LunarLander):
         return observation, {"landed": False}
 
     def _moved_terrain(self) -> Array:
-        """The terrain of the game, pushed along until its flat part lies under the pad."""
+        """Terrain shifted so that its flat part lies under the pad."""
         if self._flat:
             return np.full(CHUNKS, self.terrain[CHUNKS // 2])
         return np.roll(self.terrain, round(PAD_X[self.pad] * (CHUNKS // 2)))
 
     def _lay_terrain(self, heights: Array) -> None:
-        """Put ground of these heights ``(11,)`` in metres into the world, and the flags beside the pad."""
+        """Build ground of heights ``(11,)`` in metres, and place the flags beside the pad."""
         middle = WIDTH / 2 * (1 + PAD_X[self.pad])
         self.helipad_x1, self.helipad_x2 = (middle + side * FLAG_DISTANCE * WIDTH / 2 for side in (-1, 1))
         if np.array_equal(heights, self.terrain):
@@ -134,7 +134,7 @@ class LunarLanderPads(game.LunarLander):
         return list(zip(np.linspace(0, WIDTH, CHUNKS).tolist(), self.terrain.tolist(), strict=True))
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Step gymnasium's game, then measure the distance in the reward to the pad instead of the centre."""
+        """Step gymnasium's lander, then correct the reward for the distance to the pad instead of the centre."""
         if self._lean:
             state, reward, terminated = lean_step(self, action)
         else:
@@ -143,7 +143,7 @@ class LunarLanderPads(game.LunarLander):
         extended = np.array([*state, goal], np.float32)
         x, y = extended[:2].tolist()
         gap = math.hypot(x - goal, y) - math.hypot(x, y)
-        if not terminated:  # an end pays +100 or -100 and nothing else
+        if not terminated:  # the terminal reward is exactly +100 or -100
             reward -= 100 * (gap - self._gap)
         self._gap = gap
         return extended, float(reward), terminated, False, {"landed": terminated and self._landed(x - goal)}
@@ -153,7 +153,7 @@ class LunarLanderPads(game.LunarLander):
         return not self.lander.awake and both_legs and abs(offset) <= FLAG_DISTANCE
 
     def render(self) -> Any:
-        """Draw as gymnasium does, with the flags where they are, or without them."""
+        """Render as gymnasium does, without the flags if they are hidden."""
         shown = self.helipad_x1, self.helipad_x2
         if not self._flags:
             self.helipad_x1 = self.helipad_x2 = -WIDTH  # outside the picture
@@ -163,7 +163,7 @@ class LunarLanderPads(game.LunarLander):
             self.helipad_x1, self.helipad_x2 = shown
 
     def snapshot(self) -> LanderSnapshot:
-        """Copy all that ``step`` reads; the time limit is not part of the game and not of the snapshot."""
+        """Copy all that ``step`` reads, without the time limit."""
         bodies = [self.lander, *self.legs]
         return LanderSnapshot(
             bodies=np.array([[*b.position, b.angle, *b.linearVelocity, b.angularVelocity] for b in bodies]),
@@ -178,26 +178,26 @@ class LunarLanderPads(game.LunarLander):
         )
 
     def restore(self, snapshot: LanderSnapshot, noise: np.random.Generator | None = None) -> None:
-        """Take the game up where ``snapshot`` left it, also one made by another copy; call ``reset`` once before.
+        """Continue from ``snapshot``, also of another copy; call ``reset`` once before.
 
-        Bodies come back to the last bit of what Box2D shows of them. It hides the impulses stored in contacts
-        and joints and the time a body has been at rest, so a continued game can differ. Over 60 steps, in
-        observation units: by 6e-7 (median; 95th percentile 1e-5) in flight and when it touches down on the
-        way, by 1e-5 (median; 0.2) when it begins on the ground; a rest can be noticed up to 25 steps later.
+        Box2D's visible body state is restored bit for bit. The impulses in contacts and joints and the time at rest
+        are hidden, so a continuation can differ. Errors over 60 steps, in observation units: 6e-7 (median; 95th
+        percentile 1e-5) from the air, also with a touchdown; 1e-5 (median; 0.2) from the ground. Rest can be detected
+        up to 25 steps later.
 
         Args:
             snapshot: from ``snapshot()``.
-            noise: generator of the engines' noise from here on; None repeats the draws of the original.
+            noise: generator of the engines' noise from here on; None repeats the original's draws.
         """
         self.pad = snapshot.pad
         self._lay_terrain(snapshot.terrain)
         for body in (self.lander, *self.legs):
-            body.active = body.awake = False  # drops the contacts and the time at rest of the game played here before
+            body.active = body.awake = False  # clears the previous episode's contacts and time at rest
             body.active = body.awake = True
         self._place(snapshot)
-        self.world.Step(1 / game.FPS, 6 * 30, 2 * 30)  # fills the impulses that Box2D hides and starts from
+        self.world.Step(1 / game.FPS, 6 * 30, 2 * 30)  # warms up Box2D's hidden impulses
         self._place(snapshot)
-        for leg, contact in zip(self.legs, snapshot.contacts, strict=True):  # a leg that touches may not count as such
+        for leg, contact in zip(self.legs, snapshot.contacts, strict=True):  # a touching leg may not count
             leg.ground_contact = contact and any(edge.contact.touching for edge in leg.contacts)
         self.game_over = snapshot.game_over
         self.prev_shaping, self._gap = snapshot.shaping
@@ -214,7 +214,7 @@ class LunarLanderPads(game.LunarLander):
             body.awake = awake
 
     def background(self) -> list[Shape]:
-        """The ground, and the flags unless they are hidden, for a drawing in metres."""
+        """The ground, and the flags unless they are hidden, in metres."""
         ground = Shape(np.array(self._corners()), (150, 150, 160))
         flags = [
             Shape(np.array([(x, PAD_Y), (x, PAD_Y + 1.6), (x + 0.7, PAD_Y + 1.4), (x, PAD_Y + 1.2)]), (250, 204, 21))
@@ -223,5 +223,5 @@ class LunarLanderPads(game.LunarLander):
         return [ground, *(flags if self._flags else [])]
 
     def figure(self) -> list[Shape]:
-        """Outlines of the lander and its legs as they are now, for a drawing in metres."""
+        """Current outlines of the lander and its legs, in metres."""
         return [Shape(outline(body), (165, 148, 249), closed=True) for body in (self.lander, *self.legs)]

@@ -1,6 +1,6 @@
-"""The lander told two numbers at once: which way to fall, and whether to fall faster or slower.
+"""The lander with instructions of two numbers: which way to fall, and whether to fall faster or slower.
 
-The expert wants it to sink the more slowly the lower it is, and to stand still on the ground.
+The wanted sinking speed falls with the height; rest on the ground is within its tolerance.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from ibe_rl.task import Phrases
 from ibe_rl.types import Array
 
 SPEED_AT_GROUND, SPEED_BY_HEIGHT = 0.08, 0.6
-"""The wanted sinking speed, in the units of vy (7.5 m/s): on the ground, and what each half height adds."""
+"""Wanted sinking speed in units of vy (7.5 m/s): on the ground, and added per half height."""
 SPEED_TOLERANCE = 0.1
-"""Up to which, either way, the speed is as wanted."""
+"""Largest deviation, in units of vy, that counts as wanted."""
 
 
 def too_slow(states: Array) -> Array:
-    """States ``(..., 9)`` to how much more slowly ``(...)`` the lander sinks than the expert wants, in units of vy."""
+    """States ``(..., 9)`` to wanted minus actual sinking speed ``(...)``, in units of vy."""
     return states[..., VY] + SPEED_AT_GROUND + SPEED_BY_HEIGHT * np.maximum(states[..., Y], 0)
 
 
 def instruct_both(states: Array) -> Array:
-    """Say which way to fall, and how fast.
+    """Which way to fall, and how fast.
 
     Args:
         states: ``(..., 9)``.
 
     Returns:
-        ``(..., 2)`` float32: the lander's own rule; and -1 sink faster, +1 sink slower, 0 go on like this.
+        ``(..., 2)`` float32: the rule of ``lander_task``; and -1 sink faster, +1 sink slower, 0 keep the speed.
     """
     slow = too_slow(states)
     speed = np.where(slow > SPEED_TOLERANCE, -1.0, np.where(slow < -SPEED_TOLERANCE, 1.0, 0.0))
@@ -39,12 +39,12 @@ def instruct_both(states: Array) -> Array:
 
 
 def motion_of_both(states: Array) -> Array:
-    """States ``(..., 9)`` to the changes ``(..., 2)`` of x and vy in one step, if the velocity stays what it is."""
+    """States ``(..., 9)`` to the changes ``(..., 2)`` of x and vy in one step at the current velocity."""
     return np.concatenate([lander_motion(states), np.zeros_like(states[..., [VY]])], axis=-1)
 
 
 def offset_of_both(states: Array) -> Array:
-    """States ``(..., 9)`` to how far ``(..., 2)`` the pad's middle and the wanted velocity lie above x and vy."""
+    """States ``(..., 9)`` to ``(..., 2)``: the pad's middle minus x, and the wanted minus the actual vy."""
     return np.concatenate([lander_goal_offset(states), -too_slow(states)[..., None]], axis=-1)
 
 

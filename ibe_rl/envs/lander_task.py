@@ -1,4 +1,4 @@
-"""What the lander with moving pads declares of its own: rule, names, units, phrases, pads, scene.
+"""The task of the lander with pads: rule, names, units, phrases, pads, scene.
 
 Units are gymnasium's: x is 1 at half the width (10 m), y is 1 at half the height (20/3 m), measured from
 where the legs stand on the pad; see the notes of gymnasium's Lunar Lander for the velocities.
@@ -17,7 +17,7 @@ from ibe_rl.types import Array
 PAD_X: dict[str, float] = {"left": -0.6, "center": 0.0, "right": 0.6}
 MAX_EPISODE_STEPS = 1000
 FLAG_DISTANCE = 0.2
-"""From the middle of the pad to each flag, as in gymnasium's game."""
+"""From the middle of the pad to each flag in half widths, as in gymnasium."""
 
 WIDTH = game.VIEWPORT_W / game.SCALE
 HEIGHT = game.VIEWPORT_H / game.SCALE
@@ -26,7 +26,7 @@ X, Y, VX, VY, LEFT_LEG, RIGHT_LEG, GOAL_X = 0, 1, 2, 3, 6, 7, 8
 
 
 def lander_instruction(states: Array) -> Array:
-    """Say which way to fall (the paper's equation 7).
+    """Which way to fall (the paper's equation 7).
 
     Args:
         states: ``(..., 9)``.
@@ -45,10 +45,10 @@ def pad_of(state: Array) -> str:
 
 
 def lander_motion(states: Array) -> Array:
-    """States ``(..., 9)`` to the change ``(..., 1)`` of x in one step at the present velocity: 0.01 vx, in half widths.
+    """States ``(..., 9)`` to the change ``(..., 1)`` of x in one step at the current velocity: 0.01 vx, in half widths.
 
-    vx is m/s times half the width over the frames of a second, gymnasium's way; dividing by half the width once gives
-    the metres of a step, twice gives half widths.
+    gymnasium's vx is m/s times half the width over the frame rate; dividing by half the width once gives metres per
+    step, twice gives half widths.
     """
     return states[..., [VX]] / (WIDTH / 2) ** 2
 

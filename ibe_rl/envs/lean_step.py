@@ -1,7 +1,7 @@
 """gymnasium's step of the Lunar Lander without its overhead: the same physics calls, the same numbers.
 
-Without wind and rendering only; what is left out are checks, decorations and detours through numpy. Names and
-constants are those of ``gymnasium.envs.box2d.lunar_lander``. Tests hold both steps equal to the last bit.
+Only without wind and rendering; leaves out checks, decorations and conversions to numpy. Names and constants are those
+of ``gymnasium.envs.box2d.lunar_lander``. Tests check that both steps are equal bit for bit.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ SCALE = game.SCALE
 HALF_WIDTH, HALF_HEIGHT = game.VIEWPORT_W / SCALE / 2, game.VIEWPORT_H / SCALE / 2
 LEGS_BELOW = game.LEG_DOWN / SCALE
 ENGINES = ((0.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))
-"""Power of the main engine and, to the right, of the side engines, for each discrete action."""
+"""Power of the main engine, and of the side engines to the right, for each discrete action."""
 
 
 def lean_step(lunar: Any, action: Any) -> tuple[list[float], float, bool]:
     """Step a ``LunarLander``.
 
     Args:
-        lunar: the game; its bodies, ``prev_shaping`` and random generator go on by one step.
-        action: 0 nothing, 1 left engine, 2 main engine, 3 right engine; or of continuous engines both throttles.
+        lunar: the environment; its bodies, ``prev_shaping`` and random generator are updated.
+        action: 0 nothing, 1 left engine, 2 main engine, 3 right engine; or two continuous throttles.
 
     Returns:
-        gymnasium's eight state numbers, its reward, and whether the episode has ended.
+        gymnasium's eight state numbers, its reward, and whether the episode terminated.
     """
     main, side = throttles(action) if lunar.continuous else ENGINES[action]
     _fire(lunar, main, side)
@@ -42,18 +42,18 @@ def lean_step(lunar: Any, action: Any) -> tuple[list[float], float, bool]:
 
 
 def throttles(action: Sequence[float]) -> tuple[float, float]:
-    """Both numbers of a continuous action to the power of main and side engines: off, or between half and full."""
+    """Continuous action to the power of main and side engines: 0, or between half and full."""
     main, side = min(max(float(action[0]), -1.0), 1.0), min(max(float(action[1]), -1.0), 1.0)
     return (main + 1.0) * 0.5 if main > 0 else 0.0, side if abs(side) > 0.5 else 0.0
 
 
 def _fire(lunar: Any, main: float, side: float) -> None:
-    """Push the lander as its engines do; both random numbers are drawn in any case."""
+    """Apply the engines' impulses; always draws two random numbers."""
     draw, body = lunar.np_random.random, lunar.lander
-    first, second = (-1.0 + 2.0 * draw()) / SCALE, (-1.0 + 2.0 * draw()) / SCALE  # what uniform(-1, 1) computes
+    first, second = (-1.0 + 2.0 * draw()) / SCALE, (-1.0 + 2.0 * draw()) / SCALE  # as uniform(-1, 1) computes them
     if not (main or side):
         return
-    angle, position = body.angle, body.position  # its x and y cost half of what unpacking it does
+    angle, position = body.angle, body.position  # reading x and y costs half of unpacking
     tip_x, tip_y = math.sin(angle), math.cos(angle)
     side_x, side_y = -tip_y, tip_x
     x, y = position.x, position.y

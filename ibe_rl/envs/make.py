@@ -1,4 +1,4 @@
-"""From a gymnasium environment to what the collector steps: many copies as one TorchRL environment."""
+"""Make gymnasium environments, and many of them as one TorchRL environment for the collector."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from ibe_rl.task import Shape, Task
 from ibe_rl.types import Array, ConfigError, Instructor, observe
 
 TRAINING_SEEDS = 2_000_000_000
-"""Seeds of training episodes are below it, those of all others are not."""
+"""Seeds of training episodes are below this, those of all others are not."""
 
 
 def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None = None) -> gymnasium.Env[Any, Any]:
     """Make one environment, with its time limit.
 
     Args:
-        env_id: as gymnasium knows it; ``module:id`` for one that a module registers.
+        env_id: gymnasium id; ``module:id`` imports the module first.
         kwargs: of its constructor.
-        declared: what a config declares of it; None: the environment has a ``task``.
+        declared: task from a config; None: the environment has a ``task``.
 
     Raises:
-        ConfigError: if ``env_id`` is not registered, cannot be made, nobody declares a task, or it does not fit.
+        ConfigError: if ``env_id`` is not registered or cannot be made, or the task is missing or does not fit.
     """
     _check_registered(env_id)
     limit = (
@@ -64,7 +64,7 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
 
 
 def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of an environment, checked and with its defaults if its class has ``settings``, a dataclass."""
+    """Check the arguments and add defaults if the environment's class has a dataclass ``settings``."""
     made = gymnasium.registry[env_id.rpartition(":")[2]].entry_point
     settings: Any = getattr(load_env_creator(made) if isinstance(made, str) else made, "settings", None)
     if not inspect.isclass(settings) or not is_dataclass(settings):
@@ -85,15 +85,15 @@ def _check_registered(env_id: str) -> None:
 
 
 def make_env(env: EnvConfig) -> gymnasium.Env[Any, Any]:
-    """As ``make_gym``, from the settings of an environment."""
+    """``make_gym`` from the settings of an environment."""
     return make_gym(env.id, env.kwargs, env.task)
 
 
 def make_snapshot_env(env: EnvConfig) -> Stoppable:
-    """One more game to predict in.
+    """Make one environment to predict in.
 
     Raises:
-        ConfigError: if such games cannot be taken up exactly.
+        ConfigError: if it cannot be restored exactly.
     """
     made = stoppable(make_env(env))
     if made is None:
@@ -106,49 +106,48 @@ def make_snapshot_env(env: EnvConfig) -> Stoppable:
 
 
 def task_of(env: gymnasium.Env[Any, Any]) -> Task:
-    """What is declared of the environment."""
+    """The environment's task."""
     task: Task = env.get_wrapper_attr("task")
     return task
 
 
 def drawn(env: gymnasium.Env[Any, Any], part: str) -> list[Shape]:
-    """The "background" or the "figure" of an environment as it is now; empty if it cannot be drawn."""
+    """The current "background" or "figure" of an environment; empty if it cannot be drawn."""
     return list(env.get_wrapper_attr(part)()) if env.has_wrapper_attr(part) else []
 
 
 class InstructedEnvs(EnvBase):
-    """Games that step together and are instructed together, one row each.
+    """Environments that are stepped and instructed together, one row each.
 
-    Writes ``state``, ``instruction``, ``instruction_given``, ``observation`` (all three, what the policy reads) and
-    ``success`` (``info`` at the task's success key) in reset and step alike. It leaves beginning anew to the
-    collector: nothing is lost at the end of an episode. One object for all, without gymnasium's vector environment
-    and TorchRL's transforms, which took a third of the time (docs/LOG.md).
+    Reset and step write ``state``, ``instruction``, ``instruction_given``, ``observation`` (all three, for the policy)
+    and ``success`` (``info`` at the task's success key). Resetting is left to the collector, so no last state is lost.
+    gymnasium's vector environment and TorchRL's transforms are not used; they took a third of the time (docs/LOG.md).
 
-    Each episode has a seed of its own (``episode_seed``), so that it can be played again by itself.
+    Each episode has a seed of its own (``episode_seed``), so that it can be replayed alone.
 
     Args:
-        games: environments of one kind that declare a task.
+        envs: environments of one kind that declare a task.
         instructor: instructs all rows.
-        partial_episodes: the episode of each row that the first reset takes up, instead of beginning anew.
+        partial_episodes: per row the episode that the first reset resumes.
     """
 
     def __init__(
         self,
-        games: Sequence[gymnasium.Env[Any, Any]],
+        envs: Sequence[gymnasium.Env[Any, Any]],
         instructor: Instructor,
         partial_episodes: Sequence[PartialEpisode] = (),
     ):
-        super().__init__(batch_size=[len(games)])
-        self._games, self._instructor, self._task = games, instructor, task_of(games[0])
-        self._under_way, self._first_seed, self._begun = list(partial_episodes), 0, [0] * len(games)
-        self._states = np.zeros((len(games), len(self._task.state_names)), np.float32)
-        self._said = np.zeros((len(games), self._task.instruction_size + 1), np.float32)
+        super().__init__(batch_size=[len(envs)])
+        self._environments, self._instructor, self._task = envs, instructor, task_of(envs[0])
+        self._partial_episodes, self._first_seed, self._episodes_begun = list(partial_episodes), 0, [0] * len(envs)
+        self._states = np.zeros((len(envs), len(self._task.state_names)), np.float32)
+        self._said = np.zeros((len(envs), self._task.instruction_size + 1), np.float32)
         self._declare()
 
     def _declare(self) -> None:
-        """Say which entries there are."""
-        rows, task, game = len(self._games), self._task, self._games[0]
-        state = torchrl_spec(game.observation_space, categorical_action_encoding=True)
+        """Declare the specs."""
+        rows, task, env = len(self._environments), self._task, self._environments[0]
+        state = torchrl_spec(env.observation_space, categorical_action_encoding=True)
         flag = Unbounded(shape=(rows, 1), dtype=torch.bool)
         self.observation_spec = Composite(
             observation=Unbounded(shape=(rows, task.observation_size), dtype=torch.float32),
@@ -158,7 +157,7 @@ class InstructedEnvs(EnvBase):
             success=flag,
             shape=[rows],
         )
-        action = torchrl_spec(game.action_space, categorical_action_encoding=True)
+        action = torchrl_spec(env.action_space, categorical_action_encoding=True)
         self.action_spec = action.expand(rows, *action.shape)
         self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
         self.done_spec = Composite(
@@ -168,33 +167,33 @@ class InstructedEnvs(EnvBase):
 
     def _set_seed(self, seed: int | None) -> None:
         self._first_seed = episode_seed(0, 0) if seed is None else seed
-        self._begun = [0] * len(self._games)
+        self._episodes_begun = [0] * len(self._environments)
 
     def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
         asked = None if tensordict is None else tensordict.get("_reset", None)
-        rows = np.ones(len(self._games), bool) if asked is None else asked.numpy().reshape(-1)
-        no = torch.zeros(len(self._games), 1, dtype=torch.bool)
-        fresh = self._take_up() if self._under_way else rows
+        rows = np.ones(len(self._environments), bool) if asked is None else asked.numpy().reshape(-1)
+        no = torch.zeros(len(self._environments), 1, dtype=torch.bool)
+        fresh = self._replay() if self._partial_episodes else rows
         for row in np.flatnonzero(fresh).tolist():
             self._states[row] = self._begin(row)
         self._instructor.reset(fresh)
         return TensorDict(self._seen(rows) | {"success": no}, self.batch_size)
 
     def _begin(self, row: int) -> Array:
-        """Begin the next episode of a game; returns its first state."""
-        seed = episode_seed(self._first_seed + row, self._begun[row])
-        self._begun[row] += 1
-        state: Array = self._games[row].reset(seed=seed)[0]
+        """Begin the next episode of a row; returns its first state."""
+        seed = episode_seed(self._first_seed + row, self._episodes_begun[row])
+        self._episodes_begun[row] += 1
+        state: Array = self._environments[row].reset(seed=seed)[0]
         return state
 
-    def _take_up(self) -> Array:
-        """Play the episodes under way once more, as far as they had come, with the instructor listening.
+    def _replay(self) -> Array:
+        """Replay the partial episodes, with the instructor called at each step.
 
         Returns:
-            the rows ``(N,)`` that came out otherwise, or of which none was under way: they have to begin anew.
+            The rows ``(N,)`` to reset: without a partial episode, or with a replay that ended in another state.
         """
-        partial_episodes, self._under_way = self._under_way, []
-        self._begun = [one.ended for one in partial_episodes]
+        partial_episodes, self._partial_episodes = self._partial_episodes, []
+        self._episodes_begun = [one.ended for one in partial_episodes]
         going = np.array([one.state is not None for one in partial_episodes])
         for row in np.flatnonzero(going).tolist():
             self._states[row] = self._begin(row)
@@ -204,7 +203,7 @@ class InstructedEnvs(EnvBase):
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
                 action = plain(partial_episodes[row].actions[step])
-                self._states[row], _, terminated, truncated, _ = self._games[row].step(action)
+                self._states[row], _, terminated, truncated, _ = self._environments[row].step(action)
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -214,7 +213,7 @@ class InstructedEnvs(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get("action")
-        states, rewards, terminated, truncated, infos = step_together(self._games, actions.numpy())
+        states, rewards, terminated, truncated, infos = step_together(self._environments, actions.numpy())
         self._states = np.array(states, np.float32)
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
         success = [info[self._task.success_key] for info in infos]
@@ -228,10 +227,10 @@ class InstructedEnvs(EnvBase):
         return TensorDict(entries, self.batch_size)
 
     def _seen(self, asked: Array) -> dict[str, torch.Tensor]:
-        """What the policy and IBE read of the present states, in memory of its own.
+        """Observation entries for the current states, in new memory.
 
-        Only the rows ``(N,)`` that are ``asked`` for get a new instruction: the others had theirs for this state, or
-        have ended where nobody acts any more.
+        Only the rows ``(N,)`` in ``asked`` get a new instruction: the others have theirs for this state, or have
+        terminated.
         """
         instruction, given = self._instructor.instruct(self._states, asked)
         self._said = np.where(asked[:, None], np.concatenate([instruction, given], axis=1), self._said)
@@ -245,25 +244,25 @@ class InstructedEnvs(EnvBase):
         }
 
 
-def step_together(games: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:
+def step_together(envs: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:
     """Step each environment once: states, rewards, terminated, truncated, infos of ``N`` environments."""
-    steps = [game.step(action) for game, action in zip(games, plain(actions), strict=True)]
+    steps = [env.step(action) for env, action in zip(envs, plain(actions), strict=True)]
     return list(zip(*steps, strict=True))
 
 
 def plain(actions: Array) -> Any:
-    """Actions ``()`` or ``(N,)`` as plain ints, which games read faster; rows of numbers as they are."""
+    """Integer actions ``()`` or ``(N,)`` as plain ints, which environments read faster; others unchanged."""
     return actions.tolist() if actions.dtype.kind in "iu" else actions
 
 
 def make_vector_env(
-    games: Sequence[gymnasium.Env[Any, Any]],
+    envs: Sequence[gymnasium.Env[Any, Any]],
     instructor: Instructor,
     seed: int,
     partial_episodes: Sequence[PartialEpisode] = (),
 ) -> EnvBase:
-    """Let environments step together, seeded ``seed`` and up; see ``InstructedEnvs``."""
-    env = InstructedEnvs(games, instructor, partial_episodes)
+    """Make ``InstructedEnvs`` with rows seeded from ``seed`` on."""
+    env = InstructedEnvs(envs, instructor, partial_episodes)
     env.set_seed(seed)
     return env
 
@@ -272,7 +271,7 @@ def episode_seed(row_seed: int, number: int) -> int:
     """The seed of a training episode.
 
     Args:
-        row_seed: of the environment that it is played in.
-        number: of episodes before it there.
+        row_seed: of its environment.
+        number: of earlier episodes in this environment.
     """
     return int(np.random.SeedSequence([row_seed, number]).generate_state(1, np.uint64)[0]) % TRAINING_SEEDS

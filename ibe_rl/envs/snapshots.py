@@ -1,4 +1,4 @@
-"""Stop a game in one copy and take it up in another: by the game itself, by MuJoCo's state, by a deep copy."""
+"""Snapshot an environment and restore it in another copy: by its own methods, MuJoCo's state or a deep copy."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
 
 AROUND = (wrappers.TimeLimit, wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, Declared)
-"""What is around a game without being part of it."""
+"""Wrappers that are not part of the environment's own state."""
 PROOF_STEPS = 30
-"""How far a game that was taken up must repeat the original; it is stopped as far into the episode."""
+"""Steps of a check replay, and the latest step of a snapshot in it."""
 
 
 class Stoppable(Protocol):
-    """A game, without its time limit, that can be stopped, and taken up again in this copy or in another one."""
+    """An environment, without its time limit, that can be snapshot and restored, also in another copy."""
 
     @property
     def unwrapped(self) -> Any:
         """Itself."""
 
     def reset(self, *, seed: int | None = None) -> Any:
-        """Begin an episode; once before ``restore``."""
+        """Begin an episode; required once before ``restore``."""
 
     def step(self, action: Any) -> Any:
         """As ``gymnasium.Env.step``."""
 
     def snapshot(self) -> Any:
-        """Copy all that the steps of the game read."""
+        """Copy all that ``step`` reads."""
 
     def restore(self, snapshot: Any, noise: np.random.Generator | None = None) -> None:
-        """Take the game up where ``snapshot`` left it, which stays as it is.
+        """Continue from ``snapshot``, which is not changed.
 
         Args:
             snapshot: also of another copy.
-            noise: generator of the game's chance from here on; None repeats the draws of the original.
+            noise: random generator from here on; None repeats the original's draws.
         """
 
 
 class Copied:
-    """A game that is all Python, stopped by a deep copy."""
+    """A pure Python environment, snapshot by a deep copy."""
 
     def __init__(self, game: Any):
         self.game = game
@@ -75,11 +75,11 @@ class Copied:
 
 
 class MuJoCo(Copied):
-    """One of gymnasium's MuJoCo environments: what MuJoCo integrates, and plain attributes kept beside it."""
+    """One of gymnasium's MuJoCo environments: MuJoCo's integration state and plain attributes."""
 
     def snapshot(self) -> tuple[Array, dict[str, Any]]:
         """See ``Stoppable``."""
-        import mujoco  # an extra
+        import mujoco  # an optional dependency
 
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.game.model, kind))
@@ -93,8 +93,8 @@ class MuJoCo(Copied):
         kind, (state, attributes) = mujoco.mjtState.mjSTATE_INTEGRATION, snapshot
         vars(self.game).update(deepcopy(attributes))
         mujoco.mj_setState(self.game.model, self.game.data, state, kind)
-        mujoco.mj_forward(self.game.model, self.game.data)  # what follows from it, such as where the bodies are
-        mujoco.mj_setState(self.game.model, self.game.data, state, kind)  # the solver's start, which that has moved
+        mujoco.mj_forward(self.game.model, self.game.data)  # recomputes derived values such as body positions
+        mujoco.mj_setState(self.game.model, self.game.data, state, kind)  # mj_forward changes the solver's warm start
         if noise is not None:
             self.game.np_random = noise
 
@@ -106,56 +106,56 @@ def _plain(value: Any) -> bool:
 
 
 def stoppable(env: gymnasium.Env[Any, Any]) -> Stoppable | None:
-    """The game below ``env`` as one that can be stopped; None if it cannot be taken up again exactly.
+    """The environment below the wrappers as ``Stoppable``; None if it cannot be restored exactly.
 
-    A game's own ``snapshot`` and ``restore`` are trusted; the other ways are held against the game itself
-    (``repeats``), once for each kind of environment.
+    Its own ``snapshot`` and ``restore`` are trusted. The other methods are checked (``repeats``) once per kind of
+    environment.
     """
     if hasattr(env.unwrapped, "snapshot"):
         own: Stoppable = env.unwrapped  # type: ignore[assignment]
         return own
-    way = _way(env)
-    return None if way is None else way(_inside(env))
+    method = _method(env)
+    return None if method is None else method(_unwrapped(env))
 
 
-def _inside(env: gymnasium.Env[Any, Any]) -> Any:
+def _unwrapped(env: gymnasium.Env[Any, Any]) -> Any:
     inner: Any = env
     while isinstance(inner, AROUND):
         inner = inner.env
     return inner
 
 
-_ways: dict[tuple[str, str], type[Copied] | None] = {}
+_methods: dict[tuple[str, str], type[Copied] | None] = {}
 
 
-def _way(env: gymnasium.Env[Any, Any]) -> type[Copied] | None:
+def _method(env: gymnasium.Env[Any, Any]) -> type[Copied] | None:
     spec = env.unwrapped.spec
     if spec is None:
         return None
     kind = (spec.id, repr(spec.kwargs))
-    if kind not in _ways:
-        _ways[kind] = _found(spec)
-    return _ways[kind]
+    if kind not in _methods:
+        _methods[kind] = _find_method(spec)
+    return _methods[kind]
 
 
-def _found(spec: EnvSpec) -> type[Copied] | None:
-    games = [_inside(gymnasium.make(spec, disable_env_checker=True)) for _ in range(2)]
-    for way in (MuJoCo, Copied) if hasattr(games[0], "model") and hasattr(games[0], "data") else (Copied,):
+def _find_method(spec: EnvSpec) -> type[Copied] | None:
+    games = [_unwrapped(gymnasium.make(spec, disable_env_checker=True)) for _ in range(2)]
+    for method in (MuJoCo, Copied) if hasattr(games[0], "model") and hasattr(games[0], "data") else (Copied,):
         try:
-            if repeats(way(games[0]), way(games[1])):
-                return way
-        except Exception:  # noqa: S112 - what cannot be copied, such as an engine's bodies, says so in many ways
+            if repeats(method(games[0]), method(games[1])):
+                return method
+        except Exception:  # noqa: S112 - uncopyable objects raise many types of error
             continue
     return None
 
 
 def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS) -> bool:
-    """Whether a game that is taken up in another copy repeats the original to the last bit, chance included.
+    """Whether restored copies repeat the original bit for bit, random draws included.
 
     Args:
-        original: is played from its beginning and stopped now and then.
-        other: a copy, which played something else before.
-        steps: of each replay; the last stop is as far into the episode.
+        original: stepped from the start of an episode, with snapshots at intervals.
+        other: a copy, in another episode before.
+        steps: of each replay, and the latest step of a snapshot.
     """
     original.reset(seed=1)
     other.reset(seed=2)

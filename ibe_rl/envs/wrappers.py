@@ -1,4 +1,4 @@
-"""Wrappers: an environment with the task that a config declares, and one whose observation has the instruction."""
+"""Wrappers that add a declared task, and the instruction to the observation."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, observe
 
 SUCCESS = "success"
-"""The key in ``info`` of what a declared rule says."""
+"""Key in ``info`` of a declared success function."""
 
 
 class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
-    """An environment of which a config declares a task.
+    """An environment with a task declared in a config.
 
-    States come as float32, and ``info["success"]`` says at each step whether the episode has ended well.
+    States are float32; ``info["success"]`` at each step is whether the episode ended in success.
 
     Args:
         env: with its time limit.
-        task: what was declared.
-        success: last state ``(S,)``, terminated, truncated to bool; None: ``info`` says it under the task's key, or
-            nobody does.
-        draw: functions of the environment to shapes, under "background" and "figure".
+        task: as declared.
+        success: (last state ``(S,)``, terminated, truncated) to bool; None: read from ``info`` under the task's key,
+            else False.
+        draw: functions from the environment to shapes, under "background" and "figure".
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """As the environment's."""
+        """See ``gymnasium.Env``."""
         state, info = self.env.reset(seed=seed, options=options)
         return np.asarray(state, np.float32), {**info, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """As the environment's."""
+        """See ``gymnasium.Env``."""
         raw, reward, terminated, truncated, info = self.env.step(action)
         state = np.asarray(raw, np.float32)
         if self._success is not None:
@@ -58,11 +58,11 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         return state, float(reward), bool(terminated), bool(truncated), info
 
     def background(self) -> list[Any]:
-        """What stands still in the drawing."""
+        """The static shapes of the drawing."""
         return self._shapes("background")
 
     def figure(self) -> list[Any]:
-        """What moves in the drawing."""
+        """The moving shapes of the drawing."""
         return self._shapes("figure")
 
     def _shapes(self, part: str) -> list[Any]:
@@ -70,17 +70,17 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
 
 
 class Instructed(gymnasium.Wrapper[Array, Any, Array, Any], RecordConstructorArgs):
-    """Writes the rule's instruction, and that it was given, behind the state: what the agents here read.
+    """Appends the rule's instruction, and that it was given, to the state.
 
     Args:
-        env: an environment that declares a task, with its state as its observation.
+        env: declares a task and observes its state.
 
     Raises:
         ConfigError: if it declares none.
     """
 
     def __init__(self, env: gymnasium.Env[Array, Any]):
-        RecordConstructorArgs.__init__(self)  # so that its spec can make it again
+        RecordConstructorArgs.__init__(self)  # so that its spec can recreate it
         gymnasium.Wrapper.__init__(self, env)
         task = getattr(env.unwrapped, "task", None)
         if not isinstance(task, Task):

@@ -2,7 +2,7 @@
 
 In: states of many environments, the task's rule, the settings of one kind. A kind is a module here or elsewhere; see
 ``make_instructor``.
-Out: for each environment an instruction, and whether one was given.
+Out: per environment an instruction, and whether one was given.
 Imports: ``types``, ``task``, ``storage``, ``config``.
 """
 
@@ -19,17 +19,17 @@ from ibe_rl.types import Instructor
 def make_instructor(
     config: InstructorConfig, task: Task, seed: int = 0, person: Instructor | None = None
 ) -> Instructor:
-    """Make the instructor that ``config`` asks for.
+    """Make the instructor of the kind that ``config`` names.
 
-    A kind of instructor is a class as ``ibe_rl.types.Instructor``. It is called (or its ``make``, if it has
-    one) with its settings, the task and the seed of its draws. Class attributes: ``settings``, a dataclass derived from
-    ``InstructorConfig``, and if need be ``check(settings, collect, task)``, which raises ``ConfigError``.
+    A kind of instructor is a class like ``ibe_rl.types.Instructor``. Its constructor (or its ``make``, if it has
+    one) takes its settings, the task and a seed. Class attributes: ``settings``, a dataclass derived from
+    ``InstructorConfig``, and optionally ``check(settings, collect, task)``, which raises ``ConfigError``.
 
     Args:
-        config: one of the kinds.
+        config: settings of one kind.
         task: of the environment.
-        seed: of the draws of those that draw.
-        person: who instructs the first environment, for a kind that is live.
+        seed: of its random draws.
+        person: instructs the first environment, for a live kind.
 
     Raises:
         ConfigError: for an unknown kind, or a recording that cannot be read.
@@ -40,7 +40,7 @@ def make_instructor(
 
 
 def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Task) -> None:
-    """Refuse, before anything is made, an instructor that could not work.
+    """Refuse settings with which the instructor could not work.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -51,7 +51,7 @@ def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Tas
 
 
 def stand_in(config: InstructorConfig) -> InstructorConfig:
-    """Who instructs where no person can be: in evaluations, and in whatever is flown after the training."""
+    """The instructor that replaces a person, in evaluations and in episodes after the training."""
     other = _declared(config, "stand_in", None)
     stands_in: InstructorConfig = other(config) if other else config
     return stands_in
@@ -63,15 +63,15 @@ def is_live(config: InstructorConfig) -> bool:
 
 
 def is_resumable(config: InstructorConfig) -> bool:
-    """Whether a run can go on with it in the middle."""
+    """Whether a run with it can be resumed."""
     return bool(_declared(config, "resumable", True))
 
 
 def speaks(config: InstructorConfig) -> bool:
-    """Whether it ever says anything."""
+    """Whether it ever gives an instruction."""
     return bool(_declared(config, "speaks", True))
 
 
 def _declared(config: InstructorConfig, name: str, default: Any) -> Any:
-    """An attribute of the kind's class."""
+    """A class attribute of the kind."""
     return getattr(implementation("instructor", config.kind), name, default)

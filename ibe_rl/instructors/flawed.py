@@ -1,4 +1,4 @@
-"""An instructor with the flaws of a person: sometimes wrong, late, not always there."""
+"""An instructor with the flaws of a person: sometimes wrong, late or absent."""
 
 from __future__ import annotations
 
@@ -17,26 +17,25 @@ from ibe_rl.types import Array, Episode, Instructor
 
 @dataclass
 class FlawedConfig(InstructorConfig):
-    """The oracle with the flaws of a person; whether it is wrong or away is drawn anew for each spell of time."""
+    """The oracle with the flaws of a person; whether it is wrong or absent is drawn for each spell of steps."""
 
     kind: str = "flawed"
-    wrong: float = setting(0.0, low=0.0, high=1.0)  # share of the time in which it says another value
-    late_steps: int = setting(0, low=0, high=1_000)  # it says what was right so many steps ago; until then nothing
-    present: float = setting(1.0, low=0.0, high=1.0)  # share of the time in which it says anything
+    wrong: float = setting(0.0, low=0.0, high=1.0)  # share of spells with another value than the right one
+    late_steps: int = setting(0, low=0, high=1_000)  # delay of the instruction; silent until then
+    present: float = setting(1.0, low=0.0, high=1.0)  # share of spells with any instruction
     spell_steps: int = setting(25, low=1)  # 1: drawn at every step
 
 
 class Flawed:
-    """Says what another instructor says, with flaws.
+    """Another instructor with flaws.
 
-    Time goes in spells of ``spell_steps``. For each of them, each agent by itself, it is drawn anew whether the
-    instructor is away, and whether it is wrong: then each number is another of the values, the same other one for the
-    same right one as long as the spell lasts.
+    An episode is divided into spells of ``spell_steps``. For each spell of each agent it is drawn whether the
+    instructor is absent, and whether it is wrong. A wrong one permutes the values, in the same way for the whole spell.
 
     Args:
-        inner: who is right.
-        values: that a number can have, rising.
-        config: how often and how much.
+        inner: gives the right instruction.
+        values: of each number, rising.
+        config: rates and delay.
         seed: of all draws.
     """
 
@@ -45,8 +44,8 @@ class Flawed:
     def __init__(self, inner: Instructor, values: Sequence[float], config: FlawedConfig, seed: int):
         self._inner, self._values, self._config = inner, np.array(values, np.float32), config
         self._random = np.random.default_rng([seed, 0xF1A])
-        self._age = np.zeros(0, np.int64)  # steps that each agent was instructed at in its episode
-        self._lines: Array | None = None  # (N, late + 1, d + 1): what was right at its newest steps, in a ring
+        self._age = np.zeros(0, np.int64)  # steps of each agent's episode so far
+        self._history: Array | None = None  # (N, late + 1, d + 1): ring buffer of right instructions
 
     @classmethod
     def make(cls, config: FlawedConfig, task: Task, seed: int) -> Self:
@@ -54,49 +53,49 @@ class Flawed:
         return cls(Oracle(task.rule), task.instruction_values, config, seed)
 
     def reset(self, rows: Array) -> None:
-        """Forget what was right in these rows, and begin a spell."""
+        """Clear these rows, and begin a spell."""
         self._inner.reset(rows)
         if len(rows) != len(self._age):
-            self._age, self._lines = np.zeros(len(rows), np.int64), None
-            self._away, self._shift = np.zeros(len(rows), bool), np.zeros(len(rows), np.int64)
+            self._age, self._history = np.zeros(len(rows), np.int64), None
+            self._absent, self._shift = np.zeros(len(rows), bool), np.zeros(len(rows), np.int64)
         self._age[rows] = 0
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.types.Instructor``."""
         right = np.concatenate(self._inner.instruct(states, rows), axis=1)
-        self._turn(rows & (self._age % self._config.spell_steps == 0))
+        self._draw_spells(rows & (self._age % self._config.spell_steps == 0))
         said = self._delayed(right, rows)
         self._age[rows] += 1
-        given = said[:, -1:] * ~self._away[:, None]
-        return (self._mistaken(said[:, :-1]) * given).astype(np.float32), given.astype(np.float32)
+        given = said[:, -1:] * ~self._absent[:, None]
+        return (self._with_errors(said[:, :-1]) * given).astype(np.float32), given.astype(np.float32)
 
-    def _turn(self, rows: Array) -> None:
+    def _draw_spells(self, rows: Array) -> None:
         """Draw a new spell for these rows."""
         if not rows.any():
             return
-        away, wrong = self._random.random((2, len(rows)))
+        absent, wrong = self._random.random((2, len(rows)))
         shift = self._random.integers(1, len(self._values), len(rows)) * (wrong < self._config.wrong)
-        self._away[rows], self._shift[rows] = (away >= self._config.present)[rows], shift[rows]
+        self._absent[rows], self._shift[rows] = (absent >= self._config.present)[rows], shift[rows]
 
     def _delayed(self, right: Array, rows: Array) -> Array:
-        """What was right ``late_steps`` ago, silence before that."""
+        """The right instruction ``late_steps`` ago, silence before that."""
         length = self._config.late_steps + 1
-        if self._lines is None:
-            self._lines = np.zeros((len(rows), length, right.shape[1]), np.float32)
+        if self._history is None:
+            self._history = np.zeros((len(rows), length, right.shape[1]), np.float32)
         every = np.arange(len(rows))
-        self._lines[every[rows], self._age[rows] % length] = right[rows]
-        then = self._lines[every, (self._age + 1) % length]
+        self._history[every[rows], self._age[rows] % length] = right[rows]
+        then = self._history[every, (self._age + 1) % length]
         return np.where((self._age >= self._config.late_steps)[:, None], then, 0.0)
 
-    def _mistaken(self, instruction: Array) -> Array:
-        """Take other values instead, in the rows that are wrong now."""
+    def _with_errors(self, instruction: Array) -> Array:
+        """Replace the values in the rows that are wrong now."""
         places = np.abs(instruction[..., None] - self._values).argmin(axis=-1)
         other = self._values[(places + self._shift[:, None]) % len(self._values)]
         return np.where(self._shift[:, None] > 0, other, instruction)
 
 
-class _Again:
-    """Says once more what was said in episodes, one a row."""
+class _Replayed:
+    """Repeats the instructions of episodes, one episode per row."""
 
     def __init__(self, episodes: Sequence[Episode]):
         steps = max(map(len, episodes))
@@ -107,7 +106,7 @@ class _Again:
         self._step = 0
 
     def reset(self, rows: Array) -> None:
-        """Begin with the first step."""
+        """Return to the first step."""
         self._step = 0
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
@@ -118,19 +117,19 @@ class _Again:
 
 
 def corrupted(episodes: Sequence[Episode], values: Sequence[float], flaws: FlawedConfig, seed: int) -> list[Episode]:
-    """The same episodes as if a flawed instructor had been heard in them; what the agent did stays.
+    """The same episodes with the instructions of a flawed instructor; states and actions stay.
 
     Args:
-        episodes: with what an instructor said.
-        values: that an instruction can have.
+        episodes: with the right instructions.
+        values: of each number of an instruction.
         flaws: of the instructor.
         seed: of the draws.
     """
-    instructor = Flawed(_Again(episodes), values, flaws, seed)
+    instructor = Flawed(_Replayed(episodes), values, flaws, seed)
     instructor.reset(np.ones(len(episodes), bool))
     lengths, unseen = np.array([len(episode) for episode in episodes]), np.zeros((len(episodes), 0))
-    said = [np.concatenate(instructor.instruct(unseen, step < lengths), axis=1) for step in range(lengths.max())]
-    heard = np.stack(said, axis=1)
+    steps = [np.concatenate(instructor.instruct(unseen, step < lengths), axis=1) for step in range(lengths.max())]
+    heard = np.stack(steps, axis=1)
     return [
         replace(episode, instructions=heard[row, : len(episode), :-1], given=heard[row, : len(episode), -1] > 0)
         for row, episode in enumerate(episodes)

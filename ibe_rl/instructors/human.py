@@ -1,4 +1,4 @@
-"""A person instructs the first environment; their page is ``ibe_rl.apps.teach``."""
+"""A person instructs the first environment; the web page is ``ibe_rl.apps.teach``."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ibe_rl.types import ConfigError, Instructor
 
 @dataclass
 class HumanConfig(MixedConfig):
-    """A person, in a browser, instructs the first environment; all of them step at the pace of its clock."""
+    """A person in a browser instructs the first environment; all environments step at its pace."""
 
     kind: str = "human"
-    hold_steps: int | None = setting(0, low=0)  # what was said last holds on for so long; None: until the episode ends
-    speed: float | None = setting(1.0, low=0.05, high=1_000.0)  # at the start, in times of real time; None: unthrottled
-    host: str = "127.0.0.1"  # that the page is served on; whoever can reach it can instruct
+    hold_steps: int | None = setting(0, low=0)  # how long an instruction holds; None: until the episode ends
+    speed: float | None = setting(1.0, low=0.05, high=1_000.0)  # initial, 1 is real time; None: unthrottled
+    host: str = "127.0.0.1"  # address of the page; anyone who can reach it can instruct
     port: int | None = setting(None, low=1, high=65535)  # None: 8765, or a free one
 
 
 class Human:
-    """Whoever is at the page."""
+    """The person at the page."""
 
     kind, settings, live = "human", HumanConfig, True
     check, stand_in = staticmethod(check_mixed), staticmethod(others_stand_in)
@@ -32,7 +32,7 @@ class Human:
         """See ``ibe_rl.instructors``.
 
         Raises:
-            ConfigError: if nobody is at the page.
+            ConfigError: if there is no person.
         """
         if person is None:
             raise ConfigError("instructor=human: there is nobody at the page; allowed is any other instructor here")

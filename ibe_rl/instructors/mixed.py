@@ -1,4 +1,4 @@
-"""One agent is instructed by somebody, live or from a record, the others by somebody else."""
+"""One instructor, live or recorded, for the first environment, and another for the rest."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 
 OTHER_KINDS = ("oracle", "silent", "habits")
-"""Who can instruct the environments beside the first."""
+"""Instructors of the environments beside the first."""
 
 
 @dataclass
 class MixedConfig(InstructorConfig):
-    """Somebody instructs the first environment; ``habits`` does as they would, going by what they said so far."""
+    """One instructor for the first environment; ``habits`` clones it for the others."""
 
-    others: str = setting("oracle", choices=OTHER_KINDS)  # who instructs the other environments
+    others: str = setting("oracle", choices=OTHER_KINDS)  # instructor of the other environments
 
 
 class MixedInstructor:
-    """The first row's instructor and that of the others; these may be instructed as the first one's habits are.
+    """One instructor for the first row and one for the other rows, possibly a clone of the first.
 
     Args:
         first: of the first row.
-        others: of the other rows; ``ClonedInstructor`` learn from each episode of the first.
+        others: of the other rows; a ``ClonedInstructor`` learns from each episode of the first.
     """
 
     def __init__(self, first: Instructor, others: Instructor):
@@ -62,19 +62,19 @@ class MixedInstructor:
 
 
 def beside_others(first: Instructor, config: MixedConfig, task: Task) -> MixedInstructor:
-    """The first row's instructor, and those that the settings name for the others."""
+    """Combine the first row's instructor with the one that the settings name for the others."""
     if config.others == "habits":
         return MixedInstructor(first, ClonedInstructor(task.instruction_size))
     return MixedInstructor(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
 
 
 def others_stand_in(config: MixedConfig) -> InstructorConfig:
-    """Who instructs where the first one's instructor cannot be."""
+    """The instructor where the first one is not available."""
     return InstructorConfig("silent" if config.others == "silent" else "oracle")
 
 
 def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None:
-    """Refuse settings with which one environment cannot be watched.
+    """Refuse settings with which a person cannot watch the first environment.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.

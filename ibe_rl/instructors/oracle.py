@@ -1,4 +1,4 @@
-"""The instructor that needs nothing but the environment's rule."""
+"""The instructor that follows the environment's rule."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ibe_rl.types import Array
 
 
 class Oracle:
-    """Follows the environment's rule at every step."""
+    """Gives the rule's instruction at every step."""
 
     kind = "oracle"
 

@@ -1,4 +1,4 @@
-"""A person's session on disk: one line of JSON for each episode, and the instructor that repeats it."""
+"""A person's session on disk, one line of JSON per episode, and the instructor that replays it."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
 SPEAKERS = ("person", "held", "oracle", "nobody")
-"""Who says what is said at a step; "held" is what the person said before and that still counts, "oracle" the rule."""
+"""Source of the instruction at a step: "held" is the person's earlier one still in force, "oracle" the rule."""
 
 NO_EPISODE = "not an episode with instructions, given, by and heard"
 
 
 @dataclass(frozen=True)
 class RecordedEpisode:
-    """What was said at each step of an episode.
+    """The instructions of an episode.
 
     Attributes:
-        episode: 0, 1, 2 and so on.
-        instructions: of each step ``d`` numbers, 0 in silence.
-        given: of each step 1, or 0 in silence.
-        by: of each step one of ``SPEAKERS``.
-        heard: of each step the number of the newest press or release that counted in it, as the page numbered them.
+        episode: number, from 0.
+        instructions: ``d`` numbers per step, 0 in silence.
+        given: per step 1, or 0 in silence.
+        by: per step one of ``SPEAKERS``.
+        heard: per step the page's number of the newest key press or release that took effect.
     """
 
     episode: int
@@ -43,7 +43,7 @@ class RecordedEpisode:
 
 
 class LessonWriter:
-    """Writes episodes as they end, each to the disk before the next.
+    """Appends episodes to a file as they end.
 
     Args:
         path: a new file.
@@ -59,7 +59,7 @@ class LessonWriter:
 
 
 def read_lesson(path: Path, instruction_size: int) -> list[RecordedEpisode]:
-    """Read a session; a last line that was cut off when the run was killed is left out.
+    """Read a session; a last line that a killed run left incomplete is skipped.
 
     Raises:
         ConfigError: if the file cannot be read, or a line is not an episode.
@@ -83,7 +83,7 @@ def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
 
 
 def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
-    """What no session would have left; raises TypeError where it is of another kind altogether."""
+    """What is wrong with an episode, or None; may raise TypeError for values of other types."""
     columns = (episode.instructions, episode.given, episode.by, episode.heard)
     if {type(column) for column in columns} != {list}:
         return NO_EPISODE
@@ -108,16 +108,14 @@ def _in_range(value: Any) -> bool:
 
 @dataclass
 class RecordedConfig(MixedConfig):
-    """A person's session once more, in the first environment; see ``ibe_rl.instructors.human``."""
+    """Replays a person's session in the first environment; see ``ibe_rl.instructors.human``."""
 
     kind: str = "recorded"
-    recording: str = MISSING  # the folder of the run in which the person taught
+    recording: str = MISSING  # folder of the run in which the person taught
 
 
 class Recorded:
-    """Instructs one agent as it was done in a session: the same at the same step of the same episode.
-
-    What comes after the end of the session, or of an episode in it, is silence.
+    """Replays a session: the same instruction at the same step of the same episode, silence beyond its end.
 
     Args:
         episodes: of the session.
@@ -138,12 +136,12 @@ class Recorded:
 
     @staticmethod
     def check(config: RecordedConfig, collect: CollectConfig, task: Task) -> None:
-        """See ``check_mixed``; the recording is read too."""
+        """See ``check_mixed``; also reads the recording."""
         check_mixed(config, collect, task)
         _lesson(config, task)
 
     def reset(self, rows: Array) -> None:
-        """Go on to the next episode."""
+        """Continue with the next episode."""
         if rows[0]:
             self._episode, self._step = self._episode + 1, 0
 
@@ -151,8 +149,8 @@ class Recorded:
         """See ``ibe_rl.types.Instructor``."""
         said = self._silence
         if rows[0]:
-            told = self._said[self._episode] if 0 <= self._episode < len(self._said) else self._silence[:0]
-            said, self._step = told[self._step : self._step + 1], self._step + 1
+            recorded = self._said[self._episode] if 0 <= self._episode < len(self._said) else self._silence[:0]
+            said, self._step = recorded[self._step : self._step + 1], self._step + 1
         said = said if len(said) else self._silence
         return said[:, :-1].copy(), said[:, -1:].copy()
 

@@ -1,4 +1,4 @@
-"""The instructor that never says anything."""
+"""The instructor that never gives an instruction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ibe_rl.types import Array
 
 
 class Silent:
-    """Never says anything: what the agent does without instruction."""
+    """Never gives an instruction."""
 
     kind, speaks = "silent", False
 

@@ -2,7 +2,7 @@
 
 In: moments of episodes, a policy, the log to learn from, the settings of one kind. A kind is a module here or
 elsewhere; see ``KeptPredictor``.
-Out: predicted paths of the state, how far they are to be trusted, and what was learnt as a state to resume from.
+Out: predicted state paths, how many of their steps to trust, and a state to resume from.
 Imports: ``types``, ``storage``, ``config``, ``instructors``, ``ibe``.
 """
 
@@ -19,12 +19,12 @@ from ibe_rl.types import ConfigError, Moment, Policy, Prediction
 
 
 class KeptPredictor(Protocol):
-    """A predictor that a run keeps: it may learn, and has a state to go on from.
+    """A predictor of a run: it may learn, and has a state to resume from.
 
-    A kind of predictor is such a class. It is called (or its ``make``, if it has one) with its settings and the keyword
-    arguments of ``make_predictor``. Class attributes: ``settings``, a dataclass derived from ``PredictorConfig``;
-    ``learns``, True if ``learn`` does anything, else it is asked to work in a copy of the environment;
-    ``asks_policy``, False if what it predicts does not depend on the policy; and if need be
+    A kind of predictor is such a class. Its constructor (or its ``make``, if it has one) takes its settings and the
+    keyword arguments of ``make_predictor``. Class attributes: ``settings``, a dataclass derived from
+    ``PredictorConfig``; ``learns``, True if it learns from the log instead of stepping a copy of the environment;
+    ``asks_policy``, False if its predictions do not depend on the policy; and optionally
     ``check(settings, env)``, which raises ``ConfigError``.
     """
 
@@ -32,38 +32,38 @@ class KeptPredictor(Protocol):
         """See ``ibe_rl.types.Predictor``."""
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
-        """Learn from the log as it stands, or stood at a frame, if there is anything to learn."""
+        """Learn from the log, current or as of ``until_frame``; may do nothing."""
 
     def forget(self) -> None:
-        """Let go of traces of what was predicted before, so that a resumed run predicts the same."""
+        """Drop traces of earlier predictions, so that a resumed run predicts the same."""
 
     def state_dict(self) -> dict[str, Any]:
-        """All that later predictions stand on, as arrays and plain values."""
+        """All that later predictions depend on, as arrays and plain values."""
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """The inverse of ``state_dict``."""
 
     def close(self) -> None:
-        """Stop what it has started."""
+        """Stop its processes."""
 
 
 def is_learnt(config: PredictorConfig) -> bool:
-    """Whether it learns from the log instead of asking a copy of the environment."""
+    """Whether it learns from the log instead of stepping a copy of the environment."""
     return bool(getattr(implementation("predictor", config.kind), "learns", False))
 
 
 def asks_policy(config: PredictorConfig) -> bool:
-    """Whether what it predicts depends on the policy."""
+    """Whether its predictions depend on the policy."""
     return bool(getattr(implementation("predictor", config.kind), "asks_policy", True))
 
 
 def check_predictor(config: PredictorConfig, instructor: InstructorConfig, env: Any) -> None:
-    """Refuse, before anything is made, a predictor that cannot work.
+    """Refuse settings with which the predictor cannot work.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    if is_learnt(config) and is_live(instructor):  # it would have to be sent to the process of the lesson
+    if is_learnt(config) and is_live(instructor):  # it would have to be sent to the teaching session's process
         raise ConfigError(f"predictor={config.kind} with instructor={instructor.kind}: allowed is predictor=simulator")
     checks = getattr(implementation("predictor", config.kind), "check", None)
     if checks:
@@ -78,18 +78,18 @@ def make_predictor(
     env: Any,
     horizons_steps: Callable[[], Sequence[int]],
 ) -> KeptPredictor:
-    """Make the predictor that ``config`` asks for.
+    """Make the predictor of the kind that ``config`` names.
 
     Args:
-        config: of one of the kinds.
-        make_snapshot_env: makes one game that can be stopped and taken up again; only asked for the exact one.
+        config: settings of one kind.
+        make_snapshot_env: makes an environment with ``snapshot`` and ``restore``; only called by the simulator.
         rule: the environment's instruction rule.
-        seed: of its chance.
-        env: one environment, whose spaces tell what it has to learn.
-        horizons_steps: how far ahead is explained, asked when it learns: it may have to be found first.
+        seed: of its random draws.
+        env: one environment, for its spaces.
+        horizons_steps: the horizons explained, called when it learns: they may be estimated by then.
 
     Raises:
-        ConfigError: if it cannot learn such actions.
+        ConfigError: if it does not support the action space.
     """
     given = {
         "make_snapshot_env": make_snapshot_env,

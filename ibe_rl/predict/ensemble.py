@@ -1,4 +1,4 @@
-"""The learned predictor: an ensemble of small networks, learnt from the log; it needs no copy of the environment."""
+"""The learned predictor: an ensemble of small dynamics models, trained on the log."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, ConfigError, Moment, Policy, Prediction, columns_of, observe
 
 FROM_NOTHING = 3
-"""The first time it learns takes so many times the updates."""
+"""Factor on the updates of the first refresh."""
 
 
 @dataclass
 class EnsembleConfig(PredictorConfig):
-    """Small networks learn from the log what a step does; needs no snapshot of the environment, and one process.
+    """Small dynamics models trained on the log; needs no snapshot of the environment, and one process.
 
-    It learns at each refresh, going on from what it has learnt before; the first time takes three times the updates.
+    Training continues at each refresh; the first one takes three times the updates.
     """
 
     kind: str = setting("ensemble", kept=True)
-    moments_at_once: int = setting(2_560, low=1, learnt=False)  # futures that stay in the processor's cache
+    moments_at_once: int = setting(2_560, low=1, learnt=False)  # futures that fit the processor's cache
     members: int = setting(5, low=2, high=100, kept=True)
     hidden: list[int] = field(default_factory=lambda: [32, 32], metadata=KEPT)
-    updates: int = setting(400, low=1)  # of all members, at each refresh
+    updates: int = setting(400, low=1)  # per refresh, of all members
     minibatch_size: int = setting(1_024, low=1)
     learning_rate: float = setting(5e-3, low=TINY, high=1.0)  # falls to 0 at each refresh
-    newest_frames: int = setting(400_000, low=1)  # about so many frames of the log are learnt from
+    newest_frames: int = setting(400_000, low=1)  # about this many frames of the log
     max_uncertainty: float = setting(
         1.0, low=0.0, learnt=False
-    )  # expected error over how much changes vary: not trusted beyond
+    )  # expected error over the spread of changes; not trusted above
 
 
 class Ensemble:
-    """Learns what one step does, and follows the policy through what it has learnt.
+    """Learns one-step dynamics, and rolls the policy out in them.
 
-    Each future follows one member; now and then all are asked, and where they are too far apart the predictor stands
-    by the future no longer. It does not know the chance in the environment: futures of a moment differ by member only.
+    Each future follows one member. At intervals all members are compared; where they disagree too much the rest of the
+    future is not trusted. Members are deterministic: futures of a moment differ by member only.
 
     Args:
         config: see ``EnsembleConfig``.
         actions: of the environment.
         state_size: S.
         rule: the environment's instruction rule, states ``(N, S)`` to instructions ``(N, d)``.
-        seed: of the weights and of all draws; the same log teaches the same.
+        seed: of the weights and of all draws.
     """
 
     kind, settings, learns = "ensemble", EnsembleConfig, True
@@ -74,7 +74,7 @@ class Ensemble:
 
     @staticmethod
     def check(config: EnsembleConfig, env: Any) -> None:
-        """Refuse widths of no layer, and actions that cannot be learnt.
+        """Refuse empty or non-positive layer widths, and unsupported actions.
 
         Raises:
             ConfigError: naming the key, the value and what is allowed.
@@ -84,15 +84,15 @@ class Ensemble:
             raise ConfigError(f"predictor.hidden={list(config.hidden)}: allowed are one or more widths of at least 1")
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
-        """Go on learning from the newest episodes of the log, a bounded amount of work.
+        """Continue training on the newest episodes of the log.
 
         Args:
-            log: with whole episodes in it.
-            until_frame: episodes that had ended by this frame of the training; None: all.
+            log: of a run.
+            until_frame: use episodes that ended by this frame of the training; None: all.
 
         Raises:
             ValueError: if there is no such episode.
-            FloatingPointError: if the weights are no finite numbers any more.
+            FloatingPointError: if the weights are NaN or infinite.
         """
         config, seed = self._config, self._seed + 1_000 * (self._times + 1)
         learnt, judged = held_out(newest_episodes(log, config.newest_frames, until_frame))
@@ -111,7 +111,7 @@ class Ensemble:
         """See ``ibe_rl.types.Predictor``.
 
         Raises:
-            ValueError: if it has learnt nothing yet.
+            ValueError: before the first ``learn``.
         """
         if self._trust is None:
             raise ValueError("the ensemble has learnt nothing yet")
@@ -126,7 +126,7 @@ class Ensemble:
         return roll(self._layers, self._scale, states, begin, horizon_steps, self._config.moments_at_once)
 
     def _follow(self, policy: Policy, instruction: Array, given: Array, futures: Array) -> Act:
-        """How the policy acts in these futures ``(R,)``; what it reads is laid out once."""
+        """How the policy acts in these futures ``(R,)``; its input buffer is allocated once."""
         size, by_rule = self._sizes[-1] - 1, self._config.future_instruction == "rule"
         seen = observe(np.zeros((len(futures), size), np.float32), instruction[futures], given[futures])
 
@@ -139,7 +139,7 @@ class Ensemble:
         return act
 
     def forget(self) -> None:
-        """Nothing to forget: what it predicts depends on what it has learnt only."""
+        """Nothing to forget: predictions depend only on what it has learnt."""
 
     def state_dict(self) -> dict[str, Any]:
         """What it has learnt, as arrays and plain values; empty before that."""
@@ -157,7 +157,7 @@ class Ensemble:
 
         Raises:
             ValueError: if the state does not fit them.
-            KeyError: if something is missing in it.
+            KeyError: if an entry is missing.
         """
         if not state:
             return

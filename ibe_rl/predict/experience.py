@@ -1,4 +1,4 @@
-"""What a predictor learns from: the newest episodes of the log, as arrays."""
+"""Training data of a predictor: the newest episodes of the log, as arrays."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ibe_rl.types import Array, ConfigError, Episode
 
 
 def newest_episodes(log: TrajectoryLog, frames: int, until_frame: int | None = None) -> list[Episode]:
-    """The newest whole episodes of the log, of about so many frames.
+    """The newest whole episodes of the log, of about this many frames.
 
     Args:
         log: of a run.
-        frames: how many steps they have together, about; one episode at least.
-        until_frame: those that had ended by this frame of the training; None: all.
+        frames: approximate number of steps in total; at least one episode.
+        until_frame: those that ended by this frame of the training; None: all.
 
     Raises:
         ValueError: if there is none.
@@ -34,11 +34,11 @@ def newest_episodes(log: TrajectoryLog, frames: int, until_frame: int | None = N
 
 @dataclass(frozen=True)
 class ActionColumns:
-    """Actions as columns of numbers: one column for each choice, or the numbers of a continuous action.
+    """Actions as columns: one-hot for discrete actions, the numbers of a continuous action.
 
     Attributes:
         size: ``A`` columns.
-        first: the first choice; None: the actions are numbers themselves.
+        first: the first discrete action; None: continuous.
     """
 
     size: int
@@ -46,7 +46,7 @@ class ActionColumns:
 
     @classmethod
     def of(cls, space: gymnasium.Space[Any]) -> ActionColumns:
-        """Of an environment's action space.
+        """The columns of an action space.
 
         Raises:
             ConfigError: if it is neither Discrete nor Box.
@@ -84,7 +84,7 @@ class Steps:
 
     @classmethod
     def of(cls, episodes: Sequence[Episode], columns: ActionColumns) -> Steps:
-        """All steps of episodes, one behind the other."""
+        """Concatenate all steps of episodes."""
         lengths = [len(episode) for episode in episodes]
         ended = np.zeros(sum(lengths), np.float32)
         ended[np.cumsum(lengths) - 1] = [episode.terminated for episode in episodes]
@@ -98,7 +98,7 @@ class Steps:
 
 
 def held_out(episodes: Sequence[Episode], every: int = 10) -> tuple[list[Episode], list[Episode]]:
-    """Part episodes into those to learn from and one in ``every`` to be judged on; of a single one both."""
+    """Hold out one episode in ``every``; a single episode is used for both."""
     kept = list(episodes[::every])
     learnt = [episode for row, episode in enumerate(episodes) if row % every]
     return learnt or kept, kept

@@ -1,4 +1,4 @@
-"""The members of a learned predictor: small networks from state and action to what one step changes.
+"""The members of an ensemble: small networks from state and action to the change in one step.
 
 Shapes: ``M`` members, ``S`` state dimensions, ``A`` columns of an action, ``n`` rows of each member.
 """
@@ -26,13 +26,13 @@ MAX_GRADIENT_NORM = 10.0
 
 @dataclass(frozen=True)
 class Scale:
-    """In which units the members see states, and what kind each dimension is of.
+    """Normalisation of states, and the type of each dimension.
 
     Attributes:
         mean: ``(S,)`` of the states.
         spread: ``(S,)`` standard deviation of the states.
-        step: ``(S,)`` standard deviation of the change in one step; 0: the dimension never changed.
-        binary: ``(S,)`` bool, the dimension is 0 or 1 and changed.
+        step: ``(S,)`` standard deviation of the change in one step; 0: the dimension is constant.
+        binary: ``(S,)`` bool, the dimension is 0 or 1 and not constant.
     """
 
     mean: Array
@@ -42,7 +42,7 @@ class Scale:
 
     @classmethod
     def of(cls, steps: Steps) -> Scale:
-        """Measured on steps."""
+        """Estimate from steps."""
         states, change = steps.states, steps.after - steps.states
         varies = np.any(change != 0, axis=0)
         spread, step = states.std(axis=0), np.where(varies, change.std(axis=0), 0)
@@ -60,7 +60,7 @@ class Scale:
 
 
 def make_layers(members: int, sizes: Sequence[int], seed: int) -> Layers:
-    """Fresh weights; the last layer begins near 0, where nothing changes."""
+    """Initial weights; those of the last layer are small, which predicts almost no change."""
     generator = torch.Generator().manual_seed(seed)
     layers = []
     for number, (inputs, outputs) in enumerate(pairwise(sizes)):
@@ -79,10 +79,9 @@ def run(layers: Layers, inputs: Tensor) -> Tensor:
 
 
 def in_state_units(layers: Layers, scale: Scale) -> Layers:
-    """The same members, fed with states as they are, and with changes as they are in their outputs.
+    """Fold the normalisation into the first and last layer.
 
-    The outputs are the ``S`` changes of one step, the logit of 1 instead where a dimension is 0 or 1, and the logit
-    that the episode ends.
+    Outputs are the ``S`` changes of one step (for binary dimensions the logit of 1) and the logit of termination.
     """
     size = len(scale.mean)
     (first, first_bias), (last, last_bias) = layers[0], layers[-1]
@@ -98,25 +97,22 @@ def in_state_units(layers: Layers, scale: Scale) -> Layers:
 def train(
     layers: Layers, scale: Scale, steps: Steps, updates: int, minibatch_size: int, learning_rate: float, seed: int
 ) -> Layers:
-    """Go on learning, each member from its own draw of the episodes.
+    """Continue training, each member on its own bootstrap sample of the episodes.
 
     Args:
-        layers: to start from; they are not changed.
+        layers: initial weights; not changed.
         scale: of the states.
-        steps: to learn from.
+        steps: training data.
         updates: of all members.
-        minibatch_size: steps that each member sees in an update.
-        learning_rate: falls in a straight line to 0.
+        minibatch_size: steps per member and update.
+        learning_rate: falls linearly to 0.
         seed: of all draws.
-
-    Returns:
-        The layers after it.
     """
     generator = torch.Generator().manual_seed(seed)
     layers = [(weights.clone().requires_grad_(), bias.clone().requires_grad_()) for weights, bias in layers]
     parameters = [each for layer in layers for each in layer]
     optimizer = torch.optim.Adam(parameters, learning_rate, fused=True)
-    drawn = _drawn_episodes(steps, len(layers[0][0]), generator)
+    drawn = _bootstrap(steps, len(layers[0][0]), generator)
     columns = [torch.from_numpy(each) for each in _inputs_and_targets(scale, steps)]
     losses = _Losses(scale)
     for update in range(updates):
@@ -132,8 +128,8 @@ def train(
     return [(weights.detach(), bias.detach()) for weights, bias in layers]
 
 
-def _drawn_episodes(steps: Steps, members: int, generator: torch.Generator) -> list[Tensor]:
-    """For each member the rows of as many episodes as there are, drawn with replacement (the bootstrap)."""
+def _bootstrap(steps: Steps, members: int, generator: torch.Generator) -> list[Tensor]:
+    """Rows of a bootstrap sample of the episodes for each member."""
     lengths = torch.from_numpy(np.bincount(steps.episode))
     ends = lengths.cumsum(0)
     found = []
@@ -147,7 +143,7 @@ def _drawn_episodes(steps: Steps, members: int, generator: torch.Generator) -> l
 
 
 def _inputs_and_targets(scale: Scale, steps: Steps) -> tuple[Array, Array]:
-    """``(T, S + A)``, and ``(T, S + 1)``: changes in units of ``scale.step``, 0 or 1, and whether it ended."""
+    """Inputs ``(T, S + A)``; targets ``(T, S + 1)``: changes over ``scale.step`` or binary values, and the end."""
     unit = np.where(scale.step > 0, scale.step, 1)
     change = np.where(scale.binary, steps.after, (steps.after - steps.states) / unit)
     inputs = np.concatenate([(steps.states - scale.mean) / scale.spread, steps.actions], axis=1)
@@ -155,14 +151,14 @@ def _inputs_and_targets(scale: Scale, steps: Steps) -> tuple[Array, Array]:
 
 
 class _Losses:
-    """The sum over the outputs, the mean over everything else."""
+    """Loss summed over outputs, averaged over everything else."""
 
     def __init__(self, scale: Scale):
         self._graded = torch.from_numpy(np.flatnonzero(scale.graded))
         self._logits = torch.from_numpy(np.append(np.flatnonzero(scale.binary), len(scale.mean)))
 
     def __call__(self, outputs: Tensor, targets: Tensor) -> Tensor:
-        # smooth: the largest changes are jolts at the ground that no state foretells
+        # smooth L1: the largest changes are impacts that no state predicts
         graded = functional.smooth_l1_loss(outputs[..., self._graded], targets[..., self._graded], reduction="sum")
         logits = functional.binary_cross_entropy_with_logits(
             outputs[..., self._logits], targets[..., self._logits], reduction="sum"
@@ -181,7 +177,7 @@ def layers_from_dict(values: dict[str, Any], like: Layers) -> Layers:
     """The inverse of ``layers_to_dict``, for members made with the same settings.
 
     Raises:
-        ValueError: if they are of other shapes.
+        ValueError: if shapes differ.
     """
     found = []
     for i, layer in enumerate(like):

@@ -1,4 +1,4 @@
-"""The cheapest predictor: a regression from the state to its change over a few spans of time, with no steps between."""
+"""The cheapest predictor: a regression from the state to its change over a few spans, without steps between."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ MAX_WINDOWS = 40_000
 
 @dataclass
 class RegressionConfig(PredictorConfig):
-    """A regression from the state to its change, without asking the policy, in one process: the least it can be."""
+    """A regression from the state to its change, without the policy: a minimal baseline."""
 
     kind: str = setting("regression", kept=True)
-    future_instruction: str = setting("hold", choices=("hold",), learnt=False)  # it takes no steps
-    futures: int = setting(1, low=1, high=100, learnt=False)  # all are the same
+    future_instruction: str = setting("hold", choices=("hold",), learnt=False)  # there are no steps between
+    futures: int = setting(1, low=1, high=100, learnt=False)  # all are identical
     spans_steps: list[int] = field(
         default_factory=list, metadata=KEPT
-    )  # learnt; empty: the horizons explained, twice the longest
-    degree: int = setting(2, low=1, high=3, kept=True)  # of the polynomial in the state
-    newest_frames: int = setting(400_000, low=1)  # about so many frames of the log are learnt from
+    )  # empty: the explained horizons and twice the longest
+    degree: int = setting(2, low=1, high=3, kept=True)  # of the polynomial features
+    newest_frames: int = setting(400_000, low=1)  # about this many frames of the log
 
 
 class Regression:
-    """Foretells what the agents of the log did on average from such a state; it does not ask the policy.
+    """Predicts the average change from similar states in the log; the policy is not called.
 
-    Between the spans that it has learnt it goes in a straight line, and beyond the longest one it stands still.
+    Between learnt spans it interpolates linearly, beyond the longest one it is constant.
 
     Args:
         config: see ``RegressionConfig``.
-        seed: of the draw of the windows.
-        spans_steps: that it learns; asked when it does.
+        seed: of the sample of windows.
+        spans_steps: the spans to learn, called by ``learn``.
     """
 
     kind, settings, learns, asks_policy = "regression", RegressionConfig, True, False
@@ -64,7 +64,7 @@ class Regression:
 
     @staticmethod
     def check(config: RegressionConfig, env: Any) -> None:  # noqa: ARG004 - as of the other kinds
-        """Refuse spans of no step.
+        """Refuse spans below one step.
 
         Raises:
             ConfigError: naming the key, the value and what is allowed.
@@ -73,7 +73,7 @@ class Regression:
             raise ConfigError(f"predictor.spans_steps={list(config.spans_steps)}: allowed is at least 1 for each")
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
-        """Learn anew from the newest episodes of the log; see ``Ensemble.learn``.
+        """Fit again on the newest episodes of the log; see ``Ensemble.learn``.
 
         Raises:
             ValueError: if there is no such episode.
@@ -82,13 +82,13 @@ class Regression:
         learnt, judged = held_out(newest_episodes(log, self._config.newest_frames, until_frame))
         seen, change = self._windows(learnt)
         model = make_pipeline(self._features, StandardScaler(), Ridge()).fit(seen, change)
-        self._weights, self._bias = _as_one(model)
+        self._weights, self._bias = _folded(model)
         seen, change = self._windows(judged)
         left = self._change(seen) - change.reshape(len(seen), len(self._spans), -1)
-        self._error = _share_of_spread(left, change.reshape(left.shape))
+        self._error = _relative_rmse(left, change.reshape(left.shape))
 
     def _windows(self, episodes: Sequence[Episode]) -> tuple[Array, Array]:
-        """What is seen ``(W, O)``, and the changes over all spans ``(W, C S)``; windows end with their episode."""
+        """Observations ``(W, O)`` and changes over all spans ``(W, C S)``; windows are cut at the episode's end."""
         seen = [observe(each.states[:-1], each.instructions, each.given[:, None]) for each in episodes]
         spans = [[delta_states(each.states, int(n), "clamp") for n in self._spans] for each in episodes]
         changes = np.concatenate([np.concatenate(columns, axis=1) for columns in spans])
@@ -96,23 +96,23 @@ class Regression:
         return np.concatenate(seen)[rows], changes[rows]
 
     def _change(self, seen: Array) -> Array:
-        """What is seen ``(N, O)`` to changes ``(N, C, S)``."""
+        """Observations ``(N, O)`` to changes ``(N, C, S)``."""
         assert self._weights is not None
-        columns = self._features.fit(seen[:1]).transform(seen)  # it learns nothing but how many columns there are
+        columns = self._features.fit(seen[:1]).transform(seen)  # fit only counts the columns
         return np.asarray(columns @ self._weights + self._bias).reshape(len(seen), len(self._spans), -1)
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
-        """See ``ibe_rl.types.Predictor``; the policy is not asked.
+        """See ``ibe_rl.types.Predictor``; the policy is not called.
 
         Raises:
-            ValueError: if it has learnt nothing yet.
+            ValueError: before the first ``learn``.
         """
         if self._weights is None:
             raise ValueError("the regression has learnt nothing yet")
         states, instruction, given = columns_of(moments)
         change = self._change(observe(states, instruction, given)).astype(np.float32)
         known = np.concatenate([np.zeros_like(change[:, :1]), change], axis=1)
-        paths = states[:, None] + _between(known, np.array([0, *self._spans]), horizon_steps)
+        paths = states[:, None] + _interpolated(known, np.array([0, *self._spans]), horizon_steps)
         trusted = np.full(len(moments), min(horizon_steps, int(self._spans[-1])))
         error = np.interp(horizon_steps, self._spans, self._error)
         return Prediction(paths, trusted, np.full(len(moments), error, np.float32))
@@ -127,11 +127,11 @@ class Regression:
         return {"spans": self._spans, "weights": self._weights, "bias": self._bias, "error": self._error}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """The inverse of ``state_dict``, for one made with the same settings.
+        """The inverse of ``state_dict``, for a regression made with the same settings.
 
         Raises:
-            ValueError: if it was made with others.
-            KeyError: if something is missing in it.
+            ValueError: if the settings differ.
+            KeyError: if an entry is missing.
         """
         if not state:
             return
@@ -148,15 +148,15 @@ class Regression:
         """Nothing to close."""
 
 
-def _as_one(model: Pipeline) -> tuple[Array, Array]:
-    """Scaling and regression as one matrix and one bias, which can be kept without pickling."""
+def _folded(model: Pipeline) -> tuple[Array, Array]:
+    """Combine scaling and regression into one matrix and bias, which need no pickle."""
     scaler, ridge = model[1], model[2]
     weights = ridge.coef_.T / scaler.scale_[:, None]
     return weights, ridge.intercept_ - scaler.mean_ @ weights
 
 
-def _share_of_spread(left: Array, change: Array) -> Array:
-    """Errors and changes ``(W, C, S)`` to the root mean square error ``(C,)`` in units of how much the changes vary."""
+def _relative_rmse(left: Array, change: Array) -> Array:
+    """Errors and changes ``(W, C, S)`` to the RMSE ``(C,)`` in standard deviations of the changes."""
     spread = change.std(axis=0)
     shares = np.sqrt(np.mean(left**2, axis=0)) / np.where(spread > 0, spread, 1)
     return np.asarray(
@@ -167,8 +167,8 @@ def _share_of_spread(left: Array, change: Array) -> Array:
     )
 
 
-def _between(known: Array, at: Array, horizon_steps: int) -> Array:
-    """Values ``(N, C, S)`` at steps ``at`` ``(C,)`` to those at all steps ``(N, H + 1, S)``."""
+def _interpolated(known: Array, at: Array, horizon_steps: int) -> Array:
+    """Interpolate values ``(N, C, S)`` at steps ``at`` ``(C,)`` to all steps ``(N, H + 1, S)``."""
     steps = np.minimum(np.arange(horizon_steps + 1), at[-1])
     right = np.searchsorted(at, steps).clip(1)
     share = ((steps - at[right - 1]) / (at[right] - at[right - 1])).astype(np.float32)[:, None]

@@ -1,4 +1,4 @@
-"""Many futures at once through learned members, each future following one of them; no Python for single rows."""
+"""Vectorised rollouts through learned members; each future follows one member."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ibe_rl.predict.members import Layers, Scale, in_state_units, run
 from ibe_rl.types import Array
 
 CHECK_EVERY_STEPS = 10
-"""How often all members are asked about where a future is."""
+"""Interval at which all members are compared."""
 Act = Callable[[int, Array], Array]
 """Step and states ``(R, S)`` to action columns ``(R, A)``."""
 Begin = Callable[[Array], Act]
-"""Which futures ``(R,)`` are rolled out next, to how they act."""
+"""Indices ``(R,)`` of the futures rolled out next to their ``Act``."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Rolled:
 
     Attributes:
         paths: ``(N, H + 1, S)`` predicted states; one that ends early repeats its last state.
-        apart: ``(N, C, G)`` how far the members are apart in the ``G`` graded dimensions after each
-            ``CHECK_EVERY_STEPS`` steps: their standard deviations over one step, added up as if all erred alike.
+        apart: ``(N, C, G)`` disagreement in the ``G`` graded dimensions after each ``CHECK_EVERY_STEPS`` steps: the
+            members' standard deviations over one step, summed as if their errors were fully correlated.
     """
 
     paths: Array
@@ -35,7 +35,7 @@ class Rolled:
 
 
 def checks(horizon_steps: int) -> int:
-    """``C``, how often the members are compared on so many steps."""
+    """``C``, the number of comparisons in a rollout."""
     return -(-horizon_steps // CHECK_EVERY_STEPS)
 
 
@@ -46,10 +46,10 @@ def roll(layers: Layers, scale: Scale, states: Array, begin: Begin, horizon_step
     Args:
         layers: of the members; future ``i`` follows member ``i`` modulo their number.
         scale: of the states.
-        states: ``(N, S)`` where they begin.
+        states: ``(N, S)`` start states.
         begin: how they act.
         horizon_steps: ``H``.
-        at_once: futures that are rolled out together; fewer stay in the processor's cache.
+        at_once: futures that are rolled out together, as many as fit the processor's cache.
     """
     members, count, size = len(layers[0][0]), len(states), states.shape[1]
     padded = -(-count // members) * members
@@ -66,7 +66,7 @@ def roll(layers: Layers, scale: Scale, states: Array, begin: Begin, horizon_step
 
 
 class _Block:
-    """Futures that stay together; the rows of a member lie one behind the other, as the matrices need them."""
+    """A block of futures, with the rows of each member contiguous for the matrix products."""
 
     def __init__(self, layers: Layers, scale: Scale):
         self._layers, self._members, self._size = layers, len(layers[0][0]), len(scale.mean)
@@ -75,21 +75,21 @@ class _Block:
         self._compared = [*layers[:-1], (layers[-1][0][..., graded], layers[-1][1][..., graded])]
 
     def roll(self, paths: Tensor, apart: Tensor, act: Act) -> None:
-        """Fill ``paths`` ``(H + 1, R, S)`` from its first states on, and ``apart`` ``(C, R, G)``."""
+        """Fill ``paths`` ``(H + 1, R, S)`` from its first states, and ``apart`` ``(C, R, G)``."""
         inputs = self._inputs(paths[0])
         states = inputs[..., : self._size]
-        flying = torch.ones(*states.shape[:2], 1, dtype=torch.bool)
+        running = torch.ones(*states.shape[:2], 1, dtype=torch.bool)
         gap = torch.zeros(*states.shape[:2], apart.shape[-1])
         for step in range(len(paths) - 1):
             columns = act(step, states.reshape(-1, self._size).numpy())
             inputs[..., self._size :] = torch.from_numpy(columns).view(*states.shape[:2], -1)
             if step % CHECK_EVERY_STEPS == 0:
-                gap += flying * self._disagreement(inputs)
+                gap += running * self._disagreement(inputs)
                 self._put(gap, apart[step // CHECK_EVERY_STEPS])
             outputs = run(self._layers, inputs)
             after = self._after(states, outputs)
-            states.copy_(after if bool(flying.all()) else torch.where(flying, after, states))
-            flying &= outputs[..., -1:] < 0
+            states.copy_(after if bool(running.all()) else torch.where(running, after, states))
+            running &= outputs[..., -1:] < 0
             self._put(states, paths[step + 1])
 
     def _inputs(self, start: Tensor) -> Tensor:
@@ -99,16 +99,16 @@ class _Block:
         return inputs
 
     def _after(self, states: Tensor, outputs: Tensor) -> Tensor:
-        after = states + outputs[..., : self._size]  # of a dimension that never changed this is 0
+        after = states + outputs[..., : self._size]  # 0 for constant dimensions
         if len(self._binary):
             after[..., self._binary] = (outputs[..., self._binary] > 0).float()
         return after
 
     def _disagreement(self, inputs: Tensor) -> Tensor:
-        """How far all members lead apart in the next steps ``(M, n, G)``."""
+        """Disagreement of all members over the next steps ``(M, n, G)``."""
         rows = inputs.reshape(1, -1, inputs.shape[-1]).expand(self._members, -1, -1)
-        asked = run(self._compared, rows)
-        squares = (asked - asked.mean(dim=0)).square_().mean(dim=0)  # many times as fast as torch's own
+        predicted = run(self._compared, rows)
+        squares = (predicted - predicted.mean(dim=0)).square_().mean(dim=0)  # many times faster than Tensor.std
         return CHECK_EVERY_STEPS * squares.sqrt_().view(*inputs.shape[:2], -1)
 
     def _put(self, values: Tensor, rows: Tensor) -> None:

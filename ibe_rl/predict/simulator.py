@@ -1,4 +1,4 @@
-"""The exact predictor: copies of the environment, set to the moments and stepped (the paper's Algorithm 1)."""
+"""The exact predictor: steps copies of the environment from the moments (the paper's Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
 MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
 Part = tuple[Sequence[Moment], Sequence[Any]]
-"""Moments, and the seed of the noise for each of them."""
+"""Moments and their noise seeds."""
 
 
 class Simulator:
-    """Rolls the policy out in the environment's own engine; the environments of the moments stay untouched.
+    """Rolls the policy out in the environment's own engine; the original environments stay untouched.
 
-    A prediction ends where the environment says that the episode does; the time limit is not part of it.
+    A prediction ends where the episode terminates; the time limit is not part of it.
 
     Args:
-        make_env: makes one environment whose unwrapped self has ``snapshot`` and ``restore``.
+        make_env: makes one environment whose ``unwrapped`` has ``snapshot`` and ``restore``.
         rule: the environment's instruction rule, states ``(N, S)`` to instructions ``(N, d)``.
-        future_instruction: what the policy is told inside the prediction: "hold" keeps the moment's
-            instruction, all that a person's student can know; "rule" asks the rule in the predicted states.
-        moments_at_once: environments kept in each process, stepped side by side.
-        processes: that share the moments; 1 stays in this one. The result is the same to 1e-3 until something touches
-            the ground, where a copy of the game shows traces of whom it played before. With more of them, which
-            take seconds to start, ``make_env``, ``rule`` and the policy must be picklable.
-        seed: of the engine's noise. Each prediction draws its own, since nobody knows the future's.
-        own_noise: False repeats the draws of the original instead: only for testing the engine.
+        future_instruction: instruction inside the prediction: "hold" keeps the moment's, all that the student of a
+            person can know; "rule" applies the rule to the predicted states.
+        moments_at_once: environments per process, stepped together.
+        processes: that divide the moments; 1: this process. Results agree to 1e-3 until a contact, where a copy
+            shows traces of its earlier episodes. More than 1 take seconds to start, and ``make_env``, ``rule`` and
+            the policy must be picklable.
+        seed: of the engine's noise. Each prediction draws its own, as the future noise is unknown.
+        own_noise: False repeats the draws of the original; only for testing the engine.
     """
 
     kind, settings = "simulator", PredictorConfig
@@ -51,7 +51,7 @@ class Simulator:
         own_noise: bool = True,
     ):
         self._at_once, self._processes, self._own_noise = moments_at_once, processes, own_noise
-        self._games = _Games(make_env, rule, future_instruction == "rule")
+        self._copies = _EnvCopies(make_env, rule, future_instruction == "rule")
         self._seeds = np.random.SeedSequence(seed)
         self._pool: ProcessPool | None = None
 
@@ -65,30 +65,30 @@ class Simulator:
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.types.Predictor``."""
         noises = self._seeds.spawn(len(moments)) if self._own_noise else [None] * len(moments)
-        cuts = range(0, len(moments), self._at_once)
-        parts = [(moments[cut : cut + self._at_once], noises[cut : cut + self._at_once]) for cut in cuts]
+        starts = range(0, len(moments), self._at_once)
+        parts = [(moments[start : start + self._at_once], noises[start : start + self._at_once]) for start in starts]
         return Prediction.exact(np.concatenate(list(self._roll_all(parts, policy, horizon_steps))))
 
     def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
-            return [self._games.roll(part, policy, horizon_steps) for part in parts]
-        self._pool = self._pool or ProcessPool(self._games, self._processes)
+            return [self._copies.roll(part, policy, horizon_steps) for part in parts]
+        self._pool = self._pool or ProcessPool(self._copies, self._processes)
         try:
             return list(self._pool.map("roll", [(part, policy, horizon_steps) for part in parts]))
-        except BrokenProcessPool:  # somebody has killed one of them
+        except BrokenProcessPool:  # one of them was killed
             self.close()
-            return [self._games.roll(part, policy, horizon_steps) for part in parts]
+            return [self._copies.roll(part, policy, horizon_steps) for part in parts]
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
-        """There is nothing to learn: it knows the environment itself."""
+        """Nothing to learn: it steps the environment itself."""
 
     def forget(self) -> None:
-        """Play with new copies from now on: old ones show traces of whom they played before."""
-        self._games.clear()
+        """Use new copies from now on: old ones show traces of earlier episodes."""
+        self._copies.clear()
         self.close()
 
     def state_dict(self) -> dict[str, Any]:
-        """How much noise has been drawn, the only thing that later predictions depend on after ``forget``."""
+        """The number of noise seeds drawn, all that predictions depend on after ``forget``."""
         return {"drawn": self._seeds.n_children_spawned}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -102,50 +102,50 @@ class Simulator:
         self._pool = None
 
 
-class _Games:
-    """Copies of the environment, kept for the next moments."""
+class _EnvCopies:
+    """Copies of the environment, reused for the next moments."""
 
     def __init__(self, make_env: MakeEnv, rule: Rule, follow_rule: bool):
         self._make_env, self._rule, self._follow_rule = make_env, rule, follow_rule
-        self._games: list[Any] = []
+        self._copies: list[Any] = []
 
     def clear(self) -> None:
-        """Forget the copies.
+        """Drop the copies.
 
-        Each is held by itself in a circle, and Python, which does not see the memory of the engine behind it, leaves
-        such circles lie for so long that a training grows by a megabyte a refresh.
+        They sit in reference cycles, and gc does not see the engine's native memory. Without an explicit collection a
+        training grows by 1 MB per refresh.
         """
-        self._games = []
+        self._copies = []
         gc.collect()
 
     def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
-        """Paths ``(N, H + 1, S)``; a seed of None repeats the original's noise."""
-        moments, games = part[0], self._at(*part)
+        """Paths ``(N, H + 1, S)``; seed None repeats the original's noise."""
+        moments, copies = part[0], self._at(*part)
         states, instruction, given = columns_of(moments)
         paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
-        flying = np.arange(len(moments))
+        running = np.arange(len(moments))
         for step in range(1, horizon_steps + 1):
-            states = paths[flying, step - 1]
+            states = paths[running, step - 1]
             if self._follow_rule and step > 1:
-                instruction[flying], given[flying] = self._rule(states), 1.0
-            actions = policy(observe(states, instruction[flying], given[flying]))
+                instruction[running], given[running] = self._rule(states), 1.0
+            actions = policy(observe(states, instruction[running], given[running]))
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
-            steps = [games[row].step(action) for row, action in zip(flying.tolist(), choices, strict=True)]
-            paths[flying, step] = np.array([after[0] for after in steps])
+            steps = [copies[row].step(action) for row, action in zip(running.tolist(), choices, strict=True)]
+            paths[running, step] = np.array([after[0] for after in steps])
             ended = np.array([after[2] for after in steps])
-            for row in flying[ended]:
+            for row in running[ended]:
                 paths[row, step:] = paths[row, step]
-            flying = flying[~ended]
-            if not len(flying):
+            running = running[~ended]
+            if not len(running):
                 break
         return paths
 
     def _at(self, moments: Sequence[Moment], noises: Sequence[Any]) -> list[Any]:
-        """Take an environment for each moment and set it there."""
-        while len(self._games) < len(moments):
-            game = self._make_env().unwrapped
-            game.reset(seed=0)
-            self._games.append(game)
-        for game, moment, noise in zip(self._games, moments, noises, strict=False):
-            game.restore(moment.snapshot, None if noise is None else np.random.default_rng(noise))
-        return self._games[: len(moments)]
+        """Restore each moment in an environment of its own."""
+        while len(self._copies) < len(moments):
+            copy = self._make_env().unwrapped
+            copy.reset(seed=0)
+            self._copies.append(copy)
+        for copy, moment, noise in zip(self._copies, moments, noises, strict=False):
+            copy.restore(moment.snapshot, None if noise is None else np.random.default_rng(noise))
+        return self._copies[: len(moments)]

@@ -1,4 +1,4 @@
-"""What the disagreement of members says of their error, measured on logged episodes that they did not learn from."""
+"""The expected error of members given their disagreement, measured on held-out logged episodes."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ibe_rl.types import Array, Episode
 
 WINDOWS = 1_024
 STEPS = 100
-"""How far ahead is measured; beyond that the last values hold."""
+"""Longest horizon measured; beyond it the last values hold."""
 
 
 @dataclass(frozen=True)
 class Trust:
-    """What disagreement means.
+    """From disagreement to expected error.
 
     Attributes:
-        spread: ``(C, G)`` standard deviation of the change of each graded dimension over so many steps (a row for
-            each ``CHECK_EVERY_STEPS``): the unit in which errors are told.
+        spread: ``(C, G)`` standard deviation of the change of each graded dimension after each
+            ``CHECK_EVERY_STEPS`` steps: the unit of errors.
         error_per_gap: expected error over disagreement, both in that unit.
     """
 
@@ -34,7 +34,7 @@ class Trust:
         return self.error_per_gap * in_units(apart, self.spread)
 
     def trusted_steps(self, error: Array, limit: float, horizon_steps: int) -> Array:
-        """Expected errors ``(N, C)`` to how many steps ``(N,)`` stay within ``limit``."""
+        """Expected errors ``(N, C)`` to the number of steps ``(N,)`` within ``limit``."""
         beyond = error > limit
         return np.where(beyond.any(axis=1), CHECK_EVERY_STEPS * beyond.argmax(axis=1), horizon_steps)
 
@@ -54,14 +54,14 @@ def measure(
     roll: Callable[[Array, Begin, int], Rolled],
     seed: int,
 ) -> Trust:
-    """Let the members foretell windows of episodes from their logged actions, and hold it against what came.
+    """Compare rollouts of the members on logged actions with the logged states.
 
     Args:
-        episodes: that they did not learn from.
-        scale: says which dimensions count, those that are graded.
+        episodes: held out.
+        scale: its graded dimensions are compared.
         columns: actions to columns.
-        roll: start states ``(N, S)``, how to act, and the steps to the futures.
-        seed: of the draw of the windows.
+        roll: start states ``(N, S)``, how to act, and a horizon to futures.
+        seed: of the sample of windows.
     """
     states = np.concatenate([episode.states for episode in episodes]).astype(np.float32)
     last = np.repeat(np.cumsum([len(episode) + 1 for episode in episodes]) - 1, [len(each) + 1 for each in episodes])
