@@ -246,7 +246,7 @@ def _load_sb3(path: Path) -> Any:
     except ImportError:
         raise ConfigError(f"agent={path}: needs stable-baselines3; install the extra ibe_rl[sb3]") from None
     try:
-        return getattr(library, kind).load(path, device="cpu", custom_objects={"buffer_size": 1})  # no memory for replays
+        return getattr(library, kind).load(path, device="cpu", custom_objects={"buffer_size": 1})  # no replay memory
     except Exception as error:  # unpickling may raise anything
         raise ConfigError(f"agent={path}: {kind} cannot load it ({' '.join(str(error).split())[:200]})") from None
 
