@@ -4,7 +4,7 @@ Or evaluate the explanations.
 
 python explain.py                                the newest run below runs/
 python explain.py run=runs/NAME seed=3 context=left
-python explain.py run=runs/NAME viewer=live      and look at it in the browser
+python explain.py run=runs/NAME viewer=live      and view it in the browser
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
 python explain.py run=runs/NAME task=predictors  as true without a simulator? evaluation/predictors.json

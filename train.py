@@ -6,7 +6,7 @@ environment → batch → agent
 python train.py                                  with the defaults, served live
 python train.py agent=dqn seed=3 viewer=file
 python train.py -m seed=0,1,2                    three runs
-python train.py resume=DIR                       go on with a run that was stopped or killed
+python train.py resume=DIR                       resume a run that was stopped or killed
 python train.py experiment=paper                 train, then the paper's experiments: figures/report.html
 python train.py --cfg job                        every setting
 
@@ -14,11 +14,11 @@ The path of a transition from the engine to rerun, below ibe_rl/ (checked by tes
 
     envs/lander.py          step            the engine advances
     instructors/oracle.py   instruct        the expert gives an instruction
-    envs/make.py            _step           many environments are stepped as one, with the instruction in the observation
+    envs/make.py            _step           many environments step as one, with the instruction in the observation
     collect/collector.py    batches         their steps become a batch
     agents/ppo.py           update          the agent learns from it
     storage/log.py          add             its steps become logged episodes
-    ibe/estimator.py        fit             state changes of the best episodes are clustered, each cluster gets an expression
+    ibe/estimator.py        fit             state changes of the best episodes are clustered, a cluster has an expression
     vocabulary/tracker.py   refresh         the new vocabulary is compared with the previous one
     collect/rollout.py      record_rollout  the greedy policy rolls out an episode
     predict/simulator.py    rollout         its future is simulated from moments of that episode
