@@ -18,7 +18,7 @@ The path of a transition from the engine to rerun, below ibe_rl/ (checked by tes
     collect/collector.py    batches         their steps become a batch
     agents/ppo.py           update          the agent learns from it
     storage/log.py          add             its steps become logged episodes
-    ibe/estimator.py        fit             state changes of the best episodes are clustered, a cluster has an expression
+    ibe/estimator.py        fit             state changes of the best episodes are clustered, each cluster expressed
     vocabulary/tracker.py   refresh         the new vocabulary is compared with the previous one
     collect/rollout.py      record_rollout  the greedy policy rolls out an episode
     predict/simulator.py    rollout         its future is simulated from moments of that episode

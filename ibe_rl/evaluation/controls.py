@@ -1,4 +1,4 @@
-"""Negative controls: vocabularies and predictions that cannot be right, to calibrate every metric."""
+"""Negative controls: vocabularies and predictions that cannot be right, to see how each metric scores them."""
 
 from __future__ import annotations
 

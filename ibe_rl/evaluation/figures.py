@@ -217,7 +217,7 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
 
 
 def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
-    """Over the training: agreement of each predictor's phrases with the exact one's, and their accuracy."""
+    """Over the training: agreement of each predictor's phrases with the exact one's, and their quality."""
     metrics = {
         "equal": "same phrase as the exact one",
         "motion_auc": "motion AUC",
