@@ -1,8 +1,8 @@
 """The paper's prediction task for people, with a simulated observer that is fixed beforehand.
 
 The observer sees part of an episode and predicts its final position. Without an explanation it extrapolates the
-current motion. It reads an expression as a movement on one scale: +1 is the typical movement in the positive direction. The
-scale is calibrated once, on true motion, for all explainers. An observer that learnt each code would accept a wrong
+current motion. It reads an expression as a movement on one scale: +1 is the typical positive movement. The scale
+is calibrated once, on true motion, for all explainers. An observer that learnt each code would accept a wrong
 sign as well as a right one. Positions and movements are in the units of the explained state dimension.
 """
 

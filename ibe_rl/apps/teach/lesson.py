@@ -39,14 +39,14 @@ class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.ended: dict[str, Any] | None = None
 
     def reset(self, **settings: Any) -> Any:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         score = {"return": round(self.total_reward, 1), "steps": self.steps, "success": self.success}
         self.ended = score if self.steps else None
         self.total_reward, self.steps, self.success = 0.0, 0, False
         return self.env.reset(**settings)
 
     def step(self, action: Any) -> Any:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         after = self.env.step(action)
         self.total_reward += float(after[1])
         self.steps += 1
