@@ -1,16 +1,16 @@
-"""Let a trained agent explain itself: play one episode and say, step by step, what it is about to do.
+"""Let a trained agent explain itself: roll out one episode and explain each step.
 
-Or ask whether what it says is true.
+Or evaluate the explanations.
 
 python explain.py                                the newest run below runs/
 python explain.py run=runs/NAME seed=3 context=left
-python explain.py run=runs/NAME viewer=live      and look at it in the browser
+python explain.py run=runs/NAME viewer=live      and view it in the browser
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
 python explain.py run=runs/NAME task=predictors  as true without a simulator? evaluation/predictors.json
 python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
-python explain.py agent=model.zip env=lander     an agent trained elsewhere: play, learn the words, explain
-python explain.py sweep=runs/NAME                what the runs of a sweep learnt, by what differs: figures/report.html
+python explain.py agent=model.zip env=lander     an external agent: roll out, learn a vocabulary, explain
+python explain.py sweep=runs/NAME                the runs of a sweep by condition: figures/report.html
 python explain.py sweep=runs/NAME viewer=live    and all their recordings in the browser
 """
 
@@ -41,7 +41,7 @@ from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
 
 
 def main(cfg: ExplainConfig) -> None:
-    """Open the run, then do with it what ``task`` names; or report a sweep."""
+    """Open the run and do its ``task``, or report a sweep."""
     if cfg.sweep_dir is not None:
         load_app("sweep=")(cfg)
         return
@@ -85,7 +85,7 @@ def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: 
 
 
 def serve_until_enter(recording: Path, ports: Ports) -> None:
-    """Serve the recording until Enter or Ctrl-C; without a terminal nobody could end it, so it is not served."""
+    """Serve the recording until Enter or Ctrl-C; not served without a terminal, which could not end it."""
     if not sys.stdin.isatty():
         print("not served: there is no terminal to end it from")
         return

@@ -1,4 +1,4 @@
-"""Train an agent that explains itself while it learns, in the words it was taught with.
+"""Train an agent that explains itself in its instructor's words while it learns.
 
 environment → batch → agent
                 └───→ log → vocabulary → explanations → rerun
@@ -6,24 +6,24 @@ environment → batch → agent
 python train.py                                  with the defaults, served live
 python train.py agent=dqn seed=3 viewer=file
 python train.py -m seed=0,1,2                    three runs
-python train.py resume=DIR                       go on with a run that was stopped or killed
+python train.py resume=DIR                       resume a run that was stopped or killed
 python train.py experiment=paper                 train, then the paper's experiments: figures/report.html
 python train.py --cfg job                        every setting
 
-The way of a transition from the engine to rerun, below ibe_rl/ (tests/test_spine.py follows it):
+The path of a transition from the engine to rerun, below ibe_rl/ (checked by tests/test_spine.py):
 
-    envs/lander.py          step            the engine moves
-    instructors/oracle.py   instruct        the expert says what to do next
-    envs/make.py            _step           many environments become one, with the instruction in the observation
+    envs/lander.py          step            the engine advances
+    instructors/oracle.py   instruct        the expert gives an instruction
+    envs/make.py            _step           many environments step as one, with the instruction in the observation
     collect/collector.py    batches         their steps become a batch
     agents/ppo.py           update          the agent learns from it
     storage/log.py          add             its steps become logged episodes
-    ibe/estimator.py        fit             state changes of the best episodes are clustered, each gets an expression
-    vocabulary/tracker.py   refresh         the new vocabulary is held against the one before
-    collect/rollout.py      record_rollout  the greedy policy plays an episode
-    predict/simulator.py    rollout         and is followed into its future from moments of it
-    explain/explainer.py    explain         the vocabulary puts these futures into words
-    view/run_recorder.py    refreshed       rerun shows them
+    ibe/estimator.py        fit             state changes of the best episodes are clustered, each cluster expressed
+    vocabulary/tracker.py   refresh         the new vocabulary is compared with the previous one
+    collect/rollout.py      record_rollout  the greedy policy rolls out an episode
+    predict/simulator.py    rollout         its future is simulated from moments of that episode
+    explain/explainer.py    explain         the vocabulary expresses these futures in words
+    view/run_recorder.py    refreshed       rerun displays them
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def train(run: Run) -> dict[str, Any]:
     log, agent = run.log, run.agent
     for batch in run.batches:  # environment → batch
         with timeit("learn"):
-            losses = run.reward.add(batch, log.frames)  # did it do what it was told?
+            losses = run.reward.add(batch, log.frames)  # did it follow the instruction?
             losses |= agent.update(batch)  # batch → weights
         with timeit("log"):
             log.add(steps_of(batch), run.task.context)  # batch → episodes
@@ -72,12 +72,12 @@ def train(run: Run) -> dict[str, Any]:
 
 
 def refresh_and_explain(run: Run) -> dict[str, float]:
-    """Learn the vocabulary anew, roll out one greedy episode and explain it step by step."""
+    """Learn the vocabulary again, roll out one greedy episode and explain it step by step."""
     cfg, policy = run.cfg, run.agent.greedy
     try:
         refresh = learn(run)  # episodes → vocabulary
     except OSError:
-        raise  # the disk's, which everything else writes to as well
+        raise  # of the disk, which everything else writes to as well
     except Exception as error:
         return skip(run, error)
     with timeit("explain"):
@@ -88,7 +88,7 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
 
 
 def evaluate(run: Run) -> dict[str, float]:
-    """Roll out the greedy policy on seeds that are never trained on."""
+    """Roll out the greedy policy on held-out seeds."""
     with timeit("eval"):
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + run.cfg.eval_episodes)
         row = evaluation_row(play(run.evaluation_envs, run.agent.greedy, run.instructor, seeds))
@@ -99,17 +99,17 @@ def evaluate(run: Run) -> dict[str, float]:
 
 
 def main(cfg: TrainConfig) -> None:
-    """Refuse what cannot work before anything is made, train, say how to look at it again, report if that is wanted."""
+    """Check the settings before anything is made, train, print how to view the run, report if asked to."""
     with build(cfg) as run:
         summary = train(run)
     closing_table(summary)
     print(*how_to_open(run.folder, is_sweep()), sep="\n")
-    cfg = run.cfg  # with resume those of the run
+    cfg = run.cfg  # with resume, the run's own
     if cfg.report and not run.stop:
         settings = ExplainConfig(run=str(run.folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer)
         load_app("task=figures")(open_run(settings.run), settings)
     if run.stop and is_sweep():
-        raise KeyboardInterrupt  # the runs that were to follow are not wanted either
+        raise KeyboardInterrupt  # ends the remaining runs too
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Logs for and from Minari: a run's log as a dataset of theirs, and a dataset of theirs as a run folder here.
+"""Export a run's log as a Minari dataset, and import a Minari dataset as a run folder.
 
 python -m ibe_rl.apps.minari export runs/NAME mine/log-v0
 python -m ibe_rl.apps.minari import mine/log-v0 env=NAME run_dir=runs/imported
@@ -27,23 +27,23 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
 _INSTRUCTION, _GIVEN, _SUCCESS, _CONTEXT = "instruction", "instruction_given", "success", "context"
-"""Keys of the infos, all of ``T + 1`` rows as Minari has it, the instruction of the last state not given."""
+"""Keys of the infos, of ``T + 1`` rows as in Minari; the final state has no given instruction."""
 RULE = "rule"
 
 
 def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> Any:
-    """Make a dataset of the episodes in a run's log; nothing of it is lost.
+    """Make a dataset of the episodes in a run's log, without loss.
 
     Args:
         run: the folder of the run.
-        dataset_id: as Minari writes it, ``mine/log-v0``.
-        newest: so many episodes, the newest; None: all.
+        dataset_id: in Minari's form, ``mine/log-v0``.
+        newest: export only so many of the newest episodes; None: all.
 
     Returns:
         the ``MinariDataset``.
 
     Raises:
-        ConfigError: if the run has no log, or there is such a dataset already.
+        ConfigError: if the run has no log, or the dataset exists already.
     """
     minari, folder = _minari(), find_run(str(run), Path("runs"))
     refuse_special_files(folder)
@@ -62,10 +62,10 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that it names no code, no e-mail
+            warnings.simplefilter("ignore")  # about the missing code link and e-mail
             buffers = [_buffer(minari, episode) for episode in episodes]
             spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
-            spec = env.unwrapped.spec  # without our wrapper, which Minari could not make again
+            spec = env.unwrapped.spec  # without our wrapper, which Minari could not rebuild
             return minari.create_dataset_from_buffers(
                 dataset_id, buffers, env=spec, data_format="hdf5", **spaces, **about
             )
@@ -101,19 +101,19 @@ def _buffer(minari: Any, episode: Episode) -> Any:
 
 
 def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str | None = None) -> Path:
-    """Make a run folder of a dataset, with the vocabulary that its episodes teach.
+    """Make a run folder of a dataset, with the vocabulary learnt from its episodes.
 
     Args:
-        dataset_id: of a dataset that Minari has here.
-        settings: of ``explain.py``: ``env=…`` that its states are of, ``run_dir=…``, ``mapping=…``.
+        dataset_id: of a local Minari dataset.
+        settings: of ``explain.py``: ``env=…`` of its states, ``run_dir=…``, ``mapping=…``.
         instruction: the key of the infos that holds it; "rule" asks the environment's own rule in each state. None
-            takes ``"instruction"`` of the infos, or what is in the observations, or else the rule.
+            takes ``"instruction"`` of the infos, else that in the observations, else the rule.
 
     Returns:
-        the folder; explain an agent in these words with ``explain.py run=FOLDER agent=…``.
+        the folder; ``explain.py run=FOLDER agent=…`` explains an agent with its vocabulary.
 
     Raises:
-        ConfigError: if it does not fit the environment, or teaches no vocabulary.
+        ConfigError: if it does not fit the environment, or no vocabulary can be learnt.
     """
     minari = _minari()
     cfg = composed("explain", settings)
@@ -129,7 +129,7 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
     first = next(iter(dataset), None)
     if first is None:
         raise ConfigError(f"dataset={dataset_id}: it has no episode; allowed is one with episodes")
-    _episode(first, task, instruction)  # before anything is made
+    _episode(first, task, instruction)  # check before anything is made
     folder = create_run_folder(Path(cfg.run_dir))
     keep_run(folder, config, _episodes(dataset, task, instruction), dataset.total_steps + dataset.total_episodes)
     return folder
@@ -149,7 +149,7 @@ def _episodes(dataset: Any, task: Task, instruction: str | None) -> Iterator[Epi
 
 
 def _episode(data: Any, task: Task, key: str | None) -> Episode:
-    """One of Minari's as one of ours."""
+    """Convert an episode of Minari."""
     observations, infos, steps = np.asarray(data.observations), data.infos or {}, len(data.rewards)
     states = observations[:, : len(task.state_names)].astype(np.float32)
     instructions, given = _said(observations, states, infos, task, key)
@@ -192,14 +192,14 @@ def _heard(told: Array, infos: dict[str, Any], task: Task, key: str, states: int
 
 
 def _succeeded(infos: dict[str, Any], task: Task) -> bool:
-    """What the infos say at the end; False if they say nothing."""
+    """Success as of the last infos; False without an entry."""
     found = next((infos[name] for name in (_SUCCESS, task.success_key) if name in infos), [False])
     return bool(np.asarray(found).reshape(-1)[-1])
 
 
 def _minari() -> Any:
     try:
-        import_module("h5py")  # that its datasets are read with
+        import_module("h5py")  # which its datasets are read with
         return import_module("minari")
     except ImportError as error:
         raise ConfigError(f"needs minari ({error}); install the extra ibe_rl[minari]") from None

@@ -1,4 +1,4 @@
-"""The verdict of an evaluation or of an episode in plain words, and what to do about it."""
+"""The verdict of an evaluation or of an episode in plain words, and what to do next."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ibe_rl.storage.run_folder import EVALUATION, read_json
 
 ECHO = "baseline:last_instruction"
 _AS_REFRESHED = "as_refreshed"
-"""In a comparison: the vocabulary that the run itself spoke."""
+"""In a comparison: the run's own vocabulary."""
 ASK_FOR_IT = (
     "a reward that asks for what is told: obedience.judge=oracle in training, or a goal of the environment's that the "
     "instruction is about"
@@ -34,16 +34,16 @@ ASK_FOR_IT = (
 
 
 def verdict_of(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> dict[str, Any]:
-    """The verdict of an evaluation, as quality.json keeps it.
+    """The verdict of an evaluation, as stored in quality.json.
 
     Args:
         rows: of the evaluation, at all horizons.
-        ours: the explainer in question.
-        run: whose.
+        ours: the evaluated explainer.
+        run: the evaluated run.
 
     Returns:
         ``level``, ``text``, ``motion_auc`` with its interval, ``chance``, ``echo`` (the ``motion_auc`` of the last
-        instruction) and ``advice``; with several numbers of the one whose words tell least.
+        instruction) and ``advice``; of several numbers, that with the worst verdict.
     """
     verdicts = verdicts_from(rows, ours, run)
     least = worst(verdicts)
@@ -60,7 +60,7 @@ def verdict_of(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) ->
 
 
 def verdicts_from(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> list[Verdict]:
-    """A verdict for each number of the instruction, at the run's own horizon."""
+    """The verdict on each number of the instruction, at the run's own horizon."""
     own = {row["explainer"]: row for row in rows if row["horizon_steps"] == run.horizon_steps}
     names, meanings = run.task.number_names, run.mapping.meanings
     found = []
@@ -85,7 +85,7 @@ def _or_none(value: float) -> float | None:
 
 
 def text_of(verdicts: Sequence[Verdict], run: TrainedRun) -> str:
-    """The verdict in plain words; it is that of the number whose words tell least."""
+    """The worst verdict over the numbers, in plain words."""
     level = worst(verdicts).level
     number = verdicts.index(worst(verdicts))
     name, words = run.task.number_names[number], positive_phrase(run.task.phrases[number])
@@ -102,13 +102,13 @@ def text_of(verdicts: Sequence[Verdict], run: TrainedRun) -> str:
 def advice(
     verdicts: Sequence[Verdict], run: TrainedRun, rows: Sequence[Mapping[str, Any]] = (), ours: str = ""
 ) -> list[str]:
-    """What to do about a verdict, the likeliest first; nothing if it is good.
+    """What to do about a verdict, the likeliest remedy first; empty if it is good.
 
     Args:
         verdicts: of each number.
-        run: whose folder may hold a comparison of mappings.
-        rows: of an evaluation, which may name a better horizon.
-        ours: the explainer in question in them.
+        run: its folder may hold a comparison of mappings.
+        rows: of an evaluation, to find a better horizon.
+        ours: the evaluated explainer in ``rows``.
     """
     least = worst(verdicts)
     if least.level == GOOD:
@@ -130,7 +130,7 @@ def _check_sign(verdicts: Sequence[Verdict], run: TrainedRun) -> list[str]:
 
 
 def _compared(run: TrainedRun, ours: Verdict) -> str:
-    """The best mapping that ``task=compare`` found for this run, or that it should be asked."""
+    """The best mapping that ``task=compare`` found for this run, or the advice to run it."""
     paths = sorted((run.folder / EVALUATION).glob("compare*.json"))
     found = {name: auc for path in paths for name, auc in _judged_in(path).items() if name != _AS_REFRESHED}
     if not found:
@@ -142,7 +142,7 @@ def _compared(run: TrainedRun, ours: Verdict) -> str:
 
 
 def _judged_in(path: Path) -> dict[str, float]:
-    """Mapping to motion AUC of a comparison; nothing of a file that is none, since this is only advice."""
+    """Mapping to motion AUC of a comparison; empty for an unreadable file, as this is only advice."""
     try:
         rows = [(str(row["explainer"]), row["motion_auc"]["value"]) for row in read_json(path)["rows"]]
         learnt = [(name, value) for name, value in rows if name.startswith("ibe:") or name == "baseline:paper"]
@@ -152,7 +152,7 @@ def _judged_in(path: Path) -> dict[str, float]:
 
 
 def _horizons(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> list[str]:
-    """A horizon at which the words tell clearly more: its interval lies above that of the run's own."""
+    """A clearly better horizon: its interval lies above that of the run's own."""
     told = {row["horizon_steps"]: row["motion_auc"] for row in rows if row["explainer"] == ours}
     own = told.pop(run.horizon_steps, None)
     if own is None or own["high"] is None:
@@ -165,5 +165,5 @@ def _horizons(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> 
 
 
 def lines_of(text: str, steps: Sequence[str]) -> list[str]:
-    """A verdict as it is printed: the text, then what to do."""
+    """The printed lines of a verdict: the text, then what to do."""
     return [text, *(f"  what to do: {step}" if number == 0 else f"  or {step}" for number, step in enumerate(steps))]

@@ -1,4 +1,4 @@
-"""Baselines that explanations have to beat: what can be said about the next steps without a vocabulary."""
+"""Baselines that explanations have to beat: statements about the next steps without a vocabulary."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode, ExpressionMapping
 
 MAX_REGRESSION_WINDOWS = 60_000
-"""The regressor learns from at most so many windows, drawn at random."""
+"""Most windows to fit the regressor on, drawn at random."""
 CHEAP = ("present_velocity", "direction_to_goal", "last_instruction", "constant", "state_regressor")
 """Baselines that need no simulator."""
 
 
 @dataclass(frozen=True)
 class StateRegressor:
-    """A regression from the state, the goal in it, to the change of one explained dimension.
+    """A regression from the state, which includes the goal, to the change of one explained dimension.
 
     Attributes:
-        kind: "ridge" or "boosting", whichever foretold left-out episodes better.
+        kind: "ridge" or "boosting", whichever predicted held-out episodes better.
         model: the fitted scikit-learn regressor.
-        r2: of both kinds on the left-out episodes.
+        r2: of both kinds on the held-out episodes.
     """
 
     kind: str
@@ -46,12 +46,12 @@ class StateRegressor:
 
 @dataclass(frozen=True)
 class Learnt:
-    """What was learnt from the log for one horizon.
+    """All that is learnt from the log for one horizon.
 
     Attributes:
-        vocabularies: explainer to its vocabulary, the one in question first.
-        ensembles: negative control to its many vocabularies, of which the distribution is reported. Without any the
-            other negative controls are left out too.
+        vocabularies: explainer to its vocabulary, the evaluated one first.
+        ensembles: negative control to its many vocabularies, whose distribution is reported. If empty, the other
+            negative controls are left out too.
         regressors: from the state alone to the change, one for each number of an instruction.
     """
 
@@ -63,12 +63,12 @@ class Learnt:
 def fit_state_regressors(
     episodes: Sequence[Episode], horizon_steps: int, task: Task, seed: int
 ) -> list[StateRegressor]:
-    """One for each number of an instruction, from the log's windows.
+    """Fit one regressor for each number of an instruction, on windows of the log.
 
     Args:
-        episodes: of the log, at least two, good ones and bad ones.
-        horizon_steps: how far ahead; windows end with their episode.
-        task: says which dimensions are explained.
+        episodes: of the log, at least two, good and bad.
+        horizon_steps: of the windows, which end with their episode at the latest.
+        task: names the explained dimensions.
         seed: of the draws.
     """
     states = np.concatenate([episode.states[:-1] for episode in episodes])
@@ -79,7 +79,7 @@ def fit_state_regressors(
 
 
 def _fit(states: Array, change: Array, episode: Array, seed: int) -> StateRegressor:
-    """Fit both kinds, keep the better one on left-out episodes, and fit it again on all of them."""
+    """Fit both kinds, select the better one on held-out episodes, and refit it on all."""
     kinds: dict[str, Any] = {
         "ridge": make_pipeline(StandardScaler(), Ridge()),
         "boosting": HistGradientBoostingRegressor(random_state=seed),
@@ -94,14 +94,14 @@ def _fit(states: Array, change: Array, episode: Array, seed: int) -> StateRegres
 
 
 def forecasts(regressors: Sequence[StateRegressor], states: Array) -> Array:
-    """States ``(N, S)`` to the changes ``(N, d)`` that the regressors of the ``d`` numbers foretell."""
+    """States ``(N, S)`` to the changes ``(N, d)`` predicted by the regressors of the ``d`` numbers."""
     return np.stack([one.predict(states) for one in regressors], axis=1)
 
 
 def cheap_baselines(
     moments: Moments, horizon_steps: int, task: Task, regressors: Sequence[StateRegressor]
 ) -> dict[str, Array]:
-    """What each baseline without a simulator says ``(N, d)``; those that the task declares nothing for are missing."""
+    """Statements ``(N, d)`` of each baseline without a simulator; those that the task does not support are missing."""
     states = moments.state
     said = {
         "last_instruction": moments.instruction,
@@ -116,5 +116,5 @@ def cheap_baselines(
 
 
 def as_instruction(name: str, said: Array, band: Sequence[float]) -> Array:
-    """What a baseline says ``(N, d)``, on the instructor's scale: changes become the way that they go."""
+    """Statements of a baseline ``(N, d)`` on the instructor's scale: changes become their direction."""
     return said if name in ("last_instruction", "constant") else direction(said, np.array(band)).astype(float)

@@ -1,4 +1,4 @@
-"""A changing policy: does the vocabulary of its own age describe it better than an earlier one?"""
+"""A changing policy: does the vocabulary of its own training stage describe it better than an earlier one?"""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ AGE_METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_tr
 def judge_all_ages(
     rollouts: Rollouts, policies: Mapping[int, Policy], vocabularies: Mapping[int, ExpressionMapping]
 ) -> list[dict[str, Any]]:
-    """Each kept policy in the vocabularies of its own age and of all before.
+    """Evaluate each saved policy with the vocabularies of its own stage and all earlier ones.
 
     Args:
         rollouts: of the run.
-        policies: training frames to the policy that was kept then, oldest first.
-        vocabularies: training frames to what was learnt then.
+        policies: training frames to the policy saved then, oldest first.
+        vocabularies: training frames to the vocabulary learnt then.
     """
     run, config, rows = rollouts.run, rollouts.cfg.evaluate, []
     plan = Plan(config.stride_steps, 1, (run.horizon_steps,))
@@ -47,20 +47,20 @@ def judge_ages(
     resamples: int,
     seed: int,
 ) -> list[dict[str, Any]]:
-    """Let the vocabularies of all ages speak for one policy.
+    """Evaluate one policy with the vocabularies of all stages.
 
     Args:
-        policy_frame: training frames when the policy was kept.
-        vocabularies: training frames to what was learnt then; those learnt later than the policy are left out.
+        policy_frame: training frames when the policy was saved.
+        vocabularies: training frames to the vocabulary learnt then; those newer than the policy are left out.
         moments: of episodes of this policy.
         horizon_steps: of the vocabularies.
         task: the environment's own.
-        resamples: of the episodes.
+        resamples: number of bootstrap resamples of episodes.
         seed: of the resamples.
 
     Returns:
-        A row a vocabulary, oldest first: its metrics, and by how much the one of the policy's own age has more of
-        each (``refreshed_minus_this``), paired on the same moments.
+        A row for each vocabulary, oldest first: its metrics, and the paired difference of the policy's own vocabulary
+        to it (``refreshed_minus_this``) on the same moments.
     """
     usable = {frame: mapping for frame, mapping in sorted(vocabularies.items()) if frame <= policy_frame}
     weights = episode_weights(moments.episode, resamples, seed)

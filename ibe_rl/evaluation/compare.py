@@ -1,4 +1,4 @@
-"""``task=compare``: would another kind of vocabulary, learnt from the same log, be truer?"""
+"""``task=compare``: would another mapping, learnt from the same log, explain better?"""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from ibe_rl.storage.run_folder import EVALUATION, write_json
 from ibe_rl.types import ConfigError, ExpressionMapping
 
 AS_REFRESHED = "ibe:as_refreshed"
-"""The vocabulary that the run itself spoke at the end, which remembers earlier ones; the others start from nothing."""
+"""The run's own last vocabulary, which builds on earlier ones; the others are learnt from scratch."""
 
 
 def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
-    """Learn every mapping from the log of a run and judge all on the same moments, at the run's own horizon.
+    """Learn every mapping from the log of a run and evaluate all on the same moments, at the run's own horizon.
 
     Raises:
-        ConfigError: before any episode is played, if the run lacks what is needed or a mapping is unknown.
+        ConfigError: before any episode, if the run lacks a needed file or a mapping is unknown.
     """
     configs = asked_for(cfg.compare.mappings, choices("mapping"))
     refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
@@ -54,10 +54,10 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
 
 
 def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str, MappingConfig]:
-    """The mappings to compare; the paper's is always among them.
+    """The mappings to compare, always with the paper's.
 
     Raises:
-        ConfigError: for a name that is not known.
+        ConfigError: for an unknown name.
     """
     unknown = [name for name in names if name not in known]
     if unknown:
@@ -66,7 +66,7 @@ def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str
 
 
 def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:
-    """Learn all of them from nothing; the paper's is the baseline."""
+    """Learn all mappings from scratch; the paper's is the baseline."""
     own = run.horizon_steps
     vocabularies: dict[str, ExpressionMapping] = {AS_REFRESHED: run.mapping}
     with progress_bar("vocabularies", len(configs)) as step:
@@ -79,5 +79,5 @@ def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingCo
 
 
 def all_pairs(judged: Judged) -> list[dict[str, Any]]:
-    """Each mapping against the cheap baselines and the paper's."""
+    """Paired differences of each mapping to the cheap baselines and the paper's."""
     return [each for name in judged.mappings if name.startswith("ibe:") for each in paired_of(judged, name)]

@@ -1,4 +1,4 @@
-"""Negative controls: vocabularies and predictions that cannot be right, to see what every metric gives them."""
+"""Negative controls: vocabularies and predictions that cannot be right, to see how each metric scores them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ibe_rl.types import Array, Episode, ExpressionMapping
 
 @dataclass(frozen=True)
 class Flipped:
-    """A vocabulary with every expression turned into its opposite."""
+    """A vocabulary with every expression negated."""
 
     mapping: ExpressionMapping
 
@@ -45,9 +45,9 @@ class Flipped:
 
 
 def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generator) -> ClusterMapping:
-    """A vocabulary whose clusters are the nearest of ``k`` windows drawn at random, in standardised units.
+    """A vocabulary with ``k`` randomly drawn windows as cluster centres, in standardised units.
 
-    Everything else is as in the paper: the mean instruction of each cluster, min-max between the clusters.
+    The rest is as in the paper: the mean instruction of each cluster, min-max scaled over the clusters.
     """
     spread = windows.delta.std(axis=0)
     space = scaled(windows.delta.mean(axis=0), 1 / np.where(spread > 0, spread, 1))
@@ -64,7 +64,7 @@ def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generat
 
 
 def dealt(mapping: ClusterMapping, random: np.random.Generator) -> ClusterMapping:
-    """The same clusters, their names dealt out anew at random."""
+    """The same clusters with their expressions permuted at random."""
     order = random.permutation(len(mapping.expressions))
     return replace(mapping, expressions=mapping.expressions[order], membership="hard")
 
@@ -72,9 +72,9 @@ def dealt(mapping: ClusterMapping, random: np.random.Generator) -> ClusterMappin
 def shuffle_instructions(
     best: Sequence[Episode], heard: Sequence[Episode], random: np.random.Generator
 ) -> tuple[list[Episode], list[Episode]]:
-    """Give each episode the instructions of another one, drawn without replacement within each of the two lists.
+    """Give each episode the instructions of another one, by a permutation within each of the two lists.
 
-    They come in the order in which they were given; where the other episode was shorter its last one holds.
+    Their order is kept; where the other episode is shorter, its last instruction is repeated.
     """
     return _shuffle(best, random), _shuffle(heard, random)
 
@@ -92,7 +92,7 @@ def _told_as(episode: Episode, other: Episode) -> Episode:
 
 
 def of_another_moment(moments: Moments, random: np.random.Generator) -> Moments:
-    """Give each moment the predictions of a moment of another episode, drawn at random.
+    """Give each moment the predictions of a random moment of another episode.
 
     Raises:
         ValueError: if all moments are of one episode.
@@ -102,7 +102,7 @@ def of_another_moment(moments: Moments, random: np.random.Generator) -> Moments:
         raise ValueError("moments of at least two episodes are needed")
     order = random.permutation(len(names))
     other = np.empty(len(names), int)
-    other[order] = np.roll(order, 1)  # a circle through all episodes: none is given its own
+    other[order] = np.roll(order, 1)  # a cycle through all episodes: none gets its own
     counts = np.bincount(episode)
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
     sorted_rows = np.argsort(episode, kind="stable")

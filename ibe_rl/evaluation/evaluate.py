@@ -1,4 +1,4 @@
-"""``task=evaluate``: is what the agent says true? Play, judge, write, print and draw."""
+"""``task=evaluate``: are the explanations true? Roll out, evaluate, write, print and draw."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_js
 from ibe_rl.types import ExpressionMapping
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
-"""Explainers beside the one in question in tables and figures over the horizons."""
+"""Explainers shown with the evaluated one in tables and figures over the horizons."""
 
 EXPLAINERS, ENSEMBLES = 11, 3
-"""That are judged at each horizon beside the refits: how far the bar goes."""
+"""Evaluated at each horizon in addition to the refits: the length of the progress bar."""
 
 
 def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
-    """Judge the explanations of a run; see ``docs/QUALITY.md`` for what the numbers mean.
+    """Evaluate the explanations of a run; ``docs/QUALITY.md`` defines the metrics.
 
     Raises:
-        ConfigError: before any episode is played, if the run lacks what is needed.
+        ConfigError: before any episode, if the run lacks a needed file.
     """
     horizons = horizons_of(cfg.evaluate, run)
     refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
@@ -66,7 +66,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     write_json(folder / "observers.json", observers)
     write_json(folder / CALIBRATION, calibration)
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
-    beside = [name for name in SHOWN if name in judged[own].samples]  # what the environment declares nothing for is not
+    beside = [name for name in SHOWN if name in judged[own].samples]  # not every task supports all
     print_results(quality, observers, own, (ours, *beside))
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
@@ -75,7 +75,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
 def learn_all(
     run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
 ) -> dict[int, Learnt]:
-    """Learn from the log all that is needed at each horizon. It comes first, since the log may be too small."""
+    """Learn all that each horizon needs from the log. This comes first, since the log may be too small."""
     config, paper = cfg.evaluate, choices("mapping")["paper"]
     with progress_bar("vocabularies", len(horizons) * config.shuffles) as step:
         return {
@@ -85,7 +85,7 @@ def learn_all(
 
 
 def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> ClusterMapping:
-    """The vocabulary that the run spoke over a horizon; where it had none, one learnt anew as it would have been."""
+    """The run's vocabulary for a horizon; if it has none, one learnt from its log."""
     refreshed = {**run.spans, run.horizon_steps: run.mapping}
     return refreshed.get(horizon_steps) or refits.fit(run.config.mapping, horizon_steps)
 
@@ -93,7 +93,7 @@ def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> Cluste
 def judge_all(
     learnt: dict[int, Learnt], moments: Moments, held_out: Moments, run: TrainedRun, cfg: ExplainConfig
 ) -> dict[int, Judged]:
-    """Judge all explainers at all horizons, on the same resamples of the episodes."""
+    """Evaluate all explainers at all horizons, on the same resamples of the episodes."""
     config = cfg.evaluate
     weights = episode_weights(moments.episode, config.resamples, config.seed)
     with progress_bar("explainers", len(learnt) * (EXPLAINERS + ENSEMBLES * config.shuffles)) as step:
@@ -112,7 +112,7 @@ def add_observers(
     cfg: ExplainConfig,
     ours: str,
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The report of the observer, and all rows with what the observer adds to those of the run's own horizon."""
+    """The observer's report, and all rows, with the observer's errors added at the run's own horizon."""
     own = run.horizon_steps
     here = learnt[own]
     vocabularies: dict[str, Sequence[ExpressionMapping]] = {
@@ -130,7 +130,7 @@ def add_observers(
 
 
 def changing_policy(rollouts: Rollouts) -> list[dict[str, Any]]:
-    """Each policy that the run kept, in each vocabulary that it learnt by then."""
+    """Evaluate each saved policy with each vocabulary learnt by then."""
     run = rollouts.run
     refreshes = {frame: one for frame, one in kept_refreshes(run).items() if one.horizon_steps == run.horizon_steps}
     return judge_all_ages(rollouts, kept_policies(run), {frame: one.mapping for frame, one in refreshes.items()})
@@ -139,7 +139,7 @@ def changing_policy(rollouts: Rollouts) -> list[dict[str, Any]]:
 def evaluation_protocol(
     run: TrainedRun, cfg: ExplainConfig, horizons: tuple[int, ...], learnt: dict[int, Learnt], moments: Moments
 ) -> dict[str, Any]:
-    """What the numbers stand on."""
+    """The protocol of the evaluation, as stored in quality.json."""
     config = cfg.evaluate
     counts = {"judged": config.episodes, "held_out": config.calibration_episodes}
     counts["changing"] = config.changing_episodes
@@ -159,7 +159,7 @@ def evaluation_protocol(
 
 
 def _of_numbers(values: Sequence[Any]) -> Any:
-    """What belongs to each number of an instruction; of a single one by itself."""
+    """One value for each number of an instruction; unwrapped if there is only one."""
     return values[0] if len(values) == 1 else list(values)
 
 
@@ -168,7 +168,7 @@ def _about(regressor: StateRegressor) -> dict[str, Any]:
 
 
 def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, shown: Sequence[str]) -> None:
-    """Print the verdict and the tables; ``shown`` are the explainers over the horizons."""
+    """Print the verdict and the tables; ``shown`` are the explainers of the table over horizons."""
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     for line in lines_of(quality["verdict"]["text"], quality["verdict"]["advice"]):
         console.print(line, markup=False, soft_wrap=True)
@@ -186,7 +186,7 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
 
 
 def print_files(folder: Path, drawn: list[Path]) -> None:
-    """Say where the files are."""
+    """Print the paths of the files."""
     console = tables.console()
     console.print(f"numbers: {folder}/quality.json, observers.json, calibration.json, moments.csv", soft_wrap=True)
     console.print(f"figures: {drawn[0].parent}/{', '.join(path.name for path in drawn)}", soft_wrap=True)

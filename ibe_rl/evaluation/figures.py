@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from ibe_rl.storage.run_folder import write_atomically
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito's, which the colour-blind can tell apart."""
+"""The colour-blind safe palette of Okabe and Ito."""
 _MARKERS = "osD^vPX"
 GREY = "#777777"
 DPI = 130
@@ -23,13 +23,13 @@ DPI = 130
 def draw_all(
     folder: Path, quality: dict[str, Any], calibration: dict[str, Any], ours: str, beside: Sequence[str]
 ) -> list[Path]:
-    """Draw what an evaluation found; returns the files.
+    """Draw the figures of an evaluation; returns their paths.
 
     Args:
-        folder: where they go.
-        quality: what quality.json holds.
-        calibration: what calibration.json holds.
-        ours: the explainer in question.
+        folder: to write to.
+        quality: contents of quality.json.
+        calibration: contents of calibration.json.
+        ours: the evaluated explainer.
         beside: explainers shown with it over the horizons.
     """
     own = quality["protocol"]["horizon_steps"]
@@ -38,7 +38,7 @@ def draw_all(
         "confidence.png": lambda: confidence(calibration),
         "horizons.png": lambda: over_horizons(quality["rows"], (ours, *beside), own),
     }
-    if not calibration["reliability"]:  # nothing was said
+    if not calibration["reliability"]:  # no explanations
         del drawings["confidence.png"]
     if quality["changing_policy"]:
         drawings["changing_policy.png"] = lambda: changing(quality["changing_policy"], own)
@@ -46,7 +46,7 @@ def draw_all(
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as a PNG file, the same bytes for the same figure."""
+    """Write a figure as a PNG file, reproducible to the byte."""
     FigureCanvasAgg(figure)
     write_atomically(path, lambda stream: figure.savefig(stream, format="png", dpi=DPI))
     return path
@@ -67,7 +67,7 @@ def _plain(name: str) -> str:
 
 
 def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
-    """Every explainer at one horizon, best first, with intervals; several numbers also each by itself."""
+    """Every explainer at one horizon, best first, with intervals; with several numbers a panel for each."""
     here = [row for row in rows if row["horizon_steps"] == horizon_steps and row["motion_auc"]["value"] is not None]
     here.sort(key=lambda row: row["motion_auc"]["value"])
     panels = _panels(here)
@@ -87,7 +87,7 @@ def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
 
 
 def _panels(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Title of each panel to the values of all rows: with several numbers their mean first, then each number."""
+    """Title of each panel to the values of all rows; with several numbers their mean comes first."""
     metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
     numbers = [each["number"] for each in rows[0].get("each", ())] if rows else []
     mean = f"\n(mean of {len(numbers)} numbers)" if numbers else ""
@@ -98,7 +98,7 @@ def _panels(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _name_explainers(axis: Axes, rows: Sequence[dict[str, Any]]) -> None:
-    """Name the rows of the figure, and its colours."""
+    """Label the rows of the figure, and its colours."""
     axis.set_yticks(range(len(rows)), [_plain(row["explainer"]) for row in rows])
     for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
         tick.set_fontweight("bold" if row["explainer"].startswith("ibe:") else "normal")
@@ -149,7 +149,7 @@ def confidence(calibration: dict[str, Any]) -> Figure:
 
 
 def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own: int) -> Figure:
-    """Truth of some explainers over how far ahead they speak."""
+    """Motion AUC of some explainers over the horizons."""
     figure, axes = _figure(9.5, 4.4, 2, sharey=True)
     metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
     shift = 1.4
@@ -173,7 +173,7 @@ def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own
 def _line(
     axis: Axes, known: Sequence[tuple[float, dict[str, Any]]], number: int, shift: float, label: str | None
 ) -> None:
-    """Values with their intervals, moved aside a little so that several can be told apart."""
+    """Values with their intervals, shifted a little to separate several lines."""
     colour, marker = COLOURS[number % len(COLOURS)], _MARKERS[number % len(_MARKERS)]
     places, values = [steps + shift for steps, _ in known], [each["value"] for _, each in known]
     axis.plot(places, values, color=colour, marker=marker, markersize=5, linewidth=1.4, label=label)
@@ -183,7 +183,7 @@ def _line(
 
 
 def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
-    """Each kept policy in the vocabularies of its own age and of all before."""
+    """Each saved policy with the vocabularies of its own stage and all earlier ones."""
     policies = sorted({row["policy_frame"] for row in rows})
     ages = sorted({row["vocabulary_frame"] for row in rows})
     metrics = {
@@ -217,7 +217,7 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
 
 
 def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
-    """Over the training: how often each predictor leads to the phrase of the exact one, and how true that is."""
+    """Over the training: agreement of each predictor's phrases with the exact one's, and their quality."""
     metrics = {
         "equal": "same phrase as the exact one",
         "motion_auc": "motion AUC",
@@ -231,7 +231,7 @@ def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
         for number, name in enumerate(names):
             known = [(row["frame"] / 1_000, row[metric]) for row in rows if row["predictor"] == name]
             known = [(frame, told) for frame, told in known if told["value"] is not None]
-            if metric != "equal" or name != names[0]:  # the first one is the exact one itself
+            if metric != "equal" or name != names[0]:  # the first is the exact one
                 _line(axis, known, number, step * (number - 1) / 100, name.replace("_", " "))
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("refresh after (thousand frames)")

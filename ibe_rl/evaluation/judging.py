@@ -1,4 +1,4 @@
-"""All explainers at one horizon, on the same moments and resamples."""
+"""Evaluate all explainers at one horizon, on the same moments and resamples."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array
 
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
-"""What is held against the cheap baselines and the paper, moment by moment."""
+"""Metrics compared with the cheap baselines and the paper, paired by moments."""
 _PREDICTED, _TRUE_FUTURE = "baseline:predicted_change", "baseline:true_future"
 
 
@@ -44,16 +44,16 @@ def judge(
     seed: int,
     step: Callable[[], None] = lambda: None,
 ) -> Judged:
-    """Judge every explainer at one horizon.
+    """Evaluate every explainer at one horizon.
 
     Args:
-        learnt: the vocabularies, the first of which is the one in question.
-        moments: those that are judged.
-        held_out: of other episodes, for the confidence only.
-        horizon_steps: one of those of ``moments``.
+        learnt: the vocabularies, the evaluated one first.
+        moments: to evaluate on.
+        held_out: moments of other episodes, only to calibrate the confidence.
+        horizon_steps: one of the horizons of ``moments``.
         task: the environment's own.
         weights: ``(R, N)`` of the resamples.
-        seed: of the predictions of another moment.
+        seed: of the control with predictions of another moment.
         step: called after each explainer.
     """
     truth = Truth.of(moments, horizon_steps, task, forecasts(learnt.regressors, moments.state), weights)
@@ -73,7 +73,7 @@ def judge(
 
 
 def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) -> dict[str, Array]:
-    """Everything that is said without a vocabulary ``(N, d)``."""
+    """Statements ``(N, d)`` of all explainers without a vocabulary."""
     at, explained = moments.at(horizon_steps), task.explained
     return cheap_baselines(moments, horizon_steps, task, learnt.regressors) | {
         "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
@@ -130,7 +130,7 @@ def _score(spoken: Spoken, truth: Truth) -> Samples:
 
 
 def rows_of(judged: Judged) -> list[dict[str, Any]]:
-    """The rows of the report for one horizon, those in question first; null where a metric makes no sense."""
+    """The rows of the report for one horizon, evaluated explainers first; null where a metric is undefined."""
     horizon = judged.truth.horizon_steps
     rows = []
     for name, samples in judged.samples.items():
@@ -150,7 +150,7 @@ def _rounded(value: float) -> float | None:
 
 
 def paired_of(judged: Judged, ours: str) -> list[dict[str, Any]]:
-    """By how much the vocabulary in question is better than the cheap baselines and the paper's, paired by moments."""
+    """Paired differences of the evaluated vocabulary to the cheap baselines and the paper's, on the same moments."""
     cheap = [f"baseline:{name}" for name in CHEAP if f"baseline:{name}" in judged.samples]
     found = []
     for metric in GOALS:
@@ -175,7 +175,7 @@ def _at_least(value: float) -> float:
 
 
 def confidence_of(judged: Judged, ours: str) -> dict[str, Any]:
-    """What speaking only when sure gains, and the confidence against always saying the overall share."""
+    """Gain of explaining only when confident, and of the confidence over the constant base rate."""
     samples, true, known = judged.samples[ours], judged.spoken[ours].voted_true, judged.spoken[ours].known
     share = float(np.mean(true[known])) if known.any() else 0.0
     base = score_confidence(np.full(len(true), share), true, judged.truth, known)

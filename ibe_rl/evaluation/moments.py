@@ -1,4 +1,4 @@
-"""The moments that explanations are judged at, as arrays."""
+"""The moments that explanations are evaluated at, as arrays."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 from ibe_rl.types import Array
 
 SEEN_STEPS = 20
-"""Steps that an observer sees before it has to predict (the paper's prediction task)."""
+"""Steps that an observer sees before its prediction (the paper's prediction task)."""
 
 
 @dataclass(frozen=True)
 class Moments:
-    """``N`` moments of greedy episodes, what followed, and ``F`` sampled futures of each, over ``H`` horizons.
+    """``N`` moments of greedy episodes, their real future and ``F`` sampled futures, over ``H`` horizons.
 
     Attributes:
         episode: ``(N,)`` number of the episode, from 0.
-        seed: ``(N,)`` of the episode.
+        seed: ``(N,)`` seed of the episode.
         step: ``(N,)`` step of the episode.
         state: ``(N, S)``.
-        instruction: ``(N, d)``, 0 in silence.
-        given: ``(N,)`` bool, False where the instructor said nothing.
-        regular: ``(N,)`` bool, on the stride; the others are there for the observer only.
-        observed: ``(N,)`` bool, as many steps before the first contact as the observer predicts.
-        realised: ``(N, H, S)`` change of the state over each horizon; past the end of the episode it ends there.
-        predicted: ``(N, F, H, S)`` the same in each of the futures.
-        trusted: ``(N, F, H)`` bool, whether the predictor stands by them.
-        horizons_steps: the ``H`` horizons, rising.
+        instruction: ``(N, d)``, 0 without an instruction.
+        given: ``(N,)`` bool, False without an instruction.
+        regular: ``(N,)`` bool, on the stride; the others serve the observer only.
+        observed: ``(N,)`` bool, the moment of the observer's prediction, a fixed time before the first contact.
+        realised: ``(N, H, S)`` change of the state over each horizon, or to the end of the episode if that is sooner.
+        predicted: ``(N, F, H, S)`` the same in each sampled future.
+        trusted: ``(N, F, H)`` bool, whether the predictor trusts its prediction.
+        horizons_steps: the ``H`` horizons, ascending.
     """
 
     episode: Array
@@ -49,16 +49,16 @@ class Moments:
         return len(self.step)
 
     def __getitem__(self, rows: Array) -> Moments:
-        """Some of the moments."""
+        """The moments of the given rows."""
         columns = {item.name: getattr(self, item.name)[rows] for item in fields(self)[:-1]}
         return Moments(**columns, horizons_steps=self.horizons_steps)
 
     def judged(self) -> Moments:
-        """The moments on the stride at which there was an instruction."""
+        """The moments on the stride with an instruction."""
         return self[self.regular & self.given]
 
     def first_future(self) -> Moments:
-        """The same with one future only."""
+        """The same moments with one future only."""
         return replace(self, predicted=self.predicted[:, :1], trusted=self.trusted[:, :1])
 
     def at(self, horizon_steps: int) -> int:
@@ -72,13 +72,13 @@ class Moments:
 
 @dataclass(frozen=True)
 class Plan:
-    """Which moments are taken of an episode, and how far ahead is looked.
+    """Which moments of an episode to take, and their horizons.
 
     Attributes:
         stride_steps: from one moment to the next.
-        futures: sampled from each.
-        horizons_steps: rising; the longest one is rolled out, the others are the beginnings of the same paths.
-        observer_steps: how long before the first contact the observer predicts; None without observer.
+        futures: number sampled from each moment.
+        horizons_steps: ascending; only the longest is rolled out, the others are prefixes of the same paths.
+        observer_steps: from the observer's prediction to the first contact; None without observer.
     """
 
     stride_steps: int
@@ -89,19 +89,19 @@ class Plan:
 
 @dataclass(frozen=True)
 class Spoken:
-    """What one vocabulary says at ``N`` moments about one horizon.
+    """The explanations of one vocabulary at ``N`` moments for one horizon.
 
     Attributes:
-        expression: ``(N, d)`` of the first future alone, which the motion is judged by.
-        true: ``(N,)`` bool, whether the vocabulary calls what really happened as it calls this future.
-        phrase: ``(N,)`` what is said: the most frequent phrase among the futures.
-        which: ``(N,)`` the first of the futures that is called so.
-        said: ``(N, d)`` the expression of that one.
-        voted_true: ``(N,)`` bool, whether it went as what is said predicts.
-        agreement: ``(N,)`` share of the futures that are called so and that the predictor stands by.
+        expression: ``(N, d)`` of the first future alone, for the motion metrics.
+        true: ``(N,)`` bool, whether the real change has the same phrase as the first future.
+        phrase: ``(N,)`` the explanation: the most frequent phrase among the futures.
+        which: ``(N,)`` index of the first future with that phrase.
+        said: ``(N, d)`` the expression of that future.
+        voted_true: ``(N,)`` bool, whether the real change has the phrase of the explanation.
+        agreement: ``(N,)`` share of the futures that have this phrase and are trusted by the predictor.
         purity: ``(N,)`` the mapping's own confidence in it.
-        known: ``(N,)`` bool, whether the meaning of what is said is known; if not, it is not said.
-        first_known: ``(N,)`` the same of the first future.
+        known: ``(N,)`` bool, whether the meaning of the phrase is known; if not, it is not used.
+        first_known: ``(N,)`` the same of the first future's phrase.
     """
 
     expression: Array

@@ -1,4 +1,4 @@
-"""One episode in words: played, explained step by step, and printed as a table."""
+"""One episode in words: rolled out, explained step by step, and printed as a table."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ NOT_TRUSTED = "(?)"
 
 
 def check_context(context: str | None, run: TrainedRun) -> None:
-    """Refuse a context that the run's environment does not have.
+    """Refuse a context unknown to the run's environment.
 
     Raises:
-        ConfigError: naming those that it has, or that none can be asked for.
+        ConfigError: naming the known contexts, or that there are none.
     """
     if context is not None and not run.task.context_option:
         raise ConfigError(
@@ -46,14 +46,14 @@ def check_context(context: str | None, run: TrainedRun) -> None:
 
 
 def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
-    """What the agent of a run speaks with."""
+    """The explainer of a run: its vocabulary, calibration and settings."""
     return ExplainerState(
         run.mapping, run.horizon_steps, run.task.phrases, run.spans, futures, run.calibration, min_confidence
     )
 
 
 def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollout, list[Explanation]]:
-    """Play one episode, then explain each of its steps."""
+    """Roll out one episode, then explain each of its steps."""
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     voice = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
@@ -65,7 +65,7 @@ def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollou
 def print_narration(
     run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], console: Console | None = None
 ) -> None:
-    """Print what was said, one row for each stretch of steps with the same words."""
+    """Print the explanations, one row for consecutive steps with the same words."""
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
     verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
     console = console or Console(highlight=False)
@@ -82,7 +82,7 @@ def print_narration(
 
 
 def _opening(run: TrainedRun, verdicts: Sequence[Verdict]) -> list[str]:
-    """The verdict in plain words, on this episode or else on the last refresh, and what the words mean."""
+    """The verdict in plain words, on this episode or else the last refresh, and the meaning of the words."""
     refreshed = verdicts_of(run.scores_of_numbers, run.mapping.meanings, run.task)
     untold = worst(verdicts).why == NOT_TOLD
     lines = ["From this episode it cannot be told whether its words tell which way it goes."] if untold else []
@@ -93,12 +93,12 @@ def _opening(run: TrainedRun, verdicts: Sequence[Verdict]) -> list[str]:
         lines.append(f"At the last refresh, over many episodes, {in_one_line(refreshed)}.")
     wrong = [] if worst(judged).level == REVERSED else wrong_signs(refreshed, run.mapping.meanings, run.task)
     meanings = meaning_lines(run.mapping.meanings, run.task)
-    new = [line for line in meanings if not any(line in told for told in lines)]  # the verdict may have said it
+    new = [line for line in meanings if not any(line in told for told in lines)]  # may be in the verdict already
     return [*lines, *wrong, *new, ""]
 
 
 def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
-    """How much of what was really said went as predicted."""
+    """Phrase accuracy over the explanations that were given."""
     spoken = np.array([one.known for one in said], bool)
     if not spoken.any():
         return "It said nothing"
@@ -108,7 +108,7 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
 
 
 def _spoken(said: Explanation, task: Task) -> list[str]:
-    """What is said of each span of time, with a mark where the predictor does not stand by it to the end."""
+    """The phrase of each time span, marked where the predictor does not trust it to the end."""
     spans = said.all_spans
     words = short([one.said for one in spans], task.phrases)
     return [text if one.trusted else f"{text} {NOT_TRUSTED}" for text, one in zip(words, spans, strict=True)]
@@ -136,7 +136,7 @@ def _table(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation
 
 
 def _figures(said: Sequence[Explanation], true: Array) -> tuple[str, str, str]:
-    """Number, how sure, and how much went as predicted, of what was said alike; "-" where that says nothing."""
+    """Expression, confidence and accuracy of steps with the same words; "-" where undefined."""
     meant = said[0].meant
     numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
     sure = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"

@@ -1,4 +1,4 @@
-"""The paper's prediction task with a simulated observer: does an explanation help to predict where it will end?"""
+"""The paper's prediction task with a simulated observer: do explanations help to predict the end of an episode?"""
 
 from __future__ import annotations
 
@@ -27,21 +27,20 @@ def observe_all(
     resamples: int,
     seed: int,
 ) -> tuple[dict[str, Samples], dict[str, Any]]:
-    """Let the observer predict the position at the first contact, from ``horizon_steps`` before it.
+    """Let the observer predict the position at the first contact, ``horizon_steps`` ahead.
 
     Args:
-        moments: those with ``observed`` are used, one an episode.
-        calibrating: ``(N,)`` true changes over the horizon, of other episodes, that the observer's scale comes from.
+        moments: those with ``observed`` are used, one per episode.
+        calibrating: ``(N,)`` true changes over the horizon in other episodes, to calibrate the observer's scale.
         horizon_steps: of the explanations.
-        task: with ``motion``, and an instruction of one number: that is what the observer's scale is for.
-        vocabularies: explainer to its vocabularies; the error of several is their mean.
-        resamples: of the episodes.
+        task: with ``motion`` and an instruction of one number, as the observer has one scale.
+        vocabularies: explainer to its vocabularies; their errors are averaged.
+        resamples: number of bootstrap resamples of episodes.
         seed: of the resamples.
 
     Returns:
-        For each explainer its ``observer_error`` on all resamples; and the report, where an explainer that is told
-        the change itself (``predicted_change``, ``true_future``) needs no scale. Both are empty where there is nothing
-        to observe.
+        The ``observer_error`` of each explainer on all resamples, and the report; both are empty without a moment to
+        observe. Explainers that give the change itself (``predicted_change``, ``true_future``) need no scale.
     """
     seen = moments[moments.observed]
     if task.motion is None or task.instruction_size != 1 or not len(seen):
@@ -60,7 +59,7 @@ def observe_all(
 
 
 def add_errors(rows: Sequence[dict[str, Any]], samples: Mapping[str, Samples], horizon_steps: int) -> None:
-    """Put ``observer_error`` into the rows of one horizon."""
+    """Add ``observer_error`` to the rows of one horizon."""
     for row in rows:
         if row["horizon_steps"] == horizon_steps and row["explainer"] in samples:
             row["observer_error"] = estimate_json(samples[row["explainer"]]["observer_error"])
@@ -79,7 +78,7 @@ def _expected(
     task: Task,
     vocabularies: Mapping[str, Sequence[ExpressionMapping]],
 ) -> dict[str, list[Array]]:
-    """Explainer to the positions ``(E,)`` that the observer expects, one array for each of its vocabularies."""
+    """Explainer to the positions ``(E,)`` that the observer predicts, one array for each of its vocabularies."""
     assert task.motion is not None
     position, change = _position_and_change(seen, horizon_steps, task)
     predicted = seen.predicted[:, 0, seen.at(horizon_steps)]

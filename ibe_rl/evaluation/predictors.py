@@ -1,4 +1,4 @@
-"""``task=predictors``: explanations made with learned predictors, held against those of the exact one."""
+"""``task=predictors``: compare explanations made with learned predictors with those of the exact one."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from ibe_rl.types import Policy
 from ibe_rl.vocabulary.refresh import Saved
 
 EXACT, AGAIN = "simulator", "simulator_again"
-"""The exact predictor, and the same with another seed: no other one can be expected to agree with it more."""
+"""The exact predictor, and the same with another seed: the upper bound of agreement for the others."""
 _OURS = "ibe:own"
 PAIRED = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true", "came_true_voted", "ece")
-"""What is told as a difference to the exact one, on the same moments."""
+"""Metrics reported as a paired difference to the exact predictor."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class Age:
     """The agent at one refresh.
 
     Attributes:
-        saved: what was learnt at this refresh.
-        policy_frame: training frames when the policy was kept that is nearest to it.
+        saved: the vocabulary learnt at this refresh.
+        policy_frame: training frames of the saved policy nearest to it.
         policy: that policy.
-        episodes: that are judged.
-        held_out: other episodes, that the confidence is calibrated on.
+        episodes: number to evaluate on.
+        held_out: number of other episodes, to calibrate the confidence.
     """
 
     saved: Saved
@@ -52,10 +52,10 @@ class Age:
 
 
 def judge_predictors(run: TrainedRun, cfg: ExplainConfig) -> None:
-    """Explain the same moments with every kind of predictor, at each refresh, and hold that against what came.
+    """Explain the same moments with every predictor, at each refresh, and evaluate the explanations.
 
     Raises:
-        ConfigError: before any episode is played, if the run lacks what is needed.
+        ConfigError: before any episode, if the run lacks a needed file.
     """
     seed, own = cfg.evaluate.seed, run.config.predictor
     kinds = choices("predictor") | {own.kind: own} | {cfg.predictor.kind: cfg.predictor}
@@ -74,7 +74,7 @@ def judge_predictors(run: TrainedRun, cfg: ExplainConfig) -> None:
 
 
 def ages_of(run: TrainedRun, cfg: ExplainConfig) -> list[Age]:
-    """The agent at each refresh that was kept, oldest first; only the newest if ``evaluate.changing_episodes`` is 0."""
+    """The agent at each saved refresh, oldest first; only the newest if ``evaluate.changing_episodes`` is 0."""
     config, kept = cfg.evaluate, kept_policies(run, EVALUATED, BETWEEN)
     refreshes = [saved for saved in kept_refreshes(run).values() if saved.horizon_steps == run.horizon_steps]
     usable = [saved for saved in refreshes if saved.frame <= run.mapping_frame]
@@ -93,7 +93,7 @@ def judge_age(
     regressors: Sequence[StateRegressor],
     cfg: ExplainConfig,
 ) -> list[dict[str, Any]]:
-    """A row for each predictor that can be had at this age, the exact one first."""
+    """A row for each predictor that is available at this refresh, the exact one first."""
     config, n, rows = cfg.evaluate, run.horizon_steps, []
     exact: Judged | None = None
     for name, moments, held_out in predicted_by_each(run, age, kinds, cfg):
@@ -113,7 +113,7 @@ def judge_age(
 
 
 def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) -> dict[str, Any]:
-    """How often the same is said as with the exact predictor, in all and where the predictor stands by it."""
+    """Agreement with the phrases of the exact predictor, over all moments and where the predictor trusts itself."""
     same = judged.spoken[_OURS].phrase == exact.spoken[_OURS].phrase
     trusted = moments.trusted[:, :, -1].all(axis=1)
     told = {"equal": same, "trusted": trusted}
@@ -130,7 +130,7 @@ def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) 
 def predicted_by_each(
     run: TrainedRun, age: Age, kinds: dict[str, PredictorConfig], cfg: ExplainConfig
 ) -> Iterator[tuple[str, Moments, Moments]]:
-    """The same moments, judged and held out, with the futures of each predictor; the exact one first, and once more."""
+    """The same moments, evaluated and held out, with the futures of each predictor; the exact one first, twice."""
     config = cfg.evaluate
     plan = Plan(config.stride_steps, 1, (run.horizon_steps,), run.horizon_steps)
     judged = take_moments(run, age.policy, seeds_for("judged", config.seed, age.episodes), plan)

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 @contextmanager
 def progress_bar(title: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show a bar of ``total`` steps and yield what advances it by one; without a terminal nothing is shown."""
+    """Show a bar of ``total`` steps and yield the function that advances it; hidden without a terminal."""
     console = Console()
     columns = TextColumn("{task.description}"), BarColumn(bar_width=30), TimeRemainingColumn(compact=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -1,4 +1,4 @@
-"""Vocabularies learnt anew from the log of a run: for other horizons, by other mappings, for controls."""
+"""Refit vocabularies on the log of a run: for other horizons, other mappings and negative controls."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ibe_rl.vocabulary.training_episodes import TrainingEpisodes, best_windows, 
 
 MOST_REDRAWN = 20
 NONSENSE_WINDOWS = 2_000
-"""At most so many windows are clustered where the instructions are shuffled."""
+"""Most windows to cluster for the control with shuffled instructions."""
 
 
 def fit_shuffled(
@@ -34,10 +34,10 @@ def fit_shuffled(
     count: int,
     step: Callable[[], None] = lambda: None,
 ) -> list[ExpressionMapping]:
-    """Learn ``count`` vocabularies, each from episodes that were given the instructions of others.
+    """Learn ``count`` vocabularies, each from episodes with shuffled instructions.
 
-    A shuffle that no vocabulary can be learnt from (its axis may be one on which hardly anything moves) is drawn
-    again; if that happens ``MOST_REDRAWN`` times as often as vocabularies are asked for, there are fewer of them.
+    A shuffle that allows no vocabulary, for example if its axis hardly varies, is drawn again. After ``MOST_REDRAWN``
+    times ``count`` redraws fewer vocabularies are returned.
     """
     random = np.random.default_rng(seed)
     quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
@@ -55,11 +55,11 @@ def fit_shuffled(
 
 
 class Refits:
-    """Learns vocabularies from the log of one run, all from its newest episodes, as many as the run itself used.
+    """Learns vocabularies from the newest episodes in the log of a run, as many as the run itself used.
 
     Args:
         run: with its log.
-        seed: of the clustering and of all draws.
+        seed: of the clustering and all draws.
 
     Raises:
         ConfigError: if the run has no log.
@@ -69,7 +69,7 @@ class Refits:
         self._run, self._seed, self._log = run, seed, open_log(run.folder)
 
     def lessons(self, config: MappingConfig) -> TrainingEpisodes:
-        """The episodes that ``config`` learns from.
+        """The training episodes of ``config``.
 
         Raises:
             ConfigError: if there are none.
@@ -79,10 +79,10 @@ class Refits:
             return read_training_episodes(self._log, used, self._seed)
 
     def fit(self, config: MappingConfig, horizon_steps: int, lessons: TrainingEpisodes | None = None) -> ClusterMapping:
-        """Learn a vocabulary from nothing, from the log or from given lessons.
+        """Learn a vocabulary from scratch, from the log or from given lessons.
 
         Raises:
-            ConfigError: if they are too few, or the mapping cannot work in this environment.
+            ConfigError: if there are too few, or the mapping does not suit this environment.
         """
         check_mapping(replace(config, horizon_steps=horizon_steps, spans_steps=[]), self._run.task)
         given, task, seed = lessons or self.lessons(config), self._run.task, self._seed
@@ -95,10 +95,10 @@ class Refits:
     def shuffled(
         self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
     ) -> list[ExpressionMapping]:
-        """``count`` vocabularies, each from episodes that were given the instructions of others.
+        """``count`` vocabularies, each from episodes with shuffled instructions.
 
         Raises:
-            ConfigError: if hardly any of them teaches a vocabulary.
+            ConfigError: if hardly any shuffle allows a vocabulary.
         """
         lessons, task = self.lessons(config), self._run.task
         found = fit_shuffled(lessons.best, lessons.heard, config, task, self._seed, horizon_steps, count, step)
@@ -109,7 +109,7 @@ class Refits:
         return found
 
     def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[ExpressionMapping]:
-        """``count`` vocabularies with clusters around windows drawn at random."""
+        """``count`` vocabularies with randomly drawn windows as cluster centres."""
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
         with self._enough():
             windows = best_windows(lessons.best, config, horizon_steps)
@@ -123,7 +123,7 @@ class Refits:
         config: EvaluateConfig,
         step: Callable[[], None] = lambda: None,
     ) -> Learnt:
-        """All that is held against the ``vocabularies`` in question at one horizon; ``step`` is called now and then.
+        """Learn baselines and controls for the ``vocabularies`` at one horizon; ``step`` advances the progress bar.
 
         Raises:
             ConfigError: if the log is too small for it.

@@ -24,10 +24,10 @@ _CURVE_POINTS = 200
 
 
 def make_folders(run: Path) -> None:
-    """Make the folders of the report, before any work is done for it.
+    """Make the folders of the report, before any work is lost.
 
     Raises:
-        ConfigError: if they cannot be written to.
+        ConfigError: if they are not writable.
     """
     for name in (EVALUATION, FIGURES):
         try:
@@ -39,7 +39,7 @@ def make_folders(run: Path) -> None:
 
 
 def common_protocol(run: TrainedRun, cfg: ExplainConfig, moments: int) -> dict[str, Any]:
-    """What the numbers of any report stand on; ``moments`` is how many were judged."""
+    """The protocol common to all reports; ``moments`` is the number of evaluated moments."""
     config = cfg.evaluate
     return {
         "run": run.folder.name,
@@ -58,7 +58,7 @@ def common_protocol(run: TrainedRun, cfg: ExplainConfig, moments: int) -> dict[s
 
 
 def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task: Task) -> None:
-    """Write a row a moment: where, what was told and said, how sure, and what was predicted and came."""
+    """Write a row per moment: its place, instruction, explanation, confidence, predicted and real change."""
     spoken, at = judged.spoken[ours], moments.at(judged.truth.horizon_steps)
     columns: dict[str, Array] = {"episode_seed": moments.seed, "step": moments.step}
     columns |= _numbered(task.state_names, "", moments.state)
@@ -81,7 +81,7 @@ def _numbered(names: Sequence[str], prefix: str, values: Array) -> dict[str, Arr
 
 
 def _instructions(name: str, values: Array, task: Task) -> dict[str, Array]:
-    """One column, or with several numbers one for each, called by what it is about."""
+    """One column; with several numbers one column for each, named after it."""
     return {name: values[:, 0]} if task.instruction_size == 1 else _numbered(task.number_names, f"{name}_", values)
 
 
@@ -90,7 +90,7 @@ def _short(value: Any) -> Any:
 
 
 def reliability(probability: Array, true: Array, bins: int = _BINS) -> list[dict[str, Any]]:
-    """How often it went as was said with some confidence, for bins of equal width that hold anything."""
+    """The reliability diagram: accuracy by confidence, in the non-empty bins of equal width."""
     bin_of = np.minimum((probability * bins).astype(int), bins - 1)
     return [
         {
@@ -105,7 +105,7 @@ def reliability(probability: Array, true: Array, bins: int = _BINS) -> list[dict
 
 
 def calibration_report(judged: Judged, ours: str, mapping_frame: int) -> dict[str, Any]:
-    """How the confidence is made, and how far it can be trusted, where the meaning of the words is known."""
+    """The calibration of the confidence and its reliability, where the meaning of the words is known."""
     known = judged.spoken[ours].known
     probability, true = judged.probabilities[ours][known], judged.spoken[ours].voted_true[known]
     coverage, risk = risk_coverage(probability, true) if known.any() else (probability, probability)

@@ -1,4 +1,4 @@
-"""Unseen greedy episodes, the moments that explanations are judged at, and sampled futures from each of them."""
+"""Held-out greedy episodes, the moments that explanations are evaluated at, and sampled futures of each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, Moment, Policy, Predictor
 
 SEEDS_EACH = 10_000
-"""Seeds of one purpose at one ``evaluate.seed``; there are 1,000 of these seeds for each purpose."""
+"""Seeds for each purpose and ``evaluate.seed``; ``evaluate.seed`` has 1,000 values."""
 PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "foretold")
 EPISODES_AT_ONCE = 100
 FUTURES_AT_ONCE = 640
@@ -26,7 +26,7 @@ FUTURES_AT_ONCE = 640
 
 @dataclass(frozen=True)
 class TakenMoment:
-    """A moment with what is known of it once the episode is over."""
+    """A moment with its real future, known once the episode is over."""
 
     moment: Moment
     episode: int
@@ -38,16 +38,16 @@ class TakenMoment:
 
 
 def seeds_for(purpose: str, seed: int, episodes: int) -> range:
-    """Seeds of episodes that no training and no other purpose uses."""
+    """Seeds of episodes, disjoint from training and all other purposes."""
     first = JUDGING_SEED + (PURPOSES.index(purpose) * 1_000 + seed) * SEEDS_EACH
     return range(first, first + episodes)
 
 
 def horizons_of(cfg: EvaluateConfig, run: TrainedRun) -> tuple[int, ...]:
-    """The horizons asked for and the run's own, rising.
+    """The configured horizons and the run's own, ascending.
 
     Raises:
-        ConfigError: if one of them is longer than an episode can be.
+        ConfigError: if one is longer than an episode can be.
     """
     longest = run.task.max_episode_steps
     if not all(1 <= steps <= longest for steps in cfg.horizons_steps):
@@ -59,12 +59,12 @@ def horizons_of(cfg: EvaluateConfig, run: TrainedRun) -> tuple[int, ...]:
 
 
 def take_moments(run: TrainedRun, policy: Policy, seeds: Sequence[int], plan: Plan) -> list[TakenMoment]:
-    """Play an episode for each seed and keep the moments that the plan asks for.
+    """Roll out an episode for each seed and take the moments of the plan.
 
     Args:
-        run: whose environments and instructor these are.
+        run: provides the environments and the instructor.
         policy: the greedy policy.
-        seeds: of episodes that the policy was not trained on.
+        seeds: of held-out episodes.
         plan: which moments.
     """
     envs = [run.make_env() for _ in range(min(len(seeds), EPISODES_AT_ONCE))]
@@ -78,7 +78,7 @@ def take_moments(run: TrainedRun, policy: Policy, seeds: Sequence[int], plan: Pl
 def _of_episode(
     episode: Episode, moments: Sequence[Moment], number: int, seed: int, plan: Plan, task: Task
 ) -> list[TakenMoment]:
-    """The moments of one episode that the plan asks for."""
+    """The moments of the plan in one episode."""
     observed = _observed_step(episode, plan, task)
     regular = range(0, len(episode), plan.stride_steps)
     ahead = np.array(plan.horizons_steps)
@@ -97,7 +97,7 @@ def _of_episode(
 
 
 def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
-    """The step at which the observer predicts; None without a contact, or where too little was seen before it."""
+    """The step of the observer's prediction; None without a contact, or with too few steps before it."""
     if plan.observer_steps is None or task.first_contact is None:
         return None
     contact = task.first_contact(episode.states)
@@ -109,7 +109,7 @@ def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
 def predict_futures(
     taken: Sequence[TakenMoment], policy: Policy, predictor: Predictor, plan: Plan, title: str
 ) -> Moments:
-    """Roll out ``plan.futures`` futures of each moment, with a progress bar."""
+    """Sample ``plan.futures`` futures of each moment, with a progress bar."""
     futures = [one.moment for one in taken for _ in range(plan.futures)]
     starts, ahead = range(0, len(futures), FUTURES_AT_ONCE), np.array(plan.horizons_steps)
     changes, trusted = [], []
@@ -135,20 +135,20 @@ def predict_futures(
 
 @dataclass(frozen=True)
 class Rollouts:
-    """What all episodes of an evaluation share."""
+    """Rolls out the episodes of an evaluation, with common settings."""
 
     run: TrainedRun
     cfg: ExplainConfig
     predictor: Predictor
 
     def gather(self, purpose: str, episodes: int, plan: Plan, title: str, policy: Policy | None = None) -> Moments:
-        """Play episodes for a purpose, with the run's last policy or another one, and predict."""
+        """Roll out episodes for a purpose, with the run's last policy or another one, and predict futures."""
         followed = policy or self.run.policy
         taken = take_moments(self.run, followed, seeds_for(purpose, self.cfg.evaluate.seed, episodes), plan)
         return predict_futures(taken, followed, self.predictor, plan, title)
 
     def judged_and_held_out(self, horizons: tuple[int, ...]) -> tuple[Moments, Moments]:
-        """The moments that are judged, the observer's among them, and those that the confidence is calibrated on."""
+        """The moments to evaluate, with the observer's, and those to calibrate the confidence on."""
         config = self.cfg.evaluate
         plan = Plan(config.stride_steps, self.cfg.predictor.futures, horizons, self.run.horizon_steps)
         judged = self.gather("judged", config.episodes, plan, "futures of the judged episodes")

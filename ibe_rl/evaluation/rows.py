@@ -1,6 +1,6 @@
-"""The metrics of one explainer on every resample of the episodes, and the row of the report made of them.
+"""The metrics of one explainer on every resample of the episodes, and its row of the report.
 
-Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples, row 0 of which is the value itself.
+Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples; row 0 is the point estimate.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ExpressionMapping
 
 Samples = dict[str, Array]
-"""Metric to values ``(R,)``; of an instruction with several numbers also ``metric[i]``, of number i by itself."""
+"""Metric to values ``(R,)``; with several numbers in an instruction also ``metric[i]`` of number i."""
 
 MOTION = ("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spearman")
 WORDS = ("came_true", "came_true_voted")
@@ -29,21 +29,21 @@ BALANCE = ("size_cv", "size_max", "left_right")
 ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
 """The metrics of a row, in the order of the report."""
 EACH = (*MOTION, "vocabulary_loss", "instruction_f1")
-"""What is told of each number by itself; in the row of all of them stands the mean."""
+"""Metrics reported for each number; the row itself holds their mean."""
 COVERAGE = 0.8
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened over one horizon, and how the moments are weighed.
+    """The ground truth over one horizon, and the weights of the moments.
 
     Attributes:
         horizon_steps: of the explanations.
         change: ``(N, d)`` real changes of the explained dimensions.
         told: ``(N, d)`` the instruction.
-        band: ``d`` of them, see ``Task.explained_band``.
-        values: what the instructor can say.
-        hard: ``(N, d)`` bool, the state regressor names the wrong way.
+        band: one for each number, see ``Task.explained_band``.
+        values: the possible instructions.
+        hard: ``(N, d)`` bool, the state regressor predicts the wrong direction.
         weights: ``(R, N)``.
     """
 
@@ -57,7 +57,7 @@ class Truth:
 
     @classmethod
     def of(cls, moments: Moments, horizon_steps: int, task: Task, forecast: Array, weights: Array) -> Truth:
-        """Of ``moments``, with what a simple ``forecast`` ``(N, d)`` of the changes had said."""
+        """The truth of ``moments``, given a simple ``forecast`` ``(N, d)`` of the changes."""
         change = moments.real_change(horizon_steps, task.explained).astype(float)
         band = task.explained_band
         hard = direction(forecast, np.array(band)) != direction(change, np.array(band))
@@ -65,21 +65,21 @@ class Truth:
         return cls(horizon_steps, change, told, band, task.instruction_values, hard, weights)
 
     def unweighed(self) -> Truth:
-        """The same with one row of equal weights: for values without an interval."""
+        """The same with one row of equal weights, for values without an interval."""
         return replace(self, weights=self.weights[:1])
 
 
 @dataclass
 class Judged:
-    """What came out at one horizon.
+    """The results at one horizon.
 
     Attributes:
-        truth: what really happened.
+        truth: the ground truth.
         names: of the numbers of an instruction.
         samples: explainer to its metrics on every resample.
         refits: explainer to the metrics of each of its vocabularies, without resamples.
-        spoken: explainer to what its vocabulary said.
-        calibrations: explainer to how its confidence is made.
+        spoken: explainer to the explanations of its vocabulary.
+        calibrations: explainer to the calibration of its confidence.
         probabilities: explainer to that confidence ``(N,)``.
         mappings: explainer to its vocabulary.
     """
@@ -95,7 +95,7 @@ class Judged:
 
 
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
-    """How well what was said ``(N, d)`` tells the motion; ``on_scale`` is the same on the instructor's scale."""
+    """The motion metrics of statements ``(N, d)``; ``on_scale`` is the same on the instructor's scale."""
     each = []
     for i, band in enumerate(truth.band):
         told = truth.told[:, i]
@@ -105,7 +105,7 @@ def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
 
 
 def over_numbers(each: Sequence[Samples]) -> Samples:
-    """The mean of every metric over the numbers, and with several of them each number by itself."""
+    """The mean of every metric over the numbers; with several numbers also the metrics of each."""
     means = {metric: mean_over_numbers(metric, [one[metric] for one in each]) for metric in each[0]}
     if len(each) == 1:
         return means
@@ -113,25 +113,25 @@ def over_numbers(each: Sequence[Samples]) -> Samples:
 
 
 def numbered(metric: str, number: int) -> str:
-    """What a metric of one number by itself is called."""
+    """The name of a metric of one number."""
     return f"{metric}[{number}]"
 
 
 def add_loss(samples: Samples, ceiling: Samples) -> None:
-    """Add ``vocabulary_loss``, what ``motion_auc`` lacks to that of the predicted change; also of each number."""
+    """Add ``vocabulary_loss``, the ``motion_auc`` of the predicted change minus that of the words; also per number."""
     for metric in [name for name in samples if name.partition("[")[0] == "motion_auc"]:
         most = ceiling[metric][: len(samples[metric])]
         samples[metric.replace("motion_auc", "vocabulary_loss")] = most - samples[metric]
 
 
 def score_words(spoken: Spoken, truth: Truth) -> Samples:
-    """Whether it went as the words of a vocabulary predict, where their meaning is known."""
+    """Phrase accuracy of a vocabulary, where the meaning of the words is known."""
     true = {"came_true": (spoken.true, spoken.first_known), "came_true_voted": (spoken.voted_true, spoken.known)}
     return {name: weighted_mean(values, truth.weights * known) for name, (values, known) in true.items()}
 
 
 def score_confidence(probability: Array, true: Array, truth: Truth, known: Array) -> Samples:
-    """Whether the confidence ``(N,)`` that it goes as predicted is worth anything, where the meaning is ``known``."""
+    """The confidence metrics of probabilities ``(N,)`` of a correct prediction, where the meaning is ``known``."""
     weights = truth.weights * known
     return {
         "brier": brier(probability, true, weights),
@@ -142,7 +142,7 @@ def score_confidence(probability: Array, true: Array, truth: Truth, known: Array
 
 
 def balance(mapping: Any) -> dict[str, Any]:
-    """How a vocabulary's clusters share the windows and the scale; empty for one that does not tell its sizes."""
+    """Balance of a vocabulary's clusters in size and sign; empty for one without cluster sizes."""
     if not len(getattr(mapping, "sizes", ())):
         return {}
     told = {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes))}
@@ -154,7 +154,7 @@ def balance(mapping: Any) -> dict[str, Any]:
 
 
 def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """What a row says: all metrics in their order, and under ``each`` those of every number by its name, if several."""
+    """A row of the report: all metrics in order; with several numbers those of each number under ``each``."""
     row: dict[str, Any] = {metric: told.get(metric) for metric in ROW_METRICS}
     if len(names) > 1:
         row["each"] = [
@@ -165,18 +165,18 @@ def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
 
 
 def estimate_json(samples: Array) -> dict[str, float | None]:
-    """Value and interval of a metric on all resamples ``(R,)`` for a report, rounded to five digits."""
+    """Value and interval of a metric from its resamples ``(R,)``, rounded to five digits."""
     told = estimate(samples).to_dict()
     return {name: None if number is None else round(number, 5) for name, number in told.items()}
 
 
 def fixed(value: float) -> dict[str, float | None]:
-    """A value that no resampling of episodes changes."""
+    """A value that does not depend on resamples, as an estimate without an interval."""
     return {"value": round(float(value), 5), "low": None, "high": None}
 
 
 def spread_over(values: Iterable[float]) -> dict[str, float | None]:
-    """Mean of what several refits gave, and the range that holds 95 % of them."""
+    """Mean and 95 % range of the values of several refits."""
     known = np.array([value for value in values if not np.isnan(value)])
     if not len(known):
         return dict.fromkeys(("value", "low", "high"))
@@ -185,7 +185,7 @@ def spread_over(values: Iterable[float]) -> dict[str, float | None]:
 
 
 def difference(one: Samples, other: Samples, metric: str) -> dict[str, float | None] | None:
-    """By how much ``one`` has more of a metric, on the same moments and resamples; None if either lacks it."""
+    """Paired difference ``one`` - ``other`` of a metric, on the same resamples; None if either lacks it."""
     if metric not in one or metric not in other:
         return None
     return estimate_json(one[metric] - other[metric])

@@ -1,4 +1,4 @@
-"""The predictor that a finished run is explained with: the exact one, or one that was learnt from its episodes."""
+"""The predictor that a finished run is explained with: exact, or learnt from its episodes."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from ibe_rl.storage.run_folder import CHECKPOINTS
 from ibe_rl.types import ConfigError, Policy
 
 PROCESSES = 2
-"""That roll out the futures of many moments, unless something else is asked for."""
+"""Default number of processes that roll out futures."""
 
 
 @contextmanager
 def predictor_of(
     run: TrainedRun, config: PredictorConfig, seed: int, env: EnvConfig | None = None, until_frame: int | None = None
 ) -> Iterator[KeptPredictor]:
-    """A predictor for a run, closed at the end.
+    """Yield a predictor for a run and close it afterwards.
 
-    One that is learnt is read from the run if it was trained with the same one, and else learnt from its log.
+    A learned predictor is loaded if the run was trained with the same one, else learnt from the run's log.
 
     Args:
-        run: whose policy is followed.
+        run: provides the policy to predict.
         config: of the predictor.
-        seed: of its chance.
-        env: where an exact one plays; None: where the run was trained.
-        until_frame: as it was at this frame of the training; None: as that of the run's last policy.
+        seed: of its random numbers.
+        env: of an exact predictor; None: that of the run's training.
+        until_frame: training frame of its data at the latest; None: the frame of the run's last policy.
 
     Raises:
-        ConfigError: if it can neither be read nor learnt.
+        ConfigError: if it can neither be loaded nor learnt.
     """
     make_one = partial(make_snapshot_env, env or run.config.env)
     horizons = [run.horizon_steps, *run.config.mapping.spans_steps]
@@ -54,7 +54,7 @@ def predictor_of(
 
 @contextmanager
 def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredictor]:
-    """The predictor of an evaluation, its moments shared among processes; closed at the end."""
+    """Yield the predictor of an evaluation, with several processes, and close it afterwards."""
     torch.set_num_threads(1)
     config = with_processes(cfg.predictor, processes_for(cfg.predictor.processes, run.policy))
     with predictor_of(run, config, cfg.evaluate.seed) as predictor:
@@ -62,13 +62,13 @@ def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredic
 
 
 def as_trained(cfg: ExplainConfig, run: TrainedRun) -> ExplainConfig:
-    """The same with the predictor that the run learnt, unless another one is named; only inside ``run_script``."""
+    """The config with the run's own predictor, unless another one is named; only inside ``run_script``."""
     own = run.config.predictor
     return replace(cfg, predictor=own) if is_learnt(own) and "predictor" not in named_settings() else cfg
 
 
 def can_predict(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
-    """Whether a predictor as of a frame of the training can be had: it was kept, or the log reaches back far enough."""
+    """Whether a predictor of a training frame is available: saved, or learnable as the log reaches back far enough."""
     if not is_learnt(config) or _kept(run, config, frame):
         return True
     index = open_log(run.folder).index
@@ -78,7 +78,7 @@ def can_predict(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
 
 
 def _kept(run: TrainedRun, config: PredictorConfig, frame: int) -> dict[int, Path]:
-    """Training frames to the weights kept by then, if what the run learnt is what ``config`` asks for."""
+    """Training frames to the weights saved by then, if the run trained the predictor of ``config``."""
     if _what_is_learnt(config) != _what_is_learnt(run.config.predictor):
         return {}
     return {at: path for at, path in policies(run.folder / CHECKPOINTS, PREDICTOR).items() if at <= frame}
@@ -104,15 +104,15 @@ def _what_is_learnt(config: PredictorConfig) -> dict[str, Any]:
 
 
 def with_processes(config: PredictorConfig, processes: int) -> PredictorConfig:
-    """The exact one sharing its moments among so many, unless something else is asked for."""
+    """The config with that many processes for the exact predictor, unless it sets another number."""
     return config if is_learnt(config) else replace(config, processes=config.processes or processes)
 
 
 def processes_for(asked: int | None, policy: Policy) -> int:
-    """How many processes share the futures; a policy that cannot be sent to other processes is followed in this one.
+    """Number of processes that roll out futures; 1 for a policy that cannot be pickled.
 
     Raises:
-        ConfigError: if more are asked for such a policy.
+        ConfigError: if more are configured for such a policy.
     """
     if (asked or PROCESSES) == 1 or crosses_processes(policy):
         return asked or PROCESSES
@@ -122,9 +122,9 @@ def processes_for(asked: int | None, policy: Policy) -> int:
 
 
 def crosses_processes(policy: Policy) -> bool:
-    """True if a policy can be sent to other processes."""
+    """Whether a policy can be pickled for other processes."""
     try:
         sent = bytes(ForkingPickler.dumps(policy))
-        return b"__main__" not in sent  # what the script defines is not there in another process
-    except Exception:  # pickle and what it calls raise a dozen types
+        return b"__main__" not in sent  # classes of the script itself are unknown in other processes
+    except Exception:  # pickling may raise anything
         return False

@@ -1,4 +1,4 @@
-"""Open a run folder: its settings, its greedy policy, its vocabulary. No code from the folder runs."""
+"""Open a run folder: settings, greedy policy and vocabulary. No code from the folder runs."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ from ibe_rl.vocabulary.training_episodes import settled
 
 _RUNS = Path("runs")
 OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
-"""Settings that make a run folder for an external policy, and say nothing about one that is there."""
+"""Settings that only apply when a run folder for an external policy is made."""
 MakePolicy = Callable[[TrainConfig], Policy]
-"""Makes an external policy for the environment of a run."""
+"""From the config of a run to an external policy for its environment."""
 
 
 def open_run(run: str | None, external_policy: MakePolicy | None = None) -> TrainedRun:
-    """Find and open a run: the folder ``run``, or the newest below ``runs/`` if that is None.
+    """Open the run in the folder ``run``, or the newest below ``runs/`` if None.
 
     Raises:
         ConfigError: if there is none; and as ``load_run``.
@@ -59,7 +59,7 @@ def run_config(folder: Path) -> TrainConfig:
     """The settings that the run in ``folder`` was trained with.
 
     Raises:
-        ConfigError: if the folder holds other things than plain files, or its config is damaged.
+        ConfigError: if the folder holds anything but plain files, or its config is damaged.
     """
     refuse_special_files(folder)
     config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
@@ -68,12 +68,12 @@ def run_config(folder: Path) -> TrainConfig:
 
 
 def settings_named(cfg: ExplainConfig) -> set[str]:
-    """The settings on the command line, with the groups that are meant for the run folder of an external policy."""
+    """The settings named on the command line, including groups for the run folder of an external policy."""
     return named_settings() | {re.split("[.=]", one)[0] for one in cfg.guest_settings}
 
 
 def refuse_external_settings(cfg: ExplainConfig) -> None:
-    """Refuse settings that only an external policy has, where none is named.
+    """Refuse settings of external policies if none is named.
 
     Raises:
         ConfigError: naming the key.
@@ -83,14 +83,14 @@ def refuse_external_settings(cfg: ExplainConfig) -> None:
 
 
 def load_run(folder: Path, external_policy: MakePolicy | None = None) -> TrainedRun:
-    """Open the run in ``folder`` as it last was.
+    """Open the newest state of the run in ``folder``.
 
     Args:
         folder: of the run.
-        external_policy: for a folder that was made for a policy trained elsewhere, which is not in it.
+        external_policy: needed for a folder that was made for an external policy, which it does not hold.
 
     Raises:
-        ConfigError: if the folder lacks a config, a policy or a vocabulary, or one of them is damaged.
+        ConfigError: if config, policy or vocabulary are missing or damaged.
     """
     config = run_config(folder)
     env = make_env(config.env)
@@ -123,7 +123,7 @@ def load_run(folder: Path, external_policy: MakePolicy | None = None) -> Trained
 
 
 def _is_external(folder: Path, config: TrainConfig, named: bool) -> bool:
-    """Whether the folder was made for a policy that it does not hold, which has to be ``named`` then."""
+    """Whether the folder was made for an external policy, which then has to be ``named``."""
     if isinstance(config.agent, ExternalPolicyConfig) and not named:
         raise ConfigError(
             f"agent=null with run={folder}: its agent is not in it, it was trained elsewhere "
@@ -156,7 +156,7 @@ def _reactions(folder: Path, saved: Saved, task: Task) -> Reactions | None:
 
 
 def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
-    """That of ``task=evaluate``, from many more episodes, if it is of this vocabulary."""
+    """The calibration of ``task=evaluate``, from many more episodes, if it is of this vocabulary."""
     path = folder / EVALUATION / CALIBRATION
     if not path.exists():
         return None
@@ -169,7 +169,7 @@ def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
 
 
 def kept_policies(run: TrainedRun, *kinds: str) -> dict[int, GreedyPolicy]:
-    """Training frames to the greedy policy that was kept then, oldest first; see ``checkpoint.policies``.
+    """Training frames to the greedy policy saved then, oldest first; see ``checkpoint.policies``.
 
     Raises:
         ConfigError: if one of them is damaged.
@@ -180,7 +180,7 @@ def kept_policies(run: TrainedRun, *kinds: str) -> dict[int, GreedyPolicy]:
 
 
 def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:
-    """Training frames to the vocabularies that were learnt then, oldest first.
+    """Training frames to the vocabularies learnt then, oldest first.
 
     Raises:
         ConfigError: if one of them is damaged.
@@ -217,7 +217,7 @@ def _read_refresh(path: Path) -> Saved:
 
 
 def _last_refresh(folder: Path, frame: int) -> Saved:
-    """The newest refresh that is no newer than the policy."""
+    """The newest refresh up to the policy's frame."""
     usable = {learnt: path for learnt, path in _refreshes(folder).items() if learnt <= frame}
     _, path = _last(usable, folder, f"vocabulary from before its policy of frame {frame:,}")
     return _read_refresh(path)

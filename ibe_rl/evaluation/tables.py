@@ -24,7 +24,7 @@ SHORT = {
     "left_right": "l/r",
     "observer_error": "obs. %",
 }
-"""Metric to what heads its column."""
+"""Metric to its column heading."""
 OF_A_NUMBER = (
     *("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spearman"),
     *("vocabulary_loss", "instruction_f1", "left_right"),
@@ -32,19 +32,19 @@ OF_A_NUMBER = (
 WITH_INTERVAL = ("motion_auc",)
 OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
 CALLED = {"came_true": "as predicted"}
-"""What a metric is called where it is not what its column in the files says."""
+"""Display names of metrics that differ from their names in the files."""
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 
 
 def console() -> Console:
-    """Where tables are printed, wide enough for them also where the width is not known."""
+    """The console for tables, wide enough for them if the terminal's width is unknown."""
     shown = Console(highlight=False)
     shown.width = max(shown.width, TABLE_WIDTH)
     return shown
 
 
 def quality_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
-    """All explainers at one horizon, a row each."""
+    """One row per explainer at one horizon."""
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, pad_edge=False, padding=0)
     table.add_column("explainer", no_wrap=True)
     for metric, short in SHORT.items():
@@ -58,7 +58,7 @@ def quality_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
 
 
 def numbers_table(rows: Sequence[dict[str, Any]]) -> Table:
-    """All explainers at one horizon, each number of the instruction by itself."""
+    """All explainers at one horizon, for each number of the instruction."""
     title = "Each number of the instruction by itself"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, padding=(0, 1))
     table.add_column("number", no_wrap=True)
@@ -92,7 +92,7 @@ def horizons_table(rows: Sequence[dict[str, Any]], explainers: Sequence[str]) ->
 
 
 def paired_table(paired: Sequence[dict[str, Any]], horizon_steps: int) -> Table:
-    """By how much the explanation is better than what is cheaper, and than the paper's."""
+    """Paired differences of the explainer to cheaper ones and the paper's."""
     metrics = list(dict.fromkeys(each["metric"] for each in paired))
     title = f"Explanation minus baseline over {horizon_steps} steps, paired (*: the best without a simulator)"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
@@ -109,7 +109,7 @@ def paired_table(paired: Sequence[dict[str, Any]], horizon_steps: int) -> Table:
 
 
 def observers_table(observers: dict[str, Any]) -> Table:
-    """How well a simulated observer foretells the end with each explainer, the best first."""
+    """Prediction error of the simulated observer with each explainer, the best first."""
     title = f"Where will it end? A simulated observer at {observers['episodes']} approaches, error in %"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
     for column in ("told", "error", "minus no explanation", "minus paper"):
@@ -121,7 +121,7 @@ def observers_table(observers: dict[str, Any]) -> Table:
 
 
 def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
-    """What a policy's own vocabulary has more than the first one that was ever learnt."""
+    """Each policy in its own vocabulary and in the first one, with the difference."""
     title = "A changing policy: motion AUC in its own vocabulary and the first one"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
     for column in ("policy of frame", "its own", "of frame", "the first", "own minus first"):
@@ -136,7 +136,7 @@ def changing_table(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def print_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
-    """Print all explainers at one horizon; several numbers also each by itself."""
+    """Print all explainers at one horizon; with several numbers also for each number."""
     shown = console()
     shown.print(quality_table(rows, title))
     shown.print("as p.: share that went as predicted, voted: of what most of the futures are called")
@@ -145,7 +145,7 @@ def print_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
 
 
 def print_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
-    """Print what the simulated observer found, or that it does not listen to several numbers."""
+    """Print the results of the simulated observer, or why there are none for several numbers."""
     if observers["rows"]:
         console().print(observers_table(observers))
     elif "each" in rows[0]:
@@ -163,11 +163,11 @@ BESIDE_EXACT = {
     "ece": "ECE",
     "observer_error": "obs.%",
 }
-"""What is told of a predictor to what heads its column."""
+"""Metric of a predictor to its column heading."""
 
 
 def predictors_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
-    """All predictors at one age, a row each."""
+    """One row per predictor at one refresh."""
     table = Table(box=SIMPLE, title=f"Predictors: {title}", title_justify="left", show_edge=False, padding=0)
     table.add_column("predictor", no_wrap=True)
     for short in BESIDE_EXACT.values():
@@ -180,7 +180,7 @@ def predictors_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
 
 
 def predictors_over_training(rows: Sequence[dict[str, Any]]) -> Table:
-    """Share of the same phrases and motion AUC of each predictor over the training."""
+    """Phrase agreement and motion AUC of each predictor over the training."""
     names = list(dict.fromkeys(row["predictor"] for row in rows))
     table = Table(box=SIMPLE, title="Same phrase / motion AUC over the training", title_justify="left", show_edge=False)
     for column in ("frame", *names):

@@ -1,4 +1,4 @@
-"""What a finished run left behind, opened."""
+"""An opened run."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ class TrainedRun:
 
     Attributes:
         folder: of the run.
-        config: of its training; a horizon that was found is in it.
+        config: of its training, with the selected horizon.
         task: the environment's own.
-        policy: the greedy policy of the last evaluation; with an external policy the one that was named.
-        policy_frame: training frames when it was kept.
+        policy: the greedy policy of the last evaluation, or the named external policy.
+        policy_frame: training frames when it was saved.
         mapping: the vocabulary of the last refresh before that.
         mapping_frame: training frames when it was learnt.
-        horizon_steps: n, the one the vocabulary was learnt with.
-        spans: the vocabularies of other spans of time, by their horizon in steps.
-        calibration: of the confidence. It is that of ``task=evaluate`` if this vocabulary was evaluated, else that of
-            the last refresh, which the first refresh has not (None).
-        reactions: of the agent to other instructions, asked at that refresh; None if it was not asked.
+        horizon_steps: n, the horizon of the vocabulary.
+        spans: the vocabularies of other time spans, by their horizon in steps.
+        calibration: of the confidence: from ``task=evaluate`` if this vocabulary was evaluated, else from the last
+            refresh; None at the first refresh.
+        reactions: of the agent to other instructions, as of that refresh; None if not measured.
         scores_of_numbers: see ``metrics.quality.number_scores``, of the refresh; empty if it has none.
     """
 
@@ -54,7 +54,7 @@ class TrainedRun:
     scores_of_numbers: Sequence[Mapping[str, float]] = ()
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
-        """One more environment of the run's kind."""
+        """A new environment as in the run."""
         return make_env(self.config.env)
 
 
@@ -62,7 +62,7 @@ def open_log(folder: Path) -> TrajectoryLog:
     """Open the log of the run in ``folder``.
 
     Raises:
-        ConfigError: if there is none, or it is damaged.
+        ConfigError: if it is missing or damaged.
     """
     if not (folder / TRAJECTORIES / "log.json").is_file():
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""What a vocabulary says at many moments, what came of it, and how sure one could have been."""
+"""Explanations of a vocabulary at many moments, their outcomes, and the calibration of the confidence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ibe_rl.types import ExpressionMapping
 
 
 def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, words: Sequence[Phrases]) -> Spoken:
-    """Put the futures of each moment and what really happened into words."""
+    """Express the sampled futures and the real change of each moment in words."""
     at = moments.at(horizon_steps)
     predicted, rows = moments.predicted[:, :, at], np.arange(len(moments))
     phrases, which, agreement = majority_phrases(predicted, mapping, words, moments.trusted[:, :, at])
@@ -36,6 +36,6 @@ def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, word
 
 
 def calibrate(spoken: Spoken) -> Calibration:
-    """Learn how sure one can be, from moments of episodes that nothing else is judged on."""
+    """Calibrate the confidence on moments of held-out episodes."""
     counted = spoken.known if spoken.known.any() else np.ones(len(spoken.known), bool)
     return Calibration.fit(spoken.features[counted], spoken.voted_true[counted], CONFIDENCE_FEATURES)

@@ -1,4 +1,4 @@
-"""How evenly clusters are used, and whether there are expressions on both sides of 0."""
+"""Balance of a vocabulary: cluster sizes, and expressions on both sides of 0."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ibe_rl.types import Array
 
 
 def size_cv(sizes: Array) -> float:
-    """Coefficient of variation of the cluster sizes ``(k,)``: their standard deviation, of all k, over their mean.
+    """Coefficient of variation of the cluster sizes ``(k,)``: population standard deviation over mean.
 
-    0 if they are equal, sqrt(k - 1) if one holds everything, NaN if all are empty.
+    0 if they are equal, sqrt(k - 1) if one cluster holds everything, NaN if all are empty.
     """
     return float(ratio(np.std(sizes), np.mean(sizes)))
 
@@ -22,6 +22,6 @@ def size_max(sizes: Array) -> float:
 
 
 def left_right(expressions: Array) -> tuple[int, int]:
-    """Number of distinct expressions ``(k,)`` below and above 0; what differs by less than 1e-9 is one."""
+    """Number of distinct expressions ``(k,)`` below and above 0, equal within 1e-9."""
     distinct = np.unique(np.round(expressions, 9))
     return int(np.sum(distinct < 0)), int(np.sum(distinct > 0))

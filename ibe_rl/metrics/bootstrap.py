@@ -1,7 +1,7 @@
 """Bootstrap over whole episodes: a score on many resamples, and its interval.
 
 Windows overlap, so the moments of one episode are not independent; episodes are. A resample is a row of weights, one
-for each moment. Row 0 has equal weights and gives the value itself. Whatever is compared takes the same rows.
+for each moment. Row 0 has equal weights and gives the point estimate. Paired comparisons use the same rows.
 
 Shapes: ``N`` moments, ``R`` rows of weights.
 """
@@ -17,12 +17,12 @@ import numpy as np
 from ibe_rl.types import Array
 
 CHUNK = 200_000
-"""Weights looked at together: few enough for the processor's cache, which is more than twice as fast."""
+"""Weights processed together: they fit the processor's cache, which is more than twice as fast."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its interval, NaN where nothing can be told."""
+    """A value with its interval, NaN where undefined."""
 
     value: float
     low: float
@@ -34,7 +34,7 @@ class Estimate:
 
 
 def estimate(rows: Array, level: float = 0.95) -> Estimate:
-    """Row 0 of ``(R,)`` with the percentile interval of the others, those left out that are NaN."""
+    """Row 0 of ``(R,)`` with the percentile interval of the other rows, ignoring NaN."""
     value, resampled = float(rows[0]), rows[1:][~np.isnan(rows[1:])]
     if math.isnan(value) or not len(resampled):
         return Estimate(value, math.nan, math.nan)
@@ -43,15 +43,15 @@ def estimate(rows: Array, level: float = 0.95) -> Estimate:
 
 
 def episode_weights(episode: Array, resamples: int = 1000, seed: int = 0) -> Array:
-    """Draw as many episodes as there are, with replacement, again and again.
+    """Resample the episodes with replacement.
 
     Args:
         episode: ``(N,)`` the episode of each moment, any integers.
-        resamples: how often, on top of row 0.
+        resamples: number of resamples, in addition to row 0.
         seed: the same episodes and seed give the same weights.
 
     Returns:
-        ``(resamples + 1, N)`` float32: row 0 is 1, the others say how often the moment's episode was drawn.
+        ``(resamples + 1, N)`` float32: row 0 is 1, the others count the draws of the moment's episode.
 
     Raises:
         ValueError: if there is no moment.
@@ -70,7 +70,7 @@ def weighted_mean(values: Array, weights: Array) -> Array:
 
 
 def weighted_auc(score: Array, positive: Array, weights: Array) -> Array:
-    """Share of the pairs of a positive and another moment that a score puts in the right order; a tie counts half.
+    """AUC: share of pairs of a positive and a negative moment that a score ranks correctly; ties count half.
 
     Args:
         score: ``(N,)``.
@@ -78,7 +78,7 @@ def weighted_auc(score: Array, positive: Array, weights: Array) -> Array:
         weights: ``(R, N)``.
 
     Returns:
-        ``(R,)``, NaN where one of the two kinds has no weight.
+        ``(R,)``, NaN where the positives or the negatives have no weight.
 
     Raises:
         ValueError: if a score is NaN.
@@ -120,7 +120,7 @@ def weighted_spearman(a: Array, b: Array, weights: Array) -> Array:
 def weighted_f1(predicted: Array, true: Array, classes: int, weights: Array) -> Array:
     """Macro-F1 ``(R,)`` of predicted classes ``(N,)`` against true ones ``(N,)``, both from 0 to ``classes`` - 1.
 
-    As scikit-learn's ``f1_score``: a class that neither occurs nor is predicted in a resample is left out of its mean.
+    As scikit-learn's ``f1_score``: classes that neither occur nor are predicted in a resample are left out.
     """
 
     def f1(part: Array) -> Array:
@@ -148,10 +148,10 @@ class Ties:
 
     @classmethod
     def of(cls, values: Array) -> Ties:
-        """Of values ``(N,)``.
+        """Group values ``(N,)``.
 
         Raises:
-            ValueError: if one is NaN: it has no place in an order.
+            ValueError: if one is NaN, which cannot be ranked.
         """
         if np.isnan(values).any():
             raise ValueError("nan has no rank: every value must be a number")
@@ -160,18 +160,18 @@ class Ties:
         return cls(group, order, np.flatnonzero(np.diff(group[order], prepend=-1)))
 
     def sums(self, weights: Array) -> Array:
-        """Weights ``(R, N)`` to the sums over moments with the same value ``(R, G)``."""
+        """Sum weights ``(R, N)`` over moments with the same value, to ``(R, G)``."""
         return np.add.reduceat(weights[:, self.order], self.starts, axis=1, dtype=float)
 
 
 def by_chunks(score: Callable[[Array], Array], weights: Array) -> Array:
-    """Apply ``score``, of ``(r, N)`` float64 weights to ``(r,)``, to a few rows at a time."""
+    """Apply ``score``, from ``(r, N)`` float64 weights to ``(r,)``, to a few rows at a time."""
     rows = max(1, CHUNK // max(1, weights.shape[1]))
     return np.concatenate([score(weights[i : i + rows].astype(float)) for i in range(0, len(weights), rows)])
 
 
 def _middle(sums: Array) -> Array:
-    """Weight below each of ``(R, G)`` ascending values, and half of its own."""
+    """Mid-ranks: the weight below each of ``(R, G)`` ascending values plus half its own."""
     return np.cumsum(sums, axis=1) - sums / 2
 
 

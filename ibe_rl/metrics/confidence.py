@@ -18,7 +18,7 @@ from ibe_rl.types import Array, read_only
 
 
 def brier(confidence: Array, true: Array, weights: Array) -> Array:
-    """Mean squared distance of confidences from what came of them; 0 is perfect, .25 is always saying one half.
+    """Brier score: mean squared error of confidences; 0 is perfect, .25 is a constant one half.
 
     Args:
         confidence: ``(N,)`` in [0, 1].
@@ -35,10 +35,10 @@ def brier(confidence: Array, true: Array, weights: Array) -> Array:
 
 
 def ece(confidence: Array, true: Array, weights: Array, bins: int = 10) -> Array:
-    """Expected calibration error: how far the mean confidence is from the share that went as predicted, over bins.
+    """Expected calibration error: distance of mean confidence from accuracy, over bins.
 
-    The bins divide [0, 1] evenly, hold their lower end, the last one 1 too, and count with the weight in them.
-    Arguments, result and errors as of ``brier``.
+    The bins divide [0, 1] evenly and include their lower end, the last one also 1. Each counts with its weight.
+    Arguments, result and errors as in ``brier``.
     """
     bin_of = np.minimum((_checked(confidence) * bins).astype(int), bins - 1)
     gaps = weights @ ((confidence - true)[:, None] * np.eye(bins)[bin_of])
@@ -46,10 +46,10 @@ def ece(confidence: Array, true: Array, weights: Array, bins: int = 10) -> Array
 
 
 def risk_at(confidence: Array, true: Array, weights: Array, share: float = 0.8) -> Array:
-    """Share that does not go as predicted among the ``share`` most confident moments; with ``share`` 1, among all.
+    """Error rate among the ``share`` most confident moments; with ``share`` 1, among all.
 
-    Where the border falls among equally confident moments, all of them count, each with the same fraction: what any
-    fair choice between them gives on average, whatever their order.
+    Where the cutoff falls among equally confident moments, all of them count with the same fraction: the expected
+    value of a random choice among them.
 
     Args:
         confidence: ``(N,)``; only its order counts.
@@ -77,15 +77,15 @@ def risk_at(confidence: Array, true: Array, weights: Array, share: float = 0.8) 
 
 
 def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
-    """The curve of risk against coverage, from speaking only when most confident to always.
+    """The curve of risk against coverage, from only the most confident moments to all.
 
     Args:
         confidence: ``(N,)``.
         true: ``(N,)`` bool.
 
     Returns:
-        For each of the ``G`` distinct confidences, falling: the share ``(G,)`` of moments that are at least as
-        confident, and the share ``(G,)`` of these that does not go as predicted.
+        For each of the ``G`` distinct confidences, descending: the share ``(G,)`` of moments that are at least as
+        confident, and the error rate ``(G,)`` among these.
 
     Raises:
         ValueError: if a confidence is NaN.
@@ -97,12 +97,12 @@ def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Calibration:
-    """From features of a moment to the probability that it goes as is said at it: a logistic regression.
+    """Logistic regression from features of a moment to the probability that its explanation comes true.
 
     Attributes:
         names: ``F`` names of the features.
         mean: ``(F,)`` subtracted from the features.
-        scale: ``(F,)`` that they are then divided by, above 0.
+        scale: ``(F,)`` divisor after that, above 0.
         coefficients: ``(F,)``.
         intercept: ``(1,)``.
     """
@@ -125,16 +125,16 @@ class Calibration:
 
     @classmethod
     def fit(cls, features: Array, true: Array, names: Sequence[str]) -> Self:
-        """Learn it from moments whose outcome is known.
+        """Fit to moments with known outcomes.
 
         Args:
             features: ``(N, F)``.
-            true: ``(N,)`` bool; where all are alike there is nothing to tell apart, and the probability is always
-                the smoothed share (n + 1) / (N + 2) of the n true ones.
+            true: ``(N,)`` bool; if all are equal, the probability is the constant (n + 1) / (N + 2), smoothed from
+                the n true ones.
             names: ``F`` names.
 
         Raises:
-            ValueError: if a feature is not a finite number, or the names are not as many as the features.
+            ValueError: if a feature is not finite, or the number of names is not that of the features.
         """
         size, n_true = features.shape[1], int(np.sum(true))
         if n_true in (0, len(true)):
@@ -158,7 +158,7 @@ class Calibration:
         """The inverse of ``to_dict``.
 
         Raises:
-            ValueError: if a value is missing, is no number, or does not fit the others.
+            ValueError: if a value is missing, not a number, or of the wrong shape.
         """
         try:
             names = tuple(str(name) for name in values["names"])
@@ -168,7 +168,7 @@ class Calibration:
 
 
 def _checked(confidence: Array) -> Array:
-    outside = ~((confidence >= 0) & (confidence <= 1))  # not a number is outside too
+    outside = ~((confidence >= 0) & (confidence <= 1))  # NaN is outside too
     if outside.any():
         raise ValueError(f"confidence={confidence[outside][0]}: allowed is 0 to 1")
     return confidence

@@ -1,4 +1,4 @@
-"""What moved since the last refresh: the vocabulary on fixed windows, the policy in fixed states."""
+"""Change since the last refresh: of the vocabulary on fixed windows, of the policy in fixed states."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ibe_rl.types import Array, ExpressionMapping
 
 @dataclass(frozen=True)
 class VocabularyDrift:
-    """How far one mapping lies from another, on the same windows.
+    """Difference of two mappings on the same windows.
 
     Attributes:
-        phrase_changed: share of the windows that are called something else.
+        phrase_changed: share of the windows with another phrase.
         expression_moved: mean distance of their expressions, in [0, 2]; with d numbers up to 2 sqrt(d).
-        cluster_agreement: adjusted Rand index of the clusters; 1 if they group the windows alike.
+        cluster_agreement: adjusted Rand index of the clusters; 1 if both group the windows alike.
     """
 
     phrase_changed: float
@@ -42,14 +42,14 @@ def vocabulary_drift(
 
 
 MOVED_BY = 0.1
-"""Of all that a number of a continuous action varies over: nearer than this it is the same action."""
+"""Threshold of another continuous action, as a share of the range of each number."""
 
 
 def policy_drift(before: Array, after: Array) -> float:
-    """Share of the same states ``(P, ...)`` in which another action is taken than before.
+    """Share of the states in which the action differs, from the actions ``(P, ...)`` before and after.
 
-    Continuous actions differ at least a little everywhere. One counts as another if one of its numbers has moved by
-    more than a tenth of the range that this number takes over all these states, before and after.
+    A continuous action counts as different if any of its numbers has moved by more than a tenth of that number's range
+    over all these states, before and after.
     """
     moved = before != after
     if np.issubdtype(after.dtype, np.floating):

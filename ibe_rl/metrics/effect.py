@@ -1,4 +1,4 @@
-"""Differences of two groups of episodes, paired tests, corrected p-values; each episode counts once."""
+"""Differences of two groups of episodes, paired tests, corrected p-values; the episode is the unit."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Groups = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Effect:
-    """What a first group has more than a second one.
+    """Effect of a first group over a second one.
 
     Attributes:
         counts: episodes in both.
         means: of both.
         difference: of the means.
-        superiority: chance that an episode of the first group has more than one of the second, ties counted half:
-            the effect size of Vargha and Delaney (2000); 0.5 is no difference.
+        superiority: probability that an episode of the first group has a higher value than one of the second, ties
+            counted half (Vargha and Delaney 2000); 0.5 is no difference.
     """
 
     counts: tuple[int, int]
@@ -34,11 +34,11 @@ class Effect:
 
 
 def effect(strata: Sequence[Groups], resamples: int = 1000, seed: int = 0) -> Effect | None:
-    """Compare two groups, within each stratum only, with intervals from resampled episodes.
+    """Compare two groups within each stratum, with intervals from resampled episodes.
 
     Args:
-        strata: the groups of each stratum; one stratum compares plainly. A stratum counts by how many it has of the
-            first group for the difference, by its pairs for the superiority.
+        strata: the groups of each stratum. Strata are weighted by their size in the first group for the difference,
+            by their number of pairs for the superiority.
         resamples: of the episodes, within each group of each stratum.
         seed: the same values and seed give the same intervals.
 
@@ -70,7 +70,7 @@ def effect(strata: Sequence[Groups], resamples: int = 1000, seed: int = 0) -> Ef
 
 
 def _weights(count: int, resamples: int, random: np.random.Generator) -> Array:
-    """``(R + 1, count)`` that sum to 1; the first row weighs all alike."""
+    """Rows of weights ``(R + 1, count)`` that sum to 1; the first row is uniform."""
     drawn = random.multinomial(count, np.full(count, 1 / count), resamples)
     return np.vstack([np.ones(count), drawn]) / count
 
@@ -82,10 +82,10 @@ def _ahead(first: Array, second: Array, first_weights: Array, second_weights: Ar
 
 
 def paired_p(differences: Array, resamples: int = 10_000, seed: int = 0) -> float:
-    """Two-sided p that paired differences ``(E,)`` have mean 0, by turning the sign of episodes at random.
+    """Two-sided p-value of a sign-flip test that paired differences ``(E,)`` have mean 0.
 
     Raises:
-        ValueError: without any difference.
+        ValueError: if there are no differences.
     """
     if not len(differences):
         raise ValueError("no episodes: there is no difference to test")
@@ -98,15 +98,15 @@ def paired_p(differences: Array, resamples: int = 10_000, seed: int = 0) -> floa
 
 
 def corrected(p_values: Sequence[float]) -> list[float]:
-    """P-values of many tests, corrected for their number: Benjamini and Yekutieli (2001), whatever depends on what."""
+    """P-values corrected for multiple tests under any dependence (Benjamini and Yekutieli 2001)."""
     return stats.false_discovery_control(p_values, method="by").tolist() if p_values else []
 
 
 def share(successes: Sequence[bool]) -> Estimate:
-    """How often it succeeded, with Wilson's interval.
+    """Success rate with Wilson's interval.
 
     Raises:
-        ValueError: without any try.
+        ValueError: if there are no trials.
     """
     if not len(successes):
         raise ValueError("no tries: there is no share of successes")

@@ -1,9 +1,9 @@
-"""The paper's task for people, with a listener that is simulated and fixed beforehand.
+"""The paper's prediction task for people, with a simulated observer that is fixed beforehand.
 
-The listener sees the beginning of an approach and predicts where it will end. Without an explanation it extrapolates
-the present motion. It reads an expression as a movement on one scale: +1 is the typical movement to that side. The
-scale is calibrated once, on true motion, and is the same for all explainers. A listener that could relearn a code would
-make a wrong sign as good as a right one. Positions and movements are in the units of the explained state dimension.
+The observer sees part of an episode and predicts its final position. Without an explanation it extrapolates the
+current motion. It reads an expression as a movement on one scale: +1 is the typical positive movement. The scale
+is calibrated once, on true motion, for all explainers. An observer that learnt each code would accept a wrong
+sign as well as a right one. Positions and movements are in the units of the explained state dimension.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from ibe_rl.types import Array
 
 @dataclass(frozen=True)
 class Observer:
-    """Who listens.
+    """The simulated observer.
 
     Attributes:
-        typical: the movement that an expression of 1 is read as; NaN if none was ever seen.
+        typical: the movement that an expression of 1 stands for; NaN without data.
     """
 
     typical: float
 
     def reads(self, position: Array, expression: Array) -> Array:
-        """From positions ``(N,)`` and what is said at them ``(N,)`` to the positions expected ``(N,)``."""
+        """Positions ``(N,)`` and expressions ``(N,)`` to predicted positions ``(N,)``."""
         return position + self.typical * expression
 
 
 def calibrate_observer(change: Array, band: float) -> Observer:
-    """Learn how far it typically goes, once it goes anywhere.
+    """Learn the typical movement.
 
     Args:
         change: ``(N,)`` true changes of the explained dimension.
-        band: up to which a change, either way, is none.
+        band: changes of at most this magnitude count as none.
 
     Returns:
         The observer whose ``typical`` movement is the mean magnitude of the changes beyond the band.
@@ -46,15 +46,15 @@ def calibrate_observer(change: Array, band: float) -> Observer:
 
 
 def carries_on(position: Array, change_per_step: Array, steps: Array | int) -> Array:
-    """What is expected without an explanation: the present motion goes on.
+    """The prediction without an explanation: the current motion continues.
 
     Args:
         position: ``(N,)``.
-        change_per_step: ``(N,)`` the present change of the position in one step.
+        change_per_step: ``(N,)`` the current change of the position in one step.
         steps: until the end, ``(N,)`` or the same for all.
 
     Returns:
-        ``(N,)`` the positions expected.
+        ``(N,)`` the predicted positions.
     """
     return position + change_per_step * steps
 

@@ -1,4 +1,4 @@
-"""Does what was said happen?"""
+"""Quality of explanations: do they come true?"""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation, ExpressionMapping
 
 SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "instruction_f1", "echo_auc")
-"""What ``vocabulary_scores`` tells."""
+"""Metrics of ``vocabulary_scores``."""
 OF_THE_MOMENTS = "echo_auc"
-"""The one of them that no vocabulary has a part in."""
+"""The one of them that depends on the moments only, not on the vocabulary."""
 
 
 def realised_phrases(
     episode: Episode, horizon_steps: int, mapping: ExpressionMapping, vocabulary: Sequence[Phrases]
 ) -> list[str]:
-    """What a vocabulary calls the real change over the horizon, from each of the ``T`` steps of an episode.
+    """The phrase of the real change over the horizon, from each of the ``T`` steps of an episode.
 
     Windows that reach past the end of the episode end there.
     """
@@ -35,16 +35,16 @@ def realised_phrases(
 def phrase_hits(
     episode: Episode, said: Sequence[Explanation], mapping: ExpressionMapping, vocabulary: Sequence[Phrases]
 ) -> Array:
-    """At which moments of an episode the spoken phrase is that of ``realised_phrases``.
+    """The moments of an episode at which the explained phrase equals that of ``realised_phrases``.
 
     Args:
         episode: ``T`` steps.
         said: ``T`` explanations, one before each step.
-        mapping: the mapping they were made with.
-        vocabulary: the words they were made with.
+        mapping: the mapping of the explanations.
+        vocabulary: the words of the explanations.
 
     Returns:
-        ``(T,)`` 1 or 0, NaN where the meaning of the word is not known: that says nothing.
+        ``(T,)`` 1 or 0, NaN where the meaning of the word is unknown.
     """
     real = realised_phrases(episode, said[0].horizon_steps, mapping, vocabulary)
     pairs = zip(said, real, strict=True)
@@ -52,7 +52,7 @@ def phrase_hits(
 
 
 def phrase_accuracy(true: Array) -> float:
-    """Share of ``phrase_hits`` among the moments that count; NaN if there is none."""
+    """Mean of ``phrase_hits`` without NaN; NaN if none is left."""
     counted = true[~np.isnan(true)]
     return float(counted.mean()) if len(counted) else float("nan")
 
@@ -60,17 +60,17 @@ def phrase_accuracy(true: Array) -> float:
 def outcomes(
     episode: Episode, horizon_steps: int, mapping: ExpressionMapping, vocabulary: Sequence[Phrases]
 ) -> list[str]:
-    """As ``realised_phrases``, for people: what the vocabulary has no known word for is called so."""
+    """As ``realised_phrases``, for display: changes without a known word are marked."""
     known = mapping.knows(delta_states(episode.states, horizon_steps, end="clamp"))
     real = realised_phrases(episode, horizon_steps, mapping, vocabulary)
     return [word if knows else CANNOT_TELL for word, knows in zip(real, known, strict=True)]
 
 
 def mean_over_numbers(metric: str, each: Sequence[Array]) -> Array:
-    """The mean of a metric over the numbers of an instruction.
+    """Mean of a metric over the numbers of an instruction.
 
-    Whether a motion AUC can be told depends on the moments alone: a number of which it cannot (nobody ever went that
-    way unasked) is left out, the same for whoever explains.
+    Whether a motion AUC is defined depends on the moments alone. A number without one, for example if all motion
+    follows the instruction, is left out for all explainers.
 
     Args:
         metric: its name.
@@ -83,21 +83,21 @@ def mean_over_numbers(metric: str, each: Sequence[Array]) -> Array:
 
 
 def direction(change: Array, band: float | Array) -> Array:
-    """Direction of changes ``(N,)``, or ``(N, d)`` with ``d`` bands: -1, 1, or 0 up to the band."""
+    """Direction of changes ``(N,)``, or ``(N, d)`` with ``d`` bands: -1, 1, or 0 within the band."""
     return np.where(np.abs(change) > band, np.sign(change), 0).astype(int)
 
 
 def motion_auc(expression: Array, change: Array, band: float) -> float:
-    """How well an expression tells the direction of motion, without any threshold on the expression.
+    """AUC of an expression for the direction of motion, without a threshold on the expression.
 
     Args:
-        expression: ``(W,)`` what was said.
+        expression: ``(W,)`` explained.
         change: ``(W,)`` real change of the explained dimension.
-        band: a change beyond it, either way, counts as motion.
+        band: a change of greater magnitude counts as motion.
 
     Returns:
-        Mean of AUC(expression, went up) and AUC(-expression, went down): 1 is perfect, .5 is chance. NaN if it never
-        or always went one of the two ways.
+        Mean of AUC(expression, went up) and AUC(-expression, went down): 1 is perfect, .5 is chance. NaN if one of
+        the two directions never or always occurs.
     """
     ways = direction(change, band)
     if any(went.all() or not went.any() for went in (ways > 0, ways < 0)):
@@ -106,12 +106,12 @@ def motion_auc(expression: Array, change: Array, band: float) -> float:
 
 
 def _both_ways(expression: Array, ways: Array, auc: Callable[[Array, Array], Any]) -> Any:
-    """The mean of the two AUCs, by ``auc`` of scores and positives: scikit-learn's, or one for all resamples."""
+    """Mean AUC of both directions, by ``auc`` of scores and positives: scikit-learn's or a resampled one."""
     return (auc(expression, ways > 0) + auc(-expression, ways < 0)) / 2
 
 
 def motion_spearman(expression: Array, change: Array) -> float:
-    """Rank correlation of what was said ``(W,)`` with the real change ``(W,)``; NaN if one is constant."""
+    """Spearman correlation of expressions ``(W,)`` and real changes ``(W,)``; NaN if one is constant."""
     if np.ptp(expression) == 0 or np.ptp(change) == 0:
         return float("nan")
     return float(spearmanr(expression, change).statistic)
@@ -123,16 +123,16 @@ def motion_scores(
     """``motion_auc`` and ``motion_spearman`` on every resample.
 
     Args:
-        expression: ``(N,)`` what was said.
+        expression: ``(N,)`` explained.
         change: ``(N,)`` real change of the explained dimension.
         instruction: ``(N,)``.
         band: see ``motion_auc``.
         weights: ``(R, N)``, see ``episode_weights``.
-        hard: ``(N,)`` bool, the moments whose direction a simple forecast gets wrong, or None.
+        hard: ``(N,)`` bool, moments whose direction a simple forecast gets wrong, or None.
 
     Returns:
-        Metric to ``(R,)``, NaN where the moments cannot tell. ``motion_auc_disobeyed`` is on the moments that did not
-        go the way they were told, ``motion_auc_hard`` on the hard ones.
+        Metric to ``(R,)``, NaN where undefined. ``motion_auc_disobeyed`` is on the moments whose direction is not the
+        instructed one, ``motion_auc_hard`` on the hard ones.
     """
     ways = direction(change, band)
 
@@ -151,9 +151,9 @@ def motion_scores(
 
 
 def instruction_f1(expression: Array, instruction: Array, values: Sequence[float], weights: Array) -> Array:
-    """Macro-F1 ``(R,)`` of the instruction value nearest to what was said ``(N,)``, against the instruction ``(N,)``.
+    """Macro-F1 ``(R,)`` of the instruction value nearest to each expression ``(N,)``, against the instruction ``(N,)``.
 
-    A report, not a goal: an echo of the instruction scores 1.
+    It is descriptive, not a goal: an echo of the instruction scores 1.
     """
     allowed = np.asarray(values)
     said, real = (np.abs(each[:, None] - allowed).argmin(axis=1) for each in (expression, instruction))
@@ -161,28 +161,27 @@ def instruction_f1(expression: Array, instruction: Array, values: Sequence[float
 
 
 def vocabulary_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> dict[str, float]:
-    """What can be had without a predictor: put into words what really realised_phrases, and see whether the words fit.
+    """Evaluate a vocabulary without a predictor: express the real changes and score the expressions.
 
-    Each number of the expressions is held against the dimension that ``task`` says it speaks of; the scores are the
-    means over the numbers (``mean_over_numbers``). The predicted change being the real one, ``vocabulary_loss`` is
-    1 - ``motion_auc``.
+    Each number of an expression is compared with the dimension that ``task`` declares for it; scores are means over
+    the numbers (``mean_over_numbers``). As the prediction is exact here, ``vocabulary_loss`` is 1 - ``motion_auc``.
 
     Args:
         mapping: the vocabulary.
-        windows: with an instruction, of episodes that it is to be judged on.
+        windows: with an instruction, of the episodes to evaluate on.
         task: the environment's own.
 
     Returns:
-        Metric to value, NaN where the windows cannot tell: ``motion_auc``; ``motion_auc_disobeyed``,
-        the same on windows that did not go the way they were told; ``motion_spearman``; ``instruction_f1``; and
-        ``echo_auc``, the ``motion_auc`` of whoever repeats the instruction at the beginning of the window.
+        Metric to value, NaN where undefined: ``motion_auc``; ``motion_auc_disobeyed``, the same on windows whose
+        direction is not the instructed one; ``motion_spearman``; ``instruction_f1``; and ``echo_auc``, the
+        ``motion_auc`` of the instruction at the beginning of the window.
     """
     return mean_scores(number_scores(mapping, windows, task))
 
 
 def number_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> list[dict[str, float]]:
-    """As ``vocabulary_scores``, of each number of the instruction by itself."""
-    if not len(windows):  # the newest episodes may all have been flown in silence
+    """As ``vocabulary_scores``, for each number of the instruction."""
+    if not len(windows):  # the newest episodes may all lack instructions
         return [dict.fromkeys(SCORES, float("nan"))] * task.instruction_size
     said, change = mapping.express(windows.delta), windows.delta[:, task.explained]
     return [
@@ -192,16 +191,16 @@ def number_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> l
 
 
 def mean_scores(each: Sequence[dict[str, float]]) -> dict[str, float]:
-    """The means of ``number_scores``."""
+    """Means of ``number_scores``."""
     return {name: float(mean_over_numbers(name, [np.array([scores[name]]) for scores in each])[0]) for name in SCORES}
 
 
 def episode_scores(episode: Episode, said: Sequence[Explanation], task: Task) -> list[dict[str, float]]:
-    """``motion_auc`` and ``echo_auc`` of each number, of what was said in one episode.
+    """``motion_auc`` and ``echo_auc`` of each number, over the explanations of one episode.
 
     Args:
         episode: ``T`` steps.
-        said: ``T`` explanations; those whose word has no known meaning are left out.
+        said: ``T`` explanations; those of unknown meaning are left out.
         task: the environment's own.
     """
     change = delta_states(episode.states, said[0].horizon_steps, end="clamp")[:, task.explained]

@@ -1,4 +1,4 @@
-"""One verdict from the motion AUC: do the words tell the direction of motion?"""
+"""The verdict from a motion AUC: do the words predict the direction of motion?"""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ AN_ECHO = "no clearer than the last instruction echoed"
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a motion AUC is worth.
+    """The verdict on a motion AUC.
 
     Attributes:
         level: one of ``WORST_FIRST``.
-        why: what the level alone does not say: ``NO_MEANING``, ``NOT_TOLD``, ``NO_BETTER``, ``AN_ECHO`` or nothing.
-        motion_auc: of the words; NaN where it cannot be computed.
-        echo_auc: of the last instruction said once more; likewise.
-        interval: ends of the 95 % interval of ``motion_auc``, None if there is none.
-        number: what the number of the instruction is about; empty if there is only one.
+        why: the reason for the level: ``NO_MEANING``, ``NOT_TOLD``, ``NO_BETTER``, ``AN_ECHO`` or empty.
+        motion_auc: of the words; NaN where undefined.
+        echo_auc: of the last instruction in their place; NaN where undefined.
+        interval: 95 % interval of ``motion_auc``, None without one.
+        number: name of the number of the instruction; empty if there is only one.
     """
 
     level: str
@@ -54,18 +54,18 @@ class Verdict:
 def verdict(
     auc: float, echo_auc: float, known: bool, interval: tuple[float, float] | None = None, number: str = ""
 ) -> Verdict:
-    """Judge a motion AUC.
+    """Derive the verdict from a motion AUC.
 
     Args:
-        auc: of the words; NaN where it never, or always, went one of the two ways.
-        echo_auc: of the last instruction in their place, likewise.
+        auc: of the words; NaN where undefined.
+        echo_auc: of the last instruction in their place; NaN where undefined.
         known: whether the meaning of the words is known.
-        interval: ends of its 95 % interval, if there is one.
+        interval: its 95 % interval, if there is one.
         number: see ``Verdict``.
 
     Returns:
-        "unknown" where the meaning is not known, the AUC cannot be computed, lies between .4 and .6, or is not clear
-        of chance; "reversed" below .4; "good" from .9 on if it is clear of the echo; else "weak".
+        "unknown" if the meaning is unknown or the AUC is NaN, between .4 and .6, or not clear of chance;
+        "reversed" below .4; "good" from .9 on if it is clear of the echo; else "weak".
     """
     return Verdict(*_level(auc, echo_auc, known, interval or (auc, auc)), auc, echo_auc, interval, number)
 
@@ -86,16 +86,16 @@ def _level(auc: float, echo_auc: float, known: bool, interval: tuple[float, floa
 
 
 def worst(verdicts: Sequence[Verdict]) -> Verdict:
-    """That of the number whose words tell least: a mean over the numbers would hide a reversed one."""
+    """The worst verdict over the numbers, as a mean would hide a reversed one."""
     return min(verdicts, key=lambda one: WORST_FIRST.index(one.level))
 
 
 def verdicts_of(scores: Sequence[Mapping[str, float]], meanings: Sequence[Meaning], task: Task) -> list[Verdict]:
-    """A verdict for each number of the instruction.
+    """The verdict on each number of the instruction.
 
     Args:
-        scores: of each number, see ``number_scores``; empty if there are none.
-        meanings: of the vocabulary; empty: all count as known.
+        scores: of each number, see ``number_scores``; may be empty.
+        meanings: of the vocabulary; if empty, all count as known.
         task: the environment's own.
     """
     nothing: list[Mapping[str, float]] = [{}] * task.instruction_size
@@ -111,14 +111,14 @@ def verdicts_of(scores: Sequence[Mapping[str, float]], meanings: Sequence[Meanin
 
 
 def in_one_line(verdicts: Sequence[Verdict]) -> str:
-    """What stands beside the share that went as predicted."""
+    """The verdicts in one line, shown next to the phrase accuracy."""
     return f"its words tell which way it goes: {'; '.join(one.figures for one in verdicts)}"
 
 
 def wrong_signs(verdicts: Sequence[Verdict], meanings: Sequence[Meaning], task: Task) -> list[str]:
-    """A line for each number whose words are known and yet disagree with what the environment declares.
+    """A line for each number whose words are known but contradict the sign that the environment declares.
 
-    Without ``meanings`` nobody has asked what the words mean, so that the words may as well be wrong: none.
+    Empty without ``meanings``: the words themselves may then be wrong.
     """
     if not meanings:
         return []
@@ -132,7 +132,7 @@ def wrong_signs(verdicts: Sequence[Verdict], meanings: Sequence[Meaning], task: 
 
 
 def _falls(meaning: Meaning, dimension: int) -> bool:
-    """Whether +1 asks a dimension to fall; where nobody knows what it asks for, the words have told."""
+    """Whether +1 asks a dimension to fall; assumed if its direction is unknown, as the verdict is reversed."""
     return not meaning.direction or meaning.direction[dimension] < 0
 
 

@@ -1,4 +1,4 @@
-"""The run folder of an agent, or of a log, that comes from elsewhere: its config, its episodes, what they teach."""
+"""The run folder of an external agent or log: its config, its episodes and the vocabulary learnt from them."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, horizon_
 
 
 def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
-    """The config of the run folder of an agent, or of a log, that comes from elsewhere.
+    """The config of the run folder of an external agent or log.
 
     Raises:
-        ConfigError: if the vocabulary cannot be learnt like this in this environment.
+        ConfigError: if the mapping cannot be learnt in this environment.
     """
     config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
     env = make_env(config.env)
@@ -41,7 +41,7 @@ def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainC
         config,
         run_dir=cfg.run_dir,
         agent=ExternalPolicyConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
-        mapping=replace(config.mapping, newest_frames=None),  # all episodes are of one agent
+        mapping=replace(config.mapping, newest_frames=None),  # one agent made all episodes
         predictor=cfg.predictor,
         viewer=cfg.viewer,
     )
@@ -54,20 +54,20 @@ def keep_run(
     rows: int,
     react: Callable[[int], Reactions | None] = lambda _: None,
 ) -> Refresh:
-    """Fill the folder of a run with episodes, and with the vocabulary that they teach.
+    """Fill a run folder with episodes and the vocabulary learnt from them.
 
     Args:
         folder: from ``create_run_folder``.
         config: from ``external_run_config``.
         episodes: read once.
-        rows: states in all of them, the last ones included.
-        react: by the horizon in steps, what the agent does if it is told otherwise; None: nobody can ask it.
+        rows: number of states in all episodes, final states included.
+        react: horizon in steps to the agent's reactions to other instructions; None if it cannot be asked.
 
     Returns:
-        what was learnt.
+        the refresh.
 
     Raises:
-        ConfigError: if they teach none; the episodes are kept all the same.
+        ConfigError: if no vocabulary can be learnt; the episodes are kept.
     """
     task = task_of(make_env(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
@@ -89,7 +89,7 @@ def keep_run(
     }
     write_json(folder / SUMMARY, summary)
     try:
-        with threadpool_limits(1):  # as the scripts: the last digits depend on it
+        with threadpool_limits(1):  # as in the scripts: the last digits depend on it
             mapping = settled(config.mapping, find_steps(log, config.mapping, task, config.seed))
             learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(horizon_of(mapping)))
     except TooLittleDataError as error:

@@ -1,6 +1,6 @@
-"""An agent that was trained elsewhere, as a policy: one of stable-baselines3, one of TorchRL, or any function.
+"""An externally trained agent as a policy: from stable-baselines3, from TorchRL, or any function.
 
-It knows sizes of observations and actions, and no environment.
+It depends on observation and action sizes, not on an environment.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ SB3_KINDS = {
     "PPO": "clip_range",
     "A2C": "gae_lambda",
 }
-"""Algorithms of stable-baselines3, and the setting in a file of theirs by which each is known; the first that fits."""
+"""Algorithms of stable-baselines3 and the setting that identifies each in a saved file; the first match counts."""
 ALLOWED = "a .zip of stable-baselines3, or MODULE:NAME of a policy that Python can import"
 
 
 @dataclass(frozen=True)
 class ExternalPolicy:
-    """A policy that was trained elsewhere; see ``ibe_rl.types.Policy``.
+    """An externally trained policy; see ``ibe_rl.types.Policy``.
 
     Attributes:
         act: observations ``(N, seen)`` to actions.
-        seen: how much of an observation the agent reads: ``S`` numbers, or all ``O``.
-        actions: of the environment, ``Discrete`` or a flat ``Box``.
+        seen: how many numbers of an observation the agent reads: ``S``, or all ``O``.
+        actions: the environment's action space, ``Discrete`` or a flat ``Box``.
     """
 
     act: Callable[[Array], Any]
@@ -55,7 +55,7 @@ class ExternalPolicy:
         """Observations ``(N, O)`` to actions ``(N,)`` int64 or ``(N, A)`` float32.
 
         Raises:
-            ConfigError: if what the agent returns is no action of the environment.
+            ConfigError: if the agent returns actions outside the action space.
         """
         chosen = _plain(self.act(observations[:, : self.seen]))
         if not fits(chosen, self.actions, len(observations)):
@@ -67,7 +67,7 @@ class ExternalPolicy:
 
 
 def fits(chosen: Array, actions: gymnasium.Space[Any], count: int) -> bool:
-    """True if these are ``count`` actions of the space."""
+    """True if ``chosen`` is ``count`` actions of the space."""
     if isinstance(actions, Discrete):
         whole = chosen.shape == (count,) and chosen.dtype.kind in "iu"
         return bool(whole and np.all((chosen >= actions.start) & (chosen < actions.start + actions.n)))
@@ -81,7 +81,7 @@ def _plain(chosen: Any) -> Array:
 
 @dataclass(frozen=True)
 class _Predicts:
-    """An agent, or a policy, of stable-baselines3."""
+    """An agent or policy of stable-baselines3."""
 
     model: Any
 
@@ -116,18 +116,18 @@ class _ReadsTensorDicts:
 def as_policy(
     agent: Any, task: Task, actions: gymnasium.Space[Any], sees_instruction: bool | None, examples: Array
 ) -> ExternalPolicy:
-    """Turn an agent into a policy, as it is now, and try it.
+    """Wrap an agent as a policy and test it on ``examples``.
 
     Args:
         agent: a model of stable-baselines3, a policy module of TorchRL, or a function from observations ``(N, ·)`` or
             a single one ``(·,)`` to actions.
-        task: of the environment.
-        actions: of the environment.
-        sees_instruction: whether it reads the instruction behind the state; None where it says so itself.
-        examples: observations ``(N, O)`` to try it with, at least two.
+        task: the environment's task.
+        actions: the environment's action space.
+        sees_instruction: whether it reads the instruction after the state; None takes it from the agent.
+        examples: observations ``(N, O)`` to test it with, at least two.
 
     Raises:
-        ConfigError: if it does not fit the environment, or cannot be told to; both sizes are named.
+        ConfigError: if it does not fit the environment or its observation size is unknown; both sizes are named.
     """
     if not isinstance(actions, Discrete) and not (isinstance(actions, Box) and len(actions.shape) == 1):
         raise ConfigError(f"env: its actions are {actions}; allowed are Discrete or a Box of one dimension")
@@ -142,7 +142,7 @@ def as_policy(
         policy(examples)
     except ConfigError:
         raise
-    except Exception as error:  # whatever a stranger's code raises
+    except Exception as error:  # external code may raise anything
         raise ConfigError(
             f"agent: it fails on an observation of {seen} numbers ({raised(error)}); {_sizes(task)}"
         ) from None
@@ -179,7 +179,7 @@ def _seen(agent: Any, task: Task, sees_instruction: bool | None) -> int:
 
 
 def check_same_actions(whose: str, declares: Any, actions: gymnasium.Space[Any]) -> None:
-    """Hold what declares an ``action_space`` against the environment's actions; what declares none is let pass.
+    """Compare a declared ``action_space`` with the environment's; without a declaration nothing is checked.
 
     Raises:
         ConfigError: if they differ; both are named.
@@ -206,17 +206,17 @@ def _act(agent: Any, actions: gymnasium.Space[Any]) -> Callable[[Array], Any]:
 
 
 def _is_batched(agent: Any, act: Callable[[Array], Any], actions: gymnasium.Space[Any], tried: Array) -> bool:
-    """True unless it is a function that makes nothing of several observations at once."""
+    """False for a function that cannot process a batch of observations."""
     if act is not agent:
         return True
     try:
         return fits(_plain(act(tried)), actions, len(tried))
-    except Exception:  # whatever a function of one observation says to several
+    except Exception:  # a function of one observation may raise anything on a batch
         return False
 
 
 def find_agent(name: str) -> Any:
-    """Load the agent that a person names. Loading runs code from the file, as that library does.
+    """Load the agent of that name. Loading runs code from the file, as in that library.
 
     Args:
         name: a ``.zip`` of stable-baselines3, or ``module:name``.
@@ -246,18 +246,18 @@ def _load_sb3(path: Path) -> Any:
     except ImportError:
         raise ConfigError(f"agent={path}: needs stable-baselines3; install the extra ibe_rl[sb3]") from None
     try:
-        return getattr(library, kind).load(path, device="cpu", custom_objects={"buffer_size": 1})  # no room for replays
-    except Exception as error:  # it raises whatever pickles do
+        return getattr(library, kind).load(path, device="cpu", custom_objects={"buffer_size": 1})  # no replay memory
+    except Exception as error:  # unpickling may raise anything
         raise ConfigError(f"agent={path}: {kind} cannot load it ({' '.join(str(error).split())[:200]})") from None
 
 
 class EpsilonGreedy:
-    """A policy that now and then does something at random, so that its episodes are good and bad.
+    """A policy with a share of random actions, so that its episodes include good and bad ones.
 
     Args:
         policy: followed otherwise.
-        share: of the actions that are random.
-        actions: of the environment; drawn from it.
+        share: share of random actions.
+        actions: the action space that they are sampled from.
         seed: of the draws.
     """
 

@@ -1,4 +1,4 @@
-"""Explain an agent that was trained elsewhere: let it act, learn what the instructor's words mean in its episodes."""
+"""Explain an externally trained agent: roll it out and learn a vocabulary from its episodes."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ from ibe_rl.vocabulary.refresh import save_refresh
 ENVS_AT_ONCE, EXAMPLES = 16, 3
 TASKS = ("episode", "evaluate", "compare")
 CALIBRATION_EPISODES, CALIBRATION_STRIDE_STEPS = 12, 12
-"""A few hundred moments."""
+"""Together a few hundred moments."""
 
 
 @dataclass(frozen=True)
 class Narration:
-    """An explained episode; printed, it is a table.
+    """An explained episode; prints as a table.
 
     Attributes:
-        run: whose agent it is.
+        run: the run of the agent.
         watched: the episode, with all its moments.
-        said: what the agent said at each step.
+        said: the explanation at each step.
     """
 
     run: TrainedRun
@@ -69,22 +69,22 @@ class Narration:
 
 @dataclass(frozen=True)
 class Study:
-    """An agent and the vocabulary that was learnt from its episodes; ``run.folder`` has all of it but the agent.
+    """An agent and the vocabulary learnt from its episodes; ``run.folder`` holds all but the agent.
 
     Attributes:
-        run: what was found, as of a run of ``train.py``.
-        config: how it is explained.
+        run: as if opened from a run of ``train.py``.
+        config: settings of the explanation.
     """
 
     run: TrainedRun
     config: ExplainConfig
 
     def explain(self, seed: int = 0, context: str | None = None) -> Narration:
-        """Let the agent act once more and say at each step what it is about to do.
+        """Roll out one more episode and explain each step.
 
         Args:
             seed: of the episode.
-            context: what the episode is about; None draws one.
+            context: of the episode; None draws one.
 
         Raises:
             ConfigError: for an unknown context.
@@ -94,7 +94,7 @@ class Study:
         return Narration(self.run, *explain_rollout(self.run, replace(self.config, seed=seed, context=context)))
 
     def evaluate(self) -> Any:
-        """Is what it says true? As ``task=evaluate``: prints tables, writes ``evaluation/`` and ``figures/``.
+        """Evaluate the explanations, as ``task=evaluate``: prints tables, writes ``evaluation/`` and ``figures/``.
 
         Returns:
             the contents of ``evaluation/quality.json``.
@@ -115,17 +115,16 @@ def study(
     seed: int = 0,
     settings: Sequence[str] = (),
 ) -> Study:
-    """Learn a vocabulary from episodes of any agent, so that it can explain itself.
+    """Learn a vocabulary from episodes of any agent, to explain it.
 
     Args:
-        agent: a ``.zip`` of stable-baselines3, which runs code when it is loaded, ``module:name``, a model of that
-            library, a policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to
-            actions.
+        agent: a ``.zip`` of stable-baselines3 (loading it runs code), ``module:name``, a model of that library, a
+            policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to actions.
         env: a choice of ``configs/env``; None takes that of ``configs/explain.yaml``.
-        episodes: that are played.
-        random_actions: share of the actions in them that are random, where all episodes would be alike.
-        agent_sees_instruction: whether the agent reads the instruction behind the state; None if it says so itself.
-        run_dir: the folder that is made; None makes one below ``runs/``.
+        episodes: how many to roll out.
+        random_actions: share of random actions in them, where all episodes would be alike otherwise.
+        agent_sees_instruction: whether the agent reads the instruction after the state; None takes it from the agent.
+        run_dir: the folder to make; None makes one below ``runs/``.
         seed: of the episodes and of the clustering.
         settings: of ``explain.py``, as on its command line, such as ``"mapping.horizon_steps=40"``.
 
@@ -146,22 +145,22 @@ def study(
 
 
 def open_study(run: str | Path, agent: Any, settings: Sequence[str] = ()) -> Study:
-    """Open the folder that ``study``, or the import of a log, has made, for the agent in question.
+    """Open a folder made by ``study``, or by the import of a log, for an agent.
 
     Args:
         run: the folder.
         agent: as in ``study``.
-        settings: likewise.
+        settings: as in ``study``.
 
     Raises:
-        ConfigError: if the folder is not one, or the agent does not fit.
+        ConfigError: if it is not such a folder, or the agent does not fit.
     """
     config = replace(composed("explain", settings), run=str(run))
     return Study(_open(agent, config), config)
 
 
 def open_external(cfg: ExplainConfig) -> TrainedRun:
-    """The run of ``explain.py agent=…``: of the folder that is named, or of one that is made now.
+    """The run of ``explain.py agent=…``: of the folder named there, or of a new one.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -215,12 +214,12 @@ def _study(agent: Any, cfg: ExplainConfig, seed: int) -> TrainedRun:
 
 
 def first_calibration(run: TrainedRun, cfg: ExplainConfig) -> Calibration | None:
-    """Calibrate the confidence on a few episodes that the vocabulary was not learnt from.
+    """Calibrate the confidence on a few held-out episodes.
 
-    It stands until ``task=evaluate``, which takes more episodes.
+    ``task=evaluate`` replaces it, with more episodes.
 
     Returns:
-        None where the future cannot be predicted exactly, or nothing was ever said.
+        None where the future cannot be predicted exactly, or there was no explanation.
     """
     if is_learnt(cfg.predictor) or not _can_be_copied(run):
         return None
@@ -242,7 +241,7 @@ def _can_be_copied(run: TrainedRun) -> bool:
 def _reactions(
     policy: Policy, config: TrainConfig, episodes: Sequence[Episode], horizon_steps: int
 ) -> Reactions | None:
-    """What the agent does if it is told otherwise, where a predictor can tell that has nothing to learn first."""
+    """The agent's reactions to other instructions, if a predictor needs no training for it."""
     if is_learnt(config.predictor):
         return None
     envs = [make_env(config.env) for _ in range(ASKED_AT)]
@@ -254,7 +253,7 @@ def _reactions(
 
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:
-    """Let the agent act, while the instructor's rule is heard beside it."""
+    """Roll out the agent, with the instructions of the environment's rule recorded."""
     envs = [make_env(config.env) for _ in range(min(ENVS_AT_ONCE, cfg.episodes))]
     acting = (
         EpsilonGreedy(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy

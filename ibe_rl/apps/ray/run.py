@@ -1,9 +1,9 @@
-"""Run a command on a machine of a Ray cluster as if it ran here: its output, Ctrl-C and its exit status.
+"""Run a command on a Ray cluster as if it ran here: output, Ctrl-C and exit status are passed on.
 
 python -m ibe_rl.apps.ray.run HOST:PORT PROCESSORS COMMAND...
 
-For sweeps over several machines: a launcher that starts each run as a process starts this in front of it. The folder
-that it is started in, and those that the command writes to, have to be the same on all machines (a shared disk).
+For sweeps over several machines: the launcher puts this in front of the command of each run. The working directory
+and the folders that the command writes to have to be the same on all machines (a shared disk).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ READ_S = 0.3
 
 
 class Command:
-    """A command under way, in a process of Ray's.
+    """A running command, in a process of Ray's.
 
     Args:
-        command: what to run.
-        folder: that it runs in.
+        command: to run.
+        folder: its working directory.
     """
 
     def __init__(self, command: Sequence[str], folder: str):
@@ -38,7 +38,7 @@ class Command:
 
         def begin() -> None:
             end_with_ray()
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # which Ray keeps from its processes
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # which Ray blocks in its processes
 
         self._written = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this lives
         self._read = 0
@@ -53,10 +53,10 @@ class Command:
         )
 
     def read(self, interrupt: bool) -> tuple[bytes, int | None]:
-        """Wait for a moment; what it has written since the last time, and its exit status once it has ended.
+        """Wait a moment; returns the output since the last call, and the exit status once it has ended.
 
         Args:
-            interrupt: it as Ctrl-C does, first.
+            interrupt: send SIGINT first.
         """
         if interrupt:
             self._process.send_signal(signal.SIGINT)
@@ -69,7 +69,7 @@ class Command:
 
 
 def run_command(address: str, processors: int, command: Sequence[str]) -> int:
-    """Run a command on the cluster; returns its exit status, negative as ``subprocess`` gives it.
+    """Run a command on the cluster; returns its exit status, negative for a signal as in ``subprocess``.
 
     Raises:
         ConfigError: if there is no such cluster.
@@ -82,7 +82,7 @@ def run_command(address: str, processors: int, command: Sequence[str]) -> int:
     with StopRequest() as stop:
         told = False
         while True:
-            tell = bool(stop) and not told  # Ctrl-C may come while this waits
+            tell = bool(stop) and not told  # Ctrl-C may come during the wait
             text, status = ray.get(actor.read.remote(tell))
             told = told or tell
             sys.stdout.buffer.write(text)
@@ -92,14 +92,14 @@ def run_command(address: str, processors: int, command: Sequence[str]) -> int:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Be the process that stands for a command elsewhere."""
+    """Run the command elsewhere, with its output and exit status here."""
     address, processors, *command = arguments
     try:
         status = run_command(address, int(processors), command)
     except ConfigError as error:
         sys.stderr.write(f"error: {error}\n")
         return 1
-    except Exception as error:  # Ray's, when the machine is gone
+    except Exception as error:  # Ray's, when the machine is lost
         first: Any = str(error).strip().splitlines() or [type(error).__name__]
         sys.stderr.write(f"error: the machine that it ran on, or Ray there, is gone ({first[0]})\n")
         return 1

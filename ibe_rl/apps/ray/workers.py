@@ -1,13 +1,13 @@
-"""Workers over Ray, on this machine or on a cluster: TorchRL's ``RayCollector``, with what it lacks.
+"""Workers over Ray, on this machine or on a cluster: TorchRL's ``RayCollector`` with workarounds.
 
-What is done around it, by the source of torchrl 0.14.1 and ray 2.60:
+Reasons for them in the source of torchrl 0.14.1 and ray 2.60:
 
-- its default of ``total_frames=-1``, without end elsewhere, is an end before the first batch here;
-- weights go to the workers through Ray itself: the scheme that it has for them opens a ``TCPStore`` that listens on
-  all of the machine's addresses, and who loses a worker while they are pushed waits a minute for it;
-- Ray on this machine alone would listen on all addresses too, and takes SIGTERM for itself;
-- the numbers of episodes in ``("collector", "traj_ids")`` are each worker's own; nothing here reads them;
-- whoever asks for more workers than there are processors waits forever.
+- ``total_frames=-1``, endless in other collectors, ends before the first batch here;
+- its weight scheme opens a ``TCPStore`` that listens on all addresses, and waits a minute for a worker lost during
+  the transfer; weights therefore go through Ray itself;
+- a local Ray would listen on all addresses too, and replaces the SIGTERM handler;
+- the numbers of episodes in ``("collector", "traj_ids")`` are per worker; nothing here reads them;
+- asking for more workers than processors blocks forever.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from ibe_rl.runtime.workers import ANSWER_S, POLL_S, START_S, LostWorkerError
 from ibe_rl.types import ConfigError
 
 HERE = {"address": "local", "include_dashboard": False}
-"""Ray on this machine, for this run alone."""
+"""A local Ray for this run only."""
 
 
 def check_ray(config: CollectConfig) -> None:
-    """Refuse, before anything is made, what is not installed or not there.
+    """Check that Ray is installed and the cluster reachable, before anything is made.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -50,7 +50,7 @@ def check_ray(config: CollectConfig) -> None:
 
 
 def check_installed(setting: str, allowed: str) -> None:
-    """Refuse a setting that wants Ray where there is none.
+    """Refuse a setting that needs Ray where it is not installed.
 
     Raises:
         ConfigError: naming the setting and what is allowed.
@@ -60,7 +60,7 @@ def check_installed(setting: str, allowed: str) -> None:
 
 
 def check_address(key: str, address: str) -> None:
-    """Refuse the address of a cluster where nobody answers.
+    """Refuse the address of a cluster that does not answer.
 
     Raises:
         ConfigError: naming the key, the address and what is allowed.
@@ -75,13 +75,13 @@ def check_address(key: str, address: str) -> None:
 
 
 class RayWorkers(RayCollector):
-    """TorchRL's collector, whose batches are ``[W, N, T]`` in the order of the workers.
+    """TorchRL's collector; batches are ``[W, N, T]`` in the order of the workers.
 
     Args:
-        factories: of the environments of each worker.
-        policy: that all of them follow.
-        frames: of a batch, of all workers.
-        config: ``address`` and ``timeout_s`` of it are read.
+        factories: one for the environments of each worker.
+        policy: of all workers.
+        frames: of a batch, over all workers.
+        config: only ``address`` and ``timeout_s`` are read.
 
     Raises:
         ConfigError: if there is no such cluster, or it is too small.
@@ -110,7 +110,7 @@ class RayWorkers(RayCollector):
         timer = Timer(allowed_s, give_up)
         timer.daemon = True
         timer.start()
-        try:  # it waits until all are ready
+        try:  # returns when all are ready
             super().__init__(
                 list(factories),
                 policy,
@@ -121,22 +121,22 @@ class RayWorkers(RayCollector):
                 collector_kwargs={"auto_register_policy_transforms": False},
                 remote_configs={"num_cpus": 1, "scheduling_strategy": "SPREAD"},
             )
-        except (Exception, SystemExit) as error:  # Ray raises its own, others, and exits where its core is gone
+        except (Exception, SystemExit) as error:  # Ray may raise anything, and exits if its core is lost
             why = f"they were not ready within {allowed_s:g} s" if late else _first_error(str(error))
             self._remote_collectors.clear()
             ray.shutdown()
             raise LostWorkerError(f"the workers could not be started: {why}") from None
         finally:
             timer.cancel()
-        self._weight_sync_initialized = True  # update_policy_weights_ does it, without the schemes
+        self._weight_sync_initialized = True  # done by update_policy_weights_, without schemes
         self.workers = Actors(self.remote_collectors)
 
     def update_policy_weights_(self, weights: TensorDictBase) -> None:
-        """Let all workers have the weights, and the policy's buffers; back when they do."""
+        """Send weights and the policy's buffers to all workers; returns when they have them."""
         self.map_fn("update_policy_weights_", list_of_args=[(weights,)] * len(self.remote_collectors))
 
     def shutdown(self, timeout: float | None = None, shutdown_ray: bool = True) -> None:
-        """End the workers, and Ray if it was started for them."""
+        """Stop the workers, and Ray if it was started for them."""
         super().shutdown(timeout, shutdown_ray)
 
 
@@ -145,8 +145,8 @@ def connect(address: str | None, processors: int = 1, key: str = "collect.addres
 
     Args:
         address: of the cluster; None starts one.
-        processors: that one which is started has.
-        key: what the address is called in an error.
+        processors: of a cluster that is started.
+        key: name of the address in an error.
 
     Raises:
         ConfigError: if there is no such cluster.
@@ -154,22 +154,22 @@ def connect(address: str | None, processors: int = 1, key: str = "collect.addres
     import ray
     from ray._private import ray_constants
 
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers about each start
-    os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # it would start anew for who calls a worker after the end
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # else each start is reported to its makers
+    os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # else a call after the end restarts Ray
     if not address:
-        ray_constants.ENABLE_RAY_CLUSTER = False  # then it listens on 127.0.0.1 only; its setting is read too early
+        ray_constants.ENABLE_RAY_CLUSTER = False  # listens on 127.0.0.1 only; the variable is read too early
     where = {"address": address} if address else {**HERE, "num_cpus": processors}
     try:
         with _keeps_sigterm():
             ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, ValueError, RuntimeError, SystemExit) as error:  # it exits where its own do not start
+    except (ConnectionError, ValueError, RuntimeError, SystemExit) as error:  # exits if its processes do not start
         ray.shutdown()
         first = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise ConfigError(f"{key}={address}: allowed is the address of a Ray cluster ({first})") from None
 
 
 def _check_room(workers: int) -> None:
-    """Refuse more workers than processors are free; a new cluster takes some time to tell."""
+    """Refuse more workers than free processors; a new cluster reports them after some time."""
     import ray
 
     until = time.monotonic() + ANSWER_S
@@ -201,7 +201,7 @@ class Actors:
         self.names = [f"worker {number} of {len(actors)} (over Ray)" for number in range(len(actors))]
 
     def _asked(self, within_s: float) -> list[Exception | bool]:
-        """What each of them answers: True; False if it does not in time, or why it cannot."""
+        """The answer of each worker: True, False on timeout, or the error."""
         import ray
 
         asked = [_ask(actor) for actor in self._actors]
@@ -210,7 +210,7 @@ class Actors:
         return [_answer(one) if one in ready else isinstance(one, Exception) and one for one in asked]
 
     def dead(self, error: Exception | None = None) -> list[str]:
-        """See ``Workers``; as long as no error has come from them nobody is asked."""
+        """See ``Workers``; without an error the workers are not asked."""
         if error is None:
             return []
         answers = zip(self.names, self._asked(ANSWER_S), strict=True)
@@ -232,7 +232,7 @@ class Actors:
 def _ask(actor: Any) -> Any:
     try:
         return actor.get_distant_attr.remote("closed")
-    except Exception as error:  # Ray's core raises nothing else when it knows of no such worker any more
+    except Exception as error:  # what Ray's core raises for an unknown worker
         return error
 
 
@@ -247,13 +247,13 @@ def _answer(answer: Any) -> Exception | bool:
 
 
 def _first_error(told: str) -> str:
-    """The line of a worker's traceback that says what was wrong."""
+    """The line of a worker's traceback that names the error."""
     found = re.findall(r"^\s*(?:\w+\.)*(\w+(?:Error|Exception): .+)$", told, re.MULTILINE)
     return found[0] if found else (told.strip() or "for no reason known").splitlines()[0]
 
 
 def _why(error: Exception | bool) -> str:
-    """What Ray tells of an end, in a few words."""
+    """Ray's reason for the end of a worker, in a few words."""
     told = str(error)
     where = ", ".join(found[0] for key in ("pid", "ip") if (found := re.search(rf"{key}: \S+", told)))
     what = "its machine is gone" if re.search(r"\bnode\b.*(died|dead|removed|terminated)", told) else "it has ended"

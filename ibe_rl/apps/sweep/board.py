@@ -1,4 +1,4 @@
-"""What the person in front of a sweep sees: a line for each run under way, what came of each, a table at the end."""
+"""Terminal output of a sweep: a status line for each current run, the outcome of each, a table at the end."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ibe_rl.config.command_line import installed
 from ibe_rl.storage.run_folder import METRICS
 
 TAIL_BYTES = 20_000
-"""Read from the end of a growing table: enough for a few rows."""
+"""Bytes read from the end of a growing table: a few rows."""
 
 
 @dataclass
@@ -31,10 +31,10 @@ class _Line:
 
 
 class Board:
-    """Status lines of the runs of a sweep; use as a context manager.
+    """Status lines of the runs of a sweep; a context manager.
 
     Args:
-        console: where they are shown.
+        console: to print to.
     """
 
     def __init__(self, console: Console) -> None:
@@ -59,7 +59,7 @@ class Board:
         self._bars.stop()
 
     def begin(self, done_before: Sequence[Outcome], jobs: int) -> None:
-        """Show how many runs there are, and which are finished already."""
+        """Print the number of runs and those that are finished already."""
         self._bars.update(self._whole, total=jobs)
         for outcome in done_before:
             self._count(outcome)
@@ -73,7 +73,7 @@ class Board:
         self.say(f"{job.name}: {f'goes on from about {frames:,} frames' if goes_on else 'begins'}, in {job.folder}")
 
     def moved(self, job: Job) -> None:
-        """Bring the line of a run up to date."""
+        """Update the line of a run."""
         line, row = self._lines[job], newest_row(job.folder / METRICS)
         frames = int(row.get("frames", 0))
         if frames:
@@ -83,7 +83,7 @@ class Board:
             self._bars.update(line.task, completed=min(frames, job.total_frames), said=said)
 
     def ended(self, outcome: Outcome) -> None:
-        """Say what became of a run, in place of its line."""
+        """Replace the line of a run by its outcome."""
         line = self._lines.pop(outcome.job, None)
         if line:
             self._bars.remove_task(line.task)
@@ -91,7 +91,7 @@ class Board:
         self.say(": ".join(part for part in (outcome.job.name, outcome.became, outcome.why) if part))
 
     def say(self, text: str) -> None:
-        """Print a line above the others."""
+        """Print a line above the status lines."""
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def _count(self, outcome: Outcome) -> None:
@@ -101,7 +101,7 @@ class Board:
 
 
 def newest_row(path: Path) -> dict[str, float]:
-    """The numbers of the last complete row of a table that may be growing; none if there is none yet."""
+    """The numbers of the last complete row of a table that may be growing; empty without one."""
     try:
         with path.open("rb") as stream:
             head = stream.readline()
@@ -116,7 +116,7 @@ def newest_row(path: Path) -> dict[str, float]:
 
 
 def outcomes_table(outcomes: Sequence[Outcome]) -> Table:
-    """What became of every run, with its score."""
+    """The outcome and score of every run."""
     table = Table("run", "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
     for outcome in outcomes:
         told = read_summary(outcome.job.folder) if outcome.became in (DONE, DONE_BEFORE) else None
@@ -126,7 +126,7 @@ def outcomes_table(outcomes: Sequence[Outcome]) -> Table:
 
 
 def failures(outcomes: Sequence[Outcome]) -> list[str]:
-    """Which runs failed, why, and where they said what."""
+    """For each failed run its reason and its output file."""
     return [
         f"failed: {one.job.name}: {one.why}\n  what it printed: {one.job.folder / OUTPUT}"
         for one in outcomes

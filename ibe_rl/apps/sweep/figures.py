@@ -1,4 +1,4 @@
-"""The figures of a sweep: learning curves, how true the explanations were, and what the runs ended on."""
+"""The figures of a sweep: learning curves, quality of the explanations, and final values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _style(number: int) -> dict[str, Any]:
 
 @rc_context(DARK)
 def curves(conditions: list[dict[str, Any]], columns: dict[str, str]) -> Figure:
-    """Columns over the frames: interquartile means over the runs with 95 % intervals."""
+    """Columns over the frames: interquartile means over the runs, with 95 % intervals."""
     shown = {column: title for column, title in columns.items() if any(column in one["curves"] for one in conditions)}
     rows = max(1, -(-len(shown) // 2))
     figure, axes = grid(rows, 2, 11, 3.1 * rows + 0.5 + 0.1 * len(conditions))
@@ -61,7 +61,7 @@ def _label(condition: dict[str, Any]) -> str:
 
 @rc_context(DARK)
 def ends(conditions: list[dict[str, Any]], columns: list[str]) -> Figure:
-    """What the runs ended on, by condition: every run, the interquartile mean and its interval."""
+    """Final values by condition: every run, the interquartile mean and its interval."""
     figure, axes = grid(1, len(columns), 2.0 + 1.8 * len(columns), 1.1 + 0.36 * len(conditions), sharey=True)
     for axis, column in zip(axes[0], columns, strict=True):
         for row, one in enumerate(conditions):
@@ -79,7 +79,7 @@ def _end(axis: Axes, told: dict[str, Any], row: int) -> None:
 
 
 def _broken(title: str) -> str:
-    """A title on two lines, of about the same length."""
+    """A title broken into two lines of about the same length."""
     words = title.split()
     best = min(range(1, len(words) + 1), key=lambda n: max(len(" ".join(words[:n])), len(" ".join(words[n:]))))
     return "\n".join(part for part in (" ".join(words[:best]), " ".join(words[best:])) if part)

@@ -1,4 +1,4 @@
-"""How sure a mean over runs is: interquartile means with bootstrap intervals, as in Agarwal et al. (2021)."""
+"""Interquartile means over runs with bootstrap intervals, as in Agarwal et al. (2021)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ibe_rl.types import Array
 REPS = 5_000
 """Resamples of the runs."""
 CURVE_POINTS = 60
-"""Of a curve, at most."""
+"""Most points of a curve."""
 Ends = dict[str, dict[str, Any]]
 Curves = dict[str, dict[str, list[float]]]
 
@@ -31,16 +31,16 @@ def _interval(each: Array, drawn: Array) -> dict[str, float]:
 
 
 def of_runs(ends: Sequence[Mapping[str, float]], curves: Mapping[str, Sequence[RunCurve]]) -> tuple[Ends, Curves]:
-    """What some runs ended on, and their curves, put together.
+    """Aggregate the final values and curves of several runs.
 
     Args:
-        ends: of each run, by metric; a run may lack some.
-        curves: by column; of each run.
+        ends: final values of each run by metric; a run may lack some.
+        curves: curves of all runs by column.
 
     Returns:
-        metric to its ``value`` with ``low`` and ``high``, which are None where only one run has it, how many ``runs``
-        have it, and what ``each`` of these has;
-        column to ``frames``, ``value``, ``low`` and ``high``, empty lists where the runs have no frames in common.
+        metric to its ``value`` with ``low`` and ``high`` (None if only one run has it), the number of ``runs`` that
+        have it, and the value of ``each``;
+        column to ``frames``, ``value``, ``low`` and ``high``, empty lists if the runs have no frames in common.
     """
     metrics = dict.fromkeys(metric for one in ends for metric in one)
     known = {metric: [one[metric] for one in ends if metric in one] for metric in metrics}
@@ -61,7 +61,7 @@ def _curve(curves: Sequence[RunCurve]) -> dict[str, list[float]]:
 
 
 def common_frames(curves: Sequence[RunCurve]) -> Array:
-    """Frames at which to compare curves that may stand at others: of the one with the fewest, where all of them are."""
+    """Frames at which to compare curves: those of the curve with the fewest, within the range of all curves."""
     start, end = max(frames[0] for frames, _ in curves), min(frames[-1] for frames, _ in curves)
     fewest = min((frames for frames, _ in curves), key=len)
     shared = fewest[(fewest >= start) & (fewest <= end)]

@@ -1,4 +1,4 @@
-"""The runs of a sweep: what each is called, where it goes, and what has become of it so far."""
+"""The runs of a sweep: name, folder and state of each."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from ibe_rl.types import ConfigError
 from ibe_rl.view.viewer import overrides_of
 
 FINISHED, UNFINISHED, NEW = "finished", "unfinished", "new"
-"""What a run is found to be: done; begun and with a state to go on from; not begun, or without such a state."""
+"""State of a run's folder: done; resumable from a checkpoint; not begun, or begun without a checkpoint."""
 DONE, DONE_BEFORE, FAILED, STOPPED, NOT_BEGUN = "finished", "finished before", "failed", "stopped", "not begun"
-"""What becomes of a run in a sweep."""
+"""Outcomes of a run in a sweep."""
 OUTPUT = "output.log"
-"""What a run of a sweep prints, in its folder."""
+"""File in the folder of a run with all that it printed."""
 NAME_LENGTH = 100
 
 
 @dataclass(frozen=True)
 class Job:
-    """A run that a sweep asks for.
+    """A run of a sweep.
 
     Attributes:
         name: the settings in which it differs from the others, as ``agent=ppo, seed=1``.
         folder: of the run.
         overrides: its settings as on a command line.
-        total_frames: where it ends.
+        total_frames: frames to train for.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job, and of a failed one its last line."""
+    """The outcome of a job; of a failed one with its last line of output."""
 
     job: Job
     became: str
@@ -51,13 +51,13 @@ class Outcome:
 
 
 def plan(sweep: Path, asked: Sequence[Sequence[str]], total_frames: Sequence[int], first: int = 0) -> list[Job]:
-    """Give every run its name and its folder; one that the sweep has begun before keeps its own.
+    """Assign every run its name and folder; a run begun earlier keeps its folder.
 
     Args:
         sweep: the folder of the sweep.
         asked: the overrides of each run.
         total_frames: of each run.
-        first: the number of the first one.
+        first: number of the first run.
 
     Raises:
         ConfigError: if a folder holds a run with other settings.
@@ -80,17 +80,17 @@ def plan(sweep: Path, asked: Sequence[Sequence[str]], total_frames: Sequence[int
 
 
 def as_settings(overrides: Sequence[str]) -> dict[str, str]:
-    """Overrides as on a command line, by their keys."""
+    """Command-line overrides as keys and values."""
     return {key: value for key, _, value in (one.lstrip("+").partition("=") for one in overrides)}
 
 
 def key_of(override: str) -> str:
-    """The setting that an override names."""
+    """The key of an override."""
     return override.lstrip("+").partition("=")[0]
 
 
 def _settings(given: Mapping[str, str]) -> frozenset[tuple[str, str]]:
-    """What makes a run the one that it is."""
+    """The settings that identify a run."""
     return frozenset((key, value) for key, value in given.items() if key not in NOT_IN_NAMES)
 
 
@@ -100,12 +100,12 @@ def _other(folder: Path, mine: frozenset[tuple[str, str]]) -> str:
 
 
 def _safe(name: str) -> str:
-    """A name that needs no quotes on any command line, and is not too long for a folder."""
+    """A folder name of limited length that needs no quotes in a shell."""
     return re.sub(r"[^\w.=+-]+", "-", name)[:NAME_LENGTH].strip("-")
 
 
 def state_of(run: Path) -> str:
-    """What has become of a run: ``FINISHED``, ``UNFINISHED`` or ``NEW``.
+    """The state of a run: ``FINISHED``, ``UNFINISHED`` or ``NEW``.
 
     Raises:
         ConfigError: if its summary cannot be read.
@@ -117,7 +117,7 @@ def state_of(run: Path) -> str:
 
 
 def read_summary(run: Path) -> dict[str, Any] | None:
-    """Its summary, None if it has none (yet).
+    """The summary of a run, None without one.
 
     Raises:
         ConfigError: if it cannot be read.
@@ -135,13 +135,13 @@ def read_summary(run: Path) -> dict[str, Any] | None:
 
 
 def make_way(run: Path) -> Path | None:
-    """Move what is left of a run that has to begin anew to where nothing looks for runs.
+    """Move the folder of a run that has to start over to where runs are not searched for.
 
     Returns:
-        where to; None if there was nothing.
+        the new path; None if there was no run.
 
     Raises:
-        ConfigError: if it is training.
+        ConfigError: if the run is training.
     """
     if not (run / CONFIG).is_file():
         return None
@@ -153,7 +153,7 @@ def make_way(run: Path) -> Path | None:
 
 
 def last_line(output: Path, begins: int = 0) -> str:
-    """The last line of a file from some byte on, in which a program that failed says why."""
+    """The last line of a file after byte ``begins``: where a failed program gives its reason."""
     with output.open("rb") as stream:
         stream.seek(begins)
         lines = stream.read().decode(errors="replace").splitlines()

@@ -1,4 +1,4 @@
-"""Start the runs of a sweep and say what came of them. Knows no hydra: its launcher calls this."""
+"""Start the runs of a sweep and report their outcomes; hydra's launcher calls this."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from ibe_rl.types import ConfigError
 
 VIEWER = ("viewer", "viewer.mode")
 OF_THE_SWEEP = ("run_dir", "runs_at_once", "runs_on")
-"""Settings that its runs do not get."""
+"""Settings that are not passed on to the runs."""
 
 
 def launch(
     sweep: Path, asked: Sequence[Sequence[str]], settings: Sequence[TrainConfig], flags: Sequence[str], first: int = 0
 ) -> None:
-    """Run all that is asked for and not finished yet, each in its folder below ``sweep``.
+    """Run the jobs that are not finished yet, each in its folder below ``sweep``.
 
     Args:
         sweep: the folder of the sweep.
         asked: the overrides of each run.
-        settings: what they make together with the defaults.
-        flags: of hydra's, that each run gets too.
-        first: the number of the first run.
+        settings: the config of each run.
+        flags: flags of hydra, passed on to each run.
+        first: number of the first run.
 
     Raises:
-        ConfigError: before anything is started, if one of them cannot work.
-        KeyboardInterrupt: if it was stopped; in order, the runs can be taken up again.
-        SystemExit: with 1 if one of them failed.
+        ConfigError: before any start, if the settings of a run are refused.
+        KeyboardInterrupt: if it was stopped; the runs can be resumed.
+        SystemExit: with 1 if a run failed.
     """
     for overrides, cfg in zip(asked, settings, strict=True):
         refuse(overrides, cfg, sweep)
@@ -68,7 +68,7 @@ def launch(
 
 
 def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
-    """Refuse what cannot work, or not among several runs at once.
+    """Refuse settings that cannot work, alone or among several runs at once.
 
     Raises:
         ConfigError: naming the setting.
@@ -93,7 +93,7 @@ def refuse(overrides: Sequence[str], cfg: TrainConfig, sweep: Path) -> None:
 
 
 def how_many(settings: Sequence[TrainConfig]) -> int:
-    """How many runs go on at once: as asked for, or as many as have a core for each of their processes."""
+    """Number of runs at once: as set, or as many as have a core for each process."""
     for cfg in settings:
         if cfg.runs_at_once is not None:
             return cfg.runs_at_once
@@ -101,18 +101,18 @@ def how_many(settings: Sequence[TrainConfig]) -> int:
 
 
 def processors(settings: Sequence[TrainConfig]) -> int:
-    """How many cores a run can use."""
+    """Number of cores that a run can use."""
     return max(cfg.collect.processes + cfg.collect.overlap for cfg in settings)
 
 
 def elsewhere(settings: Sequence[TrainConfig]) -> list[str]:
-    """What stands before a command that is to run on a cluster; nothing if it is to run here."""
+    """Prefix of a command that runs on a cluster; empty to run here."""
     on = settings[0].runs_on
     return [sys.executable, "-m", "ibe_rl.apps.ray.run", on, str(processors(settings))] if on else []
 
 
 def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str]) -> list[str]:
-    """What starts a run, or lets it go on with the settings that it has."""
+    """The command that starts a run, or resumes it with its own settings."""
     given = [one for one in job.overrides if key_of(one) not in OF_THE_SWEEP]
     asked = [f"resume={quoted(str(job.folder))}"] if goes_on else [*given, *extra, f"run_dir={quoted(str(job.folder))}"]
     single = ["hydra.mode=RUN", f"hydra.job.name={quoted(job.name)}"]
@@ -120,7 +120,7 @@ def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str])
 
 
 def sweep_hints(sweep: Path) -> list[str]:
-    """How to look at the runs together."""
+    """Commands that show the runs together."""
     return [
         f"the runs are in {sweep}",
         f"  look at all of them:   {viewer_command(sweep)}",

@@ -1,4 +1,4 @@
-"""Run the jobs of a sweep, each in a process of its own, some at once; a failed one does not end the others."""
+"""Run the jobs of a sweep as processes, several at once; a failed job does not end the others."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", 
 _POLL_S = 0.3
 PATIENCE_S = 10.0
 CommandOf = Callable[[Job, bool], list[str]]
-"""From a job and whether it goes on to the command that runs it."""
+"""From a job, and whether to resume it, to its command."""
 
 
 @dataclass
 class Running:
-    """A job under way.
+    """A running job.
 
     Attributes:
-        job: what it is.
-        process: of train.py, the leader of a session of its own: Ctrl-C in the terminal does not reach it.
-        output: where it prints to.
-        begins: of what it prints, in bytes; before it is what it printed another time.
-        told_to_stop: whether it was.
+        job: the job.
+        process: train.py as the leader of its own session: Ctrl-C in the terminal does not reach it.
+        output: file that it prints to.
+        begins: offset in bytes where the output of this start begins.
+        told_to_stop: whether it was asked to stop.
     """
 
     job: Job
@@ -57,13 +57,13 @@ class Running:
     told_to_stop: bool = False
 
     def stop(self) -> None:
-        """Let it end in order; a second signal would end it at once."""
+        """Ask it to stop in order; a second signal would kill it."""
         if not self.told_to_stop:
             self.process.send_signal(signal.SIGINT)
         self.told_to_stop = True
 
     def outcome(self) -> Outcome | None:
-        """What became of it; None while it runs."""
+        """Its outcome; None while it runs."""
         status = self.process.poll()
         if status is None:
             return None
@@ -76,16 +76,16 @@ class Running:
 
 
 def run_all(jobs: Sequence[Job], command: CommandOf, at_once: int, board: Board) -> list[Outcome]:
-    """Run those of the jobs that are not finished; Ctrl-C and SIGTERM stop all in order, a second one at once.
+    """Run the unfinished jobs; Ctrl-C or SIGTERM stops all in order, a second one at once.
 
     Args:
-        jobs: in the order in which they begin.
-        command: that runs one.
-        at_once: how many run side by side.
-        board: shows how they come along.
+        jobs: in the order of their start.
+        command: of a job.
+        at_once: number of jobs side by side.
+        board: shows their progress.
 
     Raises:
-        ConfigError: if the summary of one that ended before cannot be read.
+        ConfigError: if the summary of a job cannot be read.
     """
     done = [Outcome(job, DONE_BEFORE) for job in jobs if state_of(job.folder) == FINISHED]
     waiting = [job for job in jobs if job not in {one.job for one in done}]
@@ -105,7 +105,7 @@ def run_all(jobs: Sequence[Job], command: CommandOf, at_once: int, board: Board)
 
 
 def _start(job: Job, command: CommandOf, running: list[Running], board: Board) -> list[Outcome]:
-    """Start a job; what became of it if it cannot be."""
+    """Start a job; returns its outcome if it cannot be started."""
     goes_on = state_of(job.folder) != NEW
     try:
         if not goes_on:
@@ -119,7 +119,7 @@ def _start(job: Job, command: CommandOf, running: list[Running], board: Board) -
                 stderr=subprocess.STDOUT,
                 env=os.environ | ONE_THREAD | {"PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
-                preexec_fn=killed_with_parent(),  # no run outlives a sweep that is killed
+                preexec_fn=killed_with_parent(),  # no run outlives a killed sweep
             )
             running.append(Running(job, process, job.folder / OUTPUT, output.tell()))
     except (ConfigError, OSError) as error:
@@ -131,7 +131,7 @@ def _start(job: Job, command: CommandOf, running: list[Running], board: Board) -
 
 
 def _look_after(running: list[Running], stop: bool, board: Board) -> list[Outcome]:
-    """Show how each comes along, tell it to stop if it shall; what became of those that have ended."""
+    """Show the progress of each job, stop it if asked to; returns the outcomes of those that ended."""
     ended = []
     for one in list(running):
         if stop:
@@ -146,7 +146,7 @@ def _look_after(running: list[Running], stop: bool, board: Board) -> list[Outcom
 
 
 def _end_at_once(running: Sequence[Running]) -> None:
-    """End what still runs, which is nothing unless something went wrong or Ctrl-C came twice."""
+    """Kill the jobs that still run, after an error or a second Ctrl-C."""
     for one in running:
         one.process.terminate()
     until = time.monotonic() + PATIENCE_S
@@ -154,10 +154,10 @@ def _end_at_once(running: Sequence[Running]) -> None:
         try:
             one.process.wait(max(0.0, until - time.monotonic()))
         except subprocess.TimeoutExpired:
-            os.killpg(one.process.pid, signal.SIGKILL)  # with the processes that it has started
+            os.killpg(one.process.pid, signal.SIGKILL)  # with its child processes
             one.process.wait()
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1

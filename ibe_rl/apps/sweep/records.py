@@ -1,4 +1,4 @@
-"""What the runs of a sweep left behind: their curves, what they ended on, and under which condition."""
+"""The results of the runs of a sweep: curves, final values and condition."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ibe_rl.view.viewer import overrides_of, run_names
 
 SEED = "seed"
 ALL = "all runs"
-"""The condition where nothing but the seed differs."""
+"""The condition if only the seed differs."""
 NO_RESULTS = ("frames", "time/", "ibe/skipped")
 LEARNING = {
     "train/return_mean": "return of the newest 100 episodes",
@@ -41,9 +41,9 @@ JUDGED = {
     "quality/observer_error": "judged: error of a listener (% of the width)",
 }
 COLUMN_LABELS = LEARNING | TRUTH | JUDGED
-"""Columns of metrics.csv, and of quality.json, to what they are called."""
+"""Labels of the columns of metrics.csv and the metrics of quality.json."""
 RunCurve = tuple[Array, Array]
-"""Frames and values ``(rows,)`` of the rows that have one."""
+"""Frames and values ``(rows,)`` of the rows with a value."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,10 @@ class SweepRun:
         name: the settings in which it differs from the others.
         condition: the same without the seed.
         seed: its seed.
-        folder: where it lies.
-        missing: why it does not count, empty if it does.
+        folder: its folder.
+        missing: why it is left out, empty if it counts.
         curves: columns of metrics.csv.
-        ends: what these ended on, and what it was judged to be.
+        ends: their final values, and the metrics of quality.json.
     """
 
     name: str
@@ -70,7 +70,7 @@ class SweepRun:
 
 
 def read_sweep(sweep: Path) -> list[SweepRun]:
-    """Read the runs of a sweep in the order of their numbers.
+    """Read the runs of a sweep, ordered by number.
 
     Raises:
         ConfigError: if there are none, or a file of one is damaged.
@@ -86,7 +86,7 @@ def read_sweep(sweep: Path) -> list[SweepRun]:
 
 
 def conditions(runs: Sequence[Path]) -> list[str]:
-    """The settings of each run in which the runs differ, but for the seed."""
+    """The condition of each run: the settings in which the runs differ, without the seed."""
     given = [overrides_of(run) for run in runs]
     told = [overrides for overrides in given if overrides]
     keys = dict.fromkeys(key for overrides in told for key in overrides if key not in (*NOT_IN_NAMES, SEED))
@@ -106,10 +106,10 @@ def _read(run: Path, name: str, condition: str) -> SweepRun:
 
 
 def curve(path: Path, rows: Sequence[dict[str, str]], column: str) -> RunCurve:
-    """Frames and values of those of a table's rows in which a column is filled.
+    """Frames and values of a column, from the rows in which it is filled.
 
     Raises:
-        ConfigError: if one of them is no number.
+        ConfigError: if a cell is not a number.
     """
     filled = [row for row in rows if row[column]]
     try:
@@ -119,7 +119,7 @@ def curve(path: Path, rows: Sequence[dict[str, str]], column: str) -> RunCurve:
 
 
 def missing(run: Path, rows: Sequence[dict[str, str]]) -> str:
-    """Why a run does not count; empty if it is finished."""
+    """Why a run is left out; empty if it is finished."""
     summary, frames = read_summary(run), int(rows[-1]["frames"]) if rows else 0
     if summary is not None:
         return f"stopped early, at {frames:,} frames" if summary.get("stopped_early") else ""
@@ -129,7 +129,7 @@ def missing(run: Path, rows: Sequence[dict[str, str]]) -> str:
 
 
 def quality_scores(run: Path) -> dict[str, float]:
-    """How true what it says was found to be; nothing where it has not been judged.
+    """The metrics of a run's evaluation; empty without one.
 
     Raises:
         ConfigError: if the file is damaged.

@@ -1,4 +1,4 @@
-"""The report of a sweep: one table, printed and as CSV, and one page with its figures."""
+"""The report of a sweep: a table, printed and as CSV, and a page with its figures."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ MAIN = (
     *("eval/success_rate", "eval/return_mean", "ibe/motion_auc", "ibe/motion_auc_disobeyed", "ibe/came_true"),
     *("quality/vocabulary_loss", "quality/observer_error"),
 )
-"""What is in the short table, as far as the runs have it."""
+"""Columns of the short table, if the runs have them."""
 DIGITS = {"eval/return_mean": 1, "train/return_mean": 1, "quality/observer_error": 1}
 
 
 def report_sweep(cfg: ExplainConfig) -> None:
-    """Do what ``explain.py sweep=DIR`` asks for; with ``viewer=live`` open all recordings of the sweep too.
+    """Report a sweep for ``explain.py sweep=DIR``; with ``viewer=live`` also open all its recordings.
 
     Raises:
-        ConfigError: if something else is asked for beside it; and as ``report``.
+        ConfigError: if another task is asked for as well; and as ``report``.
     """
     if cfg.run is not None or cfg.agent_file is not None or cfg.task != "episode":
         raise ConfigError(f"sweep={cfg.sweep_dir} reports a whole sweep; allowed is no run=, agent= or task= beside it")
@@ -49,10 +49,10 @@ def report_sweep(cfg: ExplainConfig) -> None:
 
 
 def report(sweep: Path) -> None:
-    """Put the runs of a sweep together; print the table and where the rest is.
+    """Aggregate the runs of a sweep; print the table and the paths of the files.
 
     Raises:
-        ConfigError: if there is no run, none is finished, or one of them is damaged.
+        ConfigError: if there is no run, none is finished, or one is damaged.
     """
     records = read_sweep(sweep)
     found = by_condition(records)
@@ -77,7 +77,7 @@ def report(sweep: Path) -> None:
 
 
 def by_condition(records: Sequence[SweepRun]) -> dict[str, Any]:
-    """The finished runs by condition, and what is to be said about the others.
+    """The finished runs by condition, and notices about the others.
 
     Raises:
         ConfigError: if no run is finished.
@@ -108,7 +108,7 @@ def _condition(name: str, runs: Sequence[SweepRun]) -> dict[str, Any]:
 
 
 def notices(records: Sequence[SweepRun], by_name: dict[str, list[SweepRun]]) -> list[str]:
-    """What a reader must know before believing the numbers."""
+    """Caveats about the numbers."""
     missing = [record for record in records if record.missing]
     told = [f"{len(missing)} of {len(records)} runs are not finished and do not count"] if missing else []
     told += [f"{record.name}: {record.missing}" for record in missing]
@@ -124,12 +124,12 @@ def notices(records: Sequence[SweepRun], by_name: dict[str, list[SweepRun]]) -> 
 
 
 def main_columns(conditions: Sequence[dict[str, Any]]) -> list[str]:
-    """Those of the short table that a condition has."""
+    """The columns of the short table that any condition has."""
     return [column for column in MAIN if any(column in one["ends"] for one in conditions)]
 
 
 def short_table(conditions: Sequence[dict[str, Any]]) -> Table:
-    """What the runs ended on, for the terminal."""
+    """Final values, for the terminal."""
     table = Table(box=SIMPLE, show_edge=False, title_justify="left")
     table.title = "interquartile means over the runs [95 % intervals]"
     columns = main_columns(conditions)
@@ -144,7 +144,7 @@ def short_table(conditions: Sequence[dict[str, Any]]) -> Table:
 
 
 def write_table(path: Path, conditions: Sequence[dict[str, Any]]) -> None:
-    """Write a row for each condition and metric, with what each run ended on."""
+    """Write a row for each condition and metric, with the final value of each run."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["condition", "metric", "runs", "iqm", "low", "high", "each"])
@@ -157,7 +157,7 @@ def write_table(path: Path, conditions: Sequence[dict[str, Any]]) -> None:
 
 
 def write_figures(folder: Path, found: dict[str, Any], sweep: Path) -> Path:
-    """Draw the figures and write the page that holds them; returns the page."""
+    """Draw the figures and write the page with them; returns its path."""
     conditions = found["conditions"]
     columns = main_columns(conditions)
     drawn = {"learning.png": partial(figures.curves, conditions, LEARNING)}

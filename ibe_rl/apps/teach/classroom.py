@@ -1,4 +1,4 @@
-"""The trainer's end of the lesson: where it is held, and what the trainer lets its pages know."""
+"""The trainer's end of the lesson: where it is served, and what the trainer sends to its pages."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ from ibe_rl.vocabulary.listener import Listener, Refreshed
 
 PORT = 8765
 STEPS_PER_SECOND = 50.0
-"""Where an environment does not say how fast it is played (gymnasium's ``render_fps``)."""
+"""Used where an environment does not declare its speed (gymnasium's ``render_fps``)."""
 FAREWELL_S = 3.0
 Games = MutableSequence[gymnasium.Env[Any, Any]]
 
 
 @dataclass(frozen=True)
 class LessonPlan:
-    """All that the process which plays the games needs for the lesson; it is called there, and can be sent there.
+    """Picklable factory of the lesson, called in the process that steps the environments.
 
     Attributes:
-        host: that the page is served on.
-        port: likewise.
+        host: address that the page is served on.
+        port: port that the page is served on.
         hold_steps: see ``HumanConfig``.
         speed: see ``HumanConfig``.
-        address: of the trainer.
+        address: where the trainer listens.
         make_agent: makes an agent whose ``greedy`` takes the trainer's weights.
         make_predictor: makes a predictor with environments of its own.
-        record: the file of all that is said.
-        about: what a page has to know from the beginning.
+        record: the file of all instructions.
+        about: what a page needs to know from the beginning.
     """
 
     host: str
@@ -71,7 +71,7 @@ class LessonPlan:
     about: Mapping[str, Any]
 
     def __call__(self, games: Games) -> Lesson:
-        """Put the first of the ``games`` on stage and open the desk before it."""
+        """Make the first of the ``games`` the one that is taught, and serve its page."""
         games[0] = stage = Stage(games[0])
         values = task_of(stage).instruction_values
         desk = TeachingSession(values, self.hold_steps, self.speed)
@@ -84,7 +84,7 @@ class LessonPlan:
         return lesson
 
     def _listen(self, lesson: Lesson, server: Server, speaker: LiveExplainer, clock: Clock) -> None:
-        """Let the trainer reach the pages."""
+        """Forward the trainer's messages to the pages."""
 
         def farewell(text: str) -> None:
             lesson.finish()
@@ -113,13 +113,13 @@ BYE = "bye"
 
 
 class Classroom(Listener):
-    """What the trainer tells the lesson; none of it waits for anybody, but for the farewell a moment.
+    """Sends the trainer's events to the lesson without blocking; only ``farewell`` waits a moment.
 
     Args:
-        config: of the person's page.
-        port: that it is served on.
-        record: the file of all that is said.
-        task: of the environment.
+        config: settings of the page.
+        port: port that the page is served on.
+        record: the file of all instructions.
+        task: the environment's task.
         make_agent: see ``LessonPlan``.
         make_predictor: see ``LessonPlan``.
         about: see ``LessonPlan``.
@@ -154,7 +154,7 @@ class Classroom(Listener):
         self._policy = run.agent.greedy
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
-        """Send what has been learnt from a batch."""
+        """Send the new weights and the training metrics."""
         self._link.tell("policy", weights_of(self._policy))
         known = {name: value for name, value in row.items() if math.isfinite(value)}
         if "train/success_rate" in known:
@@ -168,11 +168,11 @@ class Classroom(Listener):
         self._link.tell("vocabulary", vocabulary(event.frames, event.voice, self._task))
 
     def hurry(self) -> None:
-        """Never let the game wait again."""
+        """Never pace the environment again."""
         self._link.tell("hurry", None)
 
     def farewell(self) -> None:
-        """Let the pages know that it is over; returns when they do, or after a moment."""
+        """Tell the pages that training is over; returns when they know, or after a moment."""
         self._link.tell("farewell", "The training is over.")
         self._link.wait_for(BYE, FAREWELL_S)
 
@@ -184,13 +184,13 @@ class Classroom(Listener):
 def open_classroom(
     cfg: TrainConfig, env: gymnasium.Env[Any, Any], port: int, folder: Path, live_view: str | None
 ) -> Classroom:
-    """Make what the settings ask for, and say where the page is.
+    """Make the classroom that the settings ask for, and print where its page is.
 
     Args:
-        cfg: of the run.
+        cfg: settings of the run.
         env: one of its environments.
         port: from ``choose_port``.
-        folder: of the run.
+        folder: folder of the run.
         live_view: address of the live rerun view, None without one.
     """
     assert isinstance(cfg.instructor, HumanConfig)
@@ -223,7 +223,7 @@ def open_classroom(
 
 
 def page_invitation(host: str, port: int) -> str:
-    """What to tell the person who is to teach."""
+    """The line that invites a person to teach."""
     shown = f"[{host}]" if ":" in host else host
     lines = [f"teach it here: http://{shown}:{port}/"]
     if port != PORT:
@@ -234,7 +234,7 @@ def page_invitation(host: str, port: int) -> str:
 
 
 def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
-    """The vocabulary as a page shows it."""
+    """The vocabulary as a page displays it."""
     mapping = voice.mapping
     assert isinstance(mapping, ClusterMapping)
     known = sayable(mapping.expressions, mapping.meanings)
@@ -254,13 +254,13 @@ def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
 
 
 def choose_port(config: HumanConfig) -> int:
-    """Decide where the page is served.
+    """Choose the port that the page is served on.
 
     Raises:
         ConfigError: if this machine has no such host, or the port asked for is taken.
     """
     allowed = f"instructor.host={config.host}: allowed is an address of this machine"
-    if not config.host:  # to a socket that is all of them
+    if not config.host:  # a socket takes "" for all addresses
         raise ConfigError(f"{allowed} (0.0.0.0 for all of them)")
     try:
         free = free_port(PORT, host=config.host)

@@ -1,4 +1,4 @@
-"""The pace of the game that a person watches."""
+"""The pace of the environment that a person watches."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import time
 from ibe_rl.apps.teach.session import TeachingSession
 
 MAX_BEHIND_STEPS = 5
-"""A game that fell behind by more does not make up for it."""
+"""An environment that falls behind by more steps does not catch up."""
 
 
 class Clock:
-    """Waits until the next step is due, as the desk's controls want it.
+    """Waits until the next step is due, at the speed that the controls set.
 
     Args:
-        desk: with the controls, which may change while this waits.
-        steps_per_second: of real time.
+        desk: the teaching session, whose controls may change during a wait.
+        steps_per_second: in real time.
     """
 
     def __init__(self, desk: TeachingSession, steps_per_second: float):
@@ -23,7 +23,7 @@ class Clock:
         self._at, self._hurry = time.monotonic(), False
 
     def hurry(self) -> None:
-        """Never wait again, not even while the game is paused."""
+        """Never wait again, not even while paused."""
         with self._desk.changed:
             self._hurry = True
             self._desk.changed.notify_all()
@@ -38,7 +38,7 @@ class Clock:
                 self._desk.changed.wait(left_s)
 
     def _left_s(self, now: float) -> float | None:
-        """Seconds until the next step, None while nobody knows; marks it as made if it is due."""
+        """Seconds until the next step, None while paused; marks the step as made if it is due."""
         controls = self._desk.controls
         if controls.paused:
             return None

@@ -1,4 +1,4 @@
-"""The lesson: the instructor that the environment asks is whoever sits at the desk and watches this game."""
+"""The lesson: an instructor whose instructions come from the person who watches this environment."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
 from ibe_rl.types import Array, Explanation, Moment
 
 FRAME_S = 0.004
-"""Frames that follow each other faster are not shown: no screen would."""
+"""Shortest interval between two frames; no screen shows more."""
 
 
 class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """The game that is watched, keeping score.
+    """The environment that a person watches, with the score of its episode.
 
     Attributes:
-        total_reward: of the episode so far.
-        steps: of it.
-        success: whether it has ended well.
-        ended: the same of the episode before, None if it had no step.
+        total_reward: return of the episode so far.
+        steps: length of the episode so far.
+        success: whether it has ended in success.
+        ended: the same of the previous episode, None if it had no step.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]):
@@ -39,14 +39,14 @@ class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.ended: dict[str, Any] | None = None
 
     def reset(self, **settings: Any) -> Any:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         score = {"return": round(self.total_reward, 1), "steps": self.steps, "success": self.success}
         self.ended = score if self.steps else None
         self.total_reward, self.steps, self.success = 0.0, 0, False
         return self.env.reset(**settings)
 
     def step(self, action: Any) -> Any:
-        """As the game's."""
+        """See ``gymnasium.Env``."""
         after = self.env.step(action)
         self.total_reward += float(after[1])
         self.steps += 1
@@ -55,15 +55,15 @@ class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 class Lesson:
-    """The instructor of one game, and what its pages are shown of it; keeps a record of every step.
+    """The instructor of one environment; shows each step on the pages and records it.
 
     Args:
-        stage: the game.
-        desk: where somebody may sit.
-        server: to the pages.
-        speaker: what the agent says.
-        clock: of the game.
-        record: where each episode's instructions go.
+        stage: the environment.
+        desk: the teaching session.
+        server: serves the pages.
+        speaker: explains what the agent does.
+        clock: paces the steps.
+        record: writes the instructions of each episode.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Lesson:
         self._writing, self._finished = threading.Lock(), False
 
     def reset(self, rows: Array) -> None:
-        """Begin a new episode, with the record of the one before kept."""
+        """Write the previous episode's record and begin a new one."""
         if not rows[0]:
             return
         self.keep()
@@ -104,15 +104,15 @@ class Lesson:
         return instruction[None], np.array([[given]], np.float32)
 
     def keep(self) -> None:
-        """Write down the episode as far as it has come, and begin the next one."""
+        """Write the episode so far, and begin the next record."""
         with self._writing:
             self._write()
             self._said = []
 
     def finish(self) -> None:
-        """Write down the episode as far as it has come, and nothing any more; from any thread.
+        """Write the episode so far and nothing after it; any thread may call this.
 
-        The game may still go on for what is left of a batch, which nobody learns from.
+        The environment may still be stepped to the end of a batch, which is not learnt from.
         """
         with self._writing:
             self._write()
@@ -142,7 +142,7 @@ class Lesson:
         return value, float(said.by != NOBODY)
 
     def _show(self, state: Array) -> None:
-        """Post what can be seen now: the game, what was said at the step before, what the agent says."""
+        """Post the current frame: the scene, the instruction of the previous step, the explanation."""
         now = time.monotonic()
         if now - self._shown_at < FRAME_S and self._said:
             return
@@ -154,7 +154,7 @@ class Lesson:
             self._speaker.ask(moment, partial(self._explained, self._episode))
 
     def _explained(self, episode: int, said: Explanation) -> None:
-        """Post what the agent says; from the speaker's thread."""
+        """Post an explanation; runs in the explainer's thread."""
         path = None if self._task.scene_path is None else self._task.scene_path(said.path)
         self._server.post("explanation", {"episode": episode, **explanation_fields(said, path)})
 
@@ -178,7 +178,7 @@ class Lesson:
 
 
 def scene(stage: Stage, episode: int) -> dict[str, Any]:
-    """What stands still in an episode."""
+    """The static part of an episode's scene."""
     return {
         "episode": episode,
         "size": list(task_of(stage).scene_size),
@@ -187,7 +187,7 @@ def scene(stage: Stage, episode: int) -> dict[str, Any]:
 
 
 def outlines(game: gymnasium.Env[Any, Any], part: str) -> list[dict[str, Any]]:
-    """The shapes of a game that draws itself, for a page."""
+    """The outlines of a part of the scene, for environments that provide them."""
     return [
         {"points": shape.points.round(2).tolist(), "colour": list(shape.colour), "closed": shape.closed}
         for shape in drawn(game, part)

@@ -1,4 +1,4 @@
-"""Between the trainer and the process that plays the game: only the newest of each kind is kept, nobody waits."""
+"""Link from the trainer to the process that steps the environments: keeps only the newest message of each kind."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Address:
-    """Where the trainer listens, and what the other side has to know to be let in."""
+    """Where the trainer listens, and the key that the other side needs."""
 
     path: str
     key: bytes
 
 
 class TrainerEnd:
-    """Sends what ``tell`` is given to the other side, once that is there, and hears what that says."""
+    """The trainer's end: sends messages once the other side has connected, and receives its lines."""
 
     def __init__(self) -> None:
         key = os.urandom(32)
@@ -34,34 +34,34 @@ class TrainerEnd:
         threading.Thread(target=self._send, name="link", daemon=True).start()
 
     def tell(self, kind: str, value: Any) -> None:
-        """Let the other side have this; an older one of the kind that has not gone yet is forgotten."""
+        """Queue a message; it replaces an unsent one of the same kind."""
         with self._ready:
             self._newest[kind] = value
             self._ready.notify_all()
 
     def wait_for(self, line: str, timeout_s: float) -> bool:
-        """Wait until the other side has said something; False if it has not in time."""
+        """Wait until the other side has sent ``line``; False on timeout."""
         with self._ready:
             return self._ready.wait_for(lambda: line in self._said, timeout_s)
 
     def close(self) -> None:
-        """End; what has not gone stays."""
+        """Close; unsent messages are dropped."""
         with self._ready:
             self._closed = True
             self._ready.notify_all()
         if not self._connected:
-            with suppress(OSError):  # wakes who still waits for the other side; closing alone does not
+            with suppress(OSError):  # wakes a blocked accept; closing alone does not
                 Client(self.address.path).close()
         self._listener.close()
 
     def _accept(self) -> Connection[Any, Any]:
-        """Wait for the other side.
+        """Wait for the other side to connect.
 
         Raises:
             EOFError: if this end has been closed.
         """
         while not self._closed:
-            with suppress(AuthenticationError, EOFError, ConnectionError):  # a stranger, the next may be the one
+            with suppress(AuthenticationError, EOFError, ConnectionError):  # not our process: wait for the next
                 return self._listener.accept()
         raise EOFError
 
@@ -74,10 +74,10 @@ class TrainerEnd:
                 with self._ready:
                     self._ready.wait_for(lambda: self._newest or self._closed)
                     newest, self._newest = self._newest, {}
-                connection.send(newest)  # nothing at all is the goodbye
+                connection.send(newest)  # an empty message says goodbye
                 if not newest:
                     return
-        except (OSError, EOFError):  # the other side has ended, or nobody ever came
+        except (OSError, EOFError):  # the other side has ended, or never connected
             return
 
     def _receive(self, connection: Connection[Any, Any]) -> None:
@@ -92,11 +92,11 @@ class TrainerEnd:
 
 
 class GameEnd:
-    """Gets what the trainer tells, in a thread of its own.
+    """The environment's end: receives the trainer's messages in a thread of its own.
 
     Args:
-        address: of the trainer's end.
-        hear: called with each kind and its newest value.
+        address: where the trainer listens.
+        hear: called by kind with its newest value.
         lost: called when the trainer has gone.
     """
 
@@ -105,10 +105,10 @@ class GameEnd:
         threading.Thread(target=self._receive, name="link", daemon=True).start()
 
     def say(self, line: str) -> None:
-        """Tell the trainer something."""
+        """Send the trainer a line."""
         try:
             self._connection.send(line)
-        except OSError:  # it has gone, nobody would read it
+        except OSError:  # the trainer has gone
             return
 
     def _receive(self) -> None:
@@ -118,6 +118,6 @@ class GameEnd:
                     self._hear[kind](value)
         except (OSError, EOFError):
             return
-        finally:  # whatever went wrong: a game that hears nothing any more must not wait for anything either
+        finally:  # on any error too: without the trainer the environment must not wait
             self._connection.close()
             self._lost()

@@ -1,4 +1,4 @@
-"""What the agent says at its pupil's desk: its explanations, live, with the policy and the words of now."""
+"""Live explanations, with the current policy and vocabulary."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ Weights = Mapping[str, Array]
 
 
 def weights_of(policy: GreedyPolicy) -> Weights:
-    """Plain arrays of its own, which learning does not change."""
+    """A copy of the weights as plain arrays, which further training does not change."""
     return {name: tensor.numpy().copy() for name, tensor in policy.state_dict().items()}
 
 
 class LiveExplainer:
-    """Explains moments with what the trainer last sent; says nothing before the first vocabulary.
+    """Explains moments with the newest policy and vocabulary; silent before the first vocabulary.
 
     Args:
-        policy: takes the weights that come.
+        policy: loads the weights that arrive.
         predictor: with environments of its own.
-        every_s: it speaks no more often: a prediction takes some 30 ms, which the game has to share its core with.
-        clock: seconds.
+        every_s: least interval of explanations: one takes some 30 ms of the core that also steps the environment.
+        clock: returns seconds.
     """
 
     def __init__(
@@ -48,33 +48,33 @@ class LiveExplainer:
         self._speaking.set_result(None)
 
     def learn(self, weights: Weights) -> None:
-        """Take in weights of the policy; any thread may call this."""
+        """Load weights of the policy; any thread may call this."""
         with self._lock:
             self._weights = weights
 
     def speak_with(self, voice: ExplainerState) -> None:
-        """Take in a vocabulary; any thread may call this."""
+        """Switch to a vocabulary; any thread may call this."""
         with self._lock:
             self._voice = voice
 
     def due(self) -> bool:
-        """Whether it is time to say something new, and it has said what it was asked for before."""
+        """Whether the last explanation is done and the next one due."""
         if self._voice is None or not self._speaking.done():
             return False
         self._speaking.result()  # raises what went wrong
         return self._clock() - self._spoke_at >= self._every_s
 
     def ask(self, moment: Moment, hear: Callable[[Explanation], None]) -> None:
-        """Explain a moment, when it is due, in a thread of its own: the game goes on.
+        """Explain a moment, when due, in a thread of its own, so that the environment is not held up.
 
         Args:
             moment: to explain.
-            hear: called with what is said, in that thread.
+            hear: called with the explanation, in that thread.
         """
         self._speaking = self._thread.submit(lambda: hear(self.say(moment)))
 
     def wait(self) -> None:
-        """Return when it has said what it was asked for."""
+        """Return when the pending explanation is done."""
         self._speaking.result()
 
     def say(self, moment: Moment) -> Explanation:
@@ -90,9 +90,9 @@ class LiveExplainer:
 
 
 def explanation_fields(said: Explanation, path: Array | None) -> dict[str, Any]:
-    """What a page shows of an explanation; ``path`` ``(H + 1, 2)`` in scene units.
+    """An explanation as a page displays it; ``path`` ``(H + 1, 2)`` in scene units.
 
-    No number where the meaning of the word is not known, no confidence that is no probability.
+    Without a number where the meaning of the word is unknown, without a confidence that is not calibrated.
     """
     return {
         "expression": float(said.expression[0]) if said.meant else None,

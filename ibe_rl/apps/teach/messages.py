@@ -1,4 +1,4 @@
-"""What a page may say to the training, and nothing else."""
+"""The messages that a page may send to the training process."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from typing import Any
 
 MAX_BYTES = 512
-"""Longer messages are none."""
+"""Longer messages are refused."""
 MAX_COUNT = 2**53
 """The largest number that a page can count to."""
 SPEEDS = (0.05, 1_000.0)
 
 
 class BadMessageError(ValueError):
-    """A message that no page of ours sends."""
+    """A message that our page never sends."""
 
 
 @dataclass(frozen=True)
 class Press:
-    """The person says ``value`` from now on, until released, about the episode that they see."""
+    """The person instructs ``value`` until released, in the episode that they see."""
 
     sequence: int
     episode: int
@@ -29,7 +29,7 @@ class Press:
 
 @dataclass(frozen=True)
 class Release:
-    """The person says nothing any more."""
+    """The person stops instructing."""
 
     sequence: int
     episode: int
@@ -37,35 +37,35 @@ class Release:
 
 @dataclass(frozen=True)
 class Pause:
-    """Stop the game, or go on."""
+    """Pause or continue."""
 
     on: bool
 
 
 @dataclass(frozen=True)
 class Speed:
-    """Play in ``times`` real time; None is as fast as it goes."""
+    """Step at ``times`` real time; None is as fast as possible."""
 
     times: float | None
 
 
 @dataclass(frozen=True)
 class HandOver:
-    """Let the environment's rule instruct in the person's place, or take it back."""
+    """Let the environment's rule instruct in place of the person, or take over again."""
 
     on: bool
 
 
 @dataclass(frozen=True)
 class Sit:
-    """A page that only watches wants to instruct; it may if nobody else does."""
+    """A watching page asks to instruct; granted if no other page does."""
 
 
 Message = Press | Release | Pause | Speed | HandOver | Sit
 
 
 def parse(text: str | bytes) -> Message:
-    """Read a message; whatever it is, this either returns one or raises ``BadMessageError``.
+    """Parse a message; any input gives a message or ``BadMessageError``.
 
     Args:
         text: as it came from the network.
@@ -100,7 +100,7 @@ def _flag(name: str, value: Any) -> bool:
 
 
 def _number(name: str, value: Any, low: float, high: float) -> float:
-    if type(value) not in (int, float) or not low <= value <= high:  # not of nan either
+    if type(value) not in (int, float) or not low <= value <= high:  # refuses NaN too
         raise BadMessageError(f"{name} is not a number from {low:g} to {high:g}")
     return float(value)
 

@@ -1,7 +1,7 @@
-"""The small server of the page: loopback by default, one thread, nobody waits for anybody's connection.
+"""The web server of the page: loopback by default, one thread, and no connection blocks another.
 
-Each page has a place for the newest message of each kind. A slow page misses frames; it holds up neither the game nor
-the other pages. What pages send is limited in size and number before it is looked at.
+Each page has a slot for the newest message of each kind. A slow page misses frames; it delays neither the environment
+nor the other pages. Size and rate of incoming messages are limited before they are parsed.
 """
 
 from __future__ import annotations
@@ -44,23 +44,23 @@ SECURITY = {
 }
 MAX_PAGES = 16
 MAX_A_SECOND = 200
-"""Messages of one page; a key held down sends 2."""
+"""Messages accepted from one page; a key that is held sends 2."""
 MAX_BAD = 10
 GOODBYE, LEAVING, NOT_OURS, TOO_MANY = 1000, 1001, 1003, 1008  # close codes of RFC 6455
 PING_S = 6.0
-"""A page that has been quiet for so long is asked whether it is there; it is gone after half as long again."""
+"""Seconds of silence before a page is pinged; after half as long again it counts as gone."""
 SERVER_START_S, STOP_S, CUT_S = 10.0, 2.0, 0.1
 OPEN_S = 5.0
-"""A connection that has asked for nothing for so long is closed."""
+"""Seconds without a request before a connection is closed."""
 UNREAD_BYTES = 1 << 15
-"""The system keeps no more for a page that does not read; left to itself it keeps megabytes, half a minute of game."""
+"""Write buffer of a page that does not read; the default holds megabytes, half a minute of frames."""
 
 
 class Server:
-    """Serves the page and carries messages between pages and the desk; use ``close`` in the end.
+    """Serves the page and passes messages between pages and the teaching session; ``close`` it in the end.
 
     Args:
-        desk: hears what pages say.
+        desk: receives the messages of pages.
         host: to bind.
         port: to bind.
 
@@ -82,32 +82,32 @@ class Server:
         self._started.result(SERVER_START_S)
 
     def post(self, kind: str, fields: Mapping[str, Any]) -> None:
-        """Show pages something; only the newest of each kind waits for a page that is slow. Waits for nothing.
+        """Send a message to all pages without blocking; a slow page gets only the newest of each kind.
 
-        What is no finite number cannot be sent; such a picture is left out.
+        JSON has no NaN or infinity; a message with one is dropped.
         """
         with suppress(ValueError):
             text = json.dumps({"kind": kind, **fields}, separators=(",", ":"), allow_nan=False)
             self._call(self._spread, kind, text)
 
     def close(self) -> None:
-        """Let what has been posted arrive, then end."""
+        """Deliver what has been posted, then end."""
         self._call(self._stop.set)
         self._thread.join(2 * STOP_S)
 
     def _call(self, what: Callable[..., Any], *arguments: Any) -> None:
-        with suppress(RuntimeError):  # the loop has ended, nobody is there to be told
+        with suppress(RuntimeError):  # the loop has ended, and its pages with it
             self._loop.call_soon_threadsafe(what, *arguments)
 
     def _run(self) -> None:
-        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:  # ends what pages have left running
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:  # cancels the tasks that pages have left
             try:
                 runner.run(self._serve())
-            except OSError as error:  # handed to the thread that waits for the start
+            except OSError as error:  # passed to the thread that waits for the start
                 self._started.set_exception(error)
 
     async def _serve(self) -> None:
-        logging.getLogger("aiohttp").setLevel(logging.CRITICAL + 1)  # what strangers send is not ours to report
+        logging.getLogger("aiohttp").setLevel(logging.CRITICAL + 1)  # malformed requests of others are not our errors
         app = web.Application(middlewares=[self._admit])
         app.add_routes([web.get(LESSON_PATH, self._attend), *(web.get(path, _part) for path in PAGES)])
         runner = web.AppRunner(app, access_log=None, keepalive_timeout=OPEN_S, shutdown_timeout=CUT_S)
@@ -117,7 +117,7 @@ class Server:
         await self._stop.wait()
         for news in self._news.values():
             news.set()
-        if self._attending:  # now, as the cleanup hears no goodbye
+        if self._attending:  # before the cleanup, which reads no close frame
             await asyncio.wait(self._attending, timeout=STOP_S)
         await runner.cleanup()
 
@@ -128,7 +128,7 @@ class Server:
         return await handler(request)
 
     async def _attend(self, request: web.Request) -> web.WebSocketResponse:
-        """Let a page of ours open its connection and serve it until it goes."""
+        """Open a page's connection and serve it until it leaves."""
         if request.headers.get("Origin") != f"http://{request.headers['Host']}":
             raise web.HTTPForbidden(text="only the page of this server may instruct\n")
         if len(self._waiting) >= MAX_PAGES:
@@ -136,7 +136,7 @@ class Server:
         connection = web.WebSocketResponse(heartbeat=PING_S, max_msg_size=MAX_BYTES + 1, compress=False, writer_limit=0)
         await connection.prepare(request)
         transport = request.transport
-        assert transport is not None  # without one it could not be prepared
+        assert transport is not None  # a prepared response has one
         transport.set_write_buffer_limits(UNREAD_BYTES)
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
         self._attending.add(request.task)
@@ -144,7 +144,7 @@ class Server:
             code, why = await self._converse(connection)
             async with asyncio.timeout(STOP_S):
                 await connection.close(code=code, message=why.encode())
-        except TimeoutError:  # it does not say goodbye
+        except TimeoutError:  # no close frame
             pass
         finally:
             transport.abort()
@@ -152,7 +152,7 @@ class Server:
         return connection
 
     async def _converse(self, connection: web.WebSocketResponse) -> tuple[int, str]:
-        """Show a page the game and hear what it says; returns why it has to go."""
+        """Exchange messages with a page until it has to leave; returns the close code and reason."""
         page = next(self._numbers)
         self._waiting[page], self._news[page] = dict(self._newest), asyncio.Event()
         self._desk.join(page)
@@ -162,17 +162,17 @@ class Server:
         try:
             done, _ = await asyncio.wait(talks, return_when=asyncio.FIRST_COMPLETED)
             return done.pop().result()
-        finally:  # before the close, which waits for the page's goodbye: the chair is free at once
+        finally:  # before the close, which waits for the page's close frame: the chair is free at once
             for talk in talks:
                 talk.cancel()
             del self._waiting[page], self._news[page]
             self._desk.leave(page)
             self._seats()
             self._controls()
-            await asyncio.wait(talks)  # before the page's goodbye is read
+            await asyncio.wait(talks)  # before the page's close frame is read
 
     async def _hear(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
-        """Take in what a page says, until it goes or has to; returns why."""
+        """Receive a page's messages until it leaves or has to; returns why."""
         allowance, at, bad = float(MAX_A_SECOND), time.monotonic(), 0
         async for message in connection:
             now = time.monotonic()
@@ -199,7 +199,7 @@ class Server:
             self._controls()
 
     async def _send(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
-        """Send a page what waits for it, until the server ends."""
+        """Send a page its pending messages, until the server ends."""
         news, waiting = self._news[page], self._waiting[page]
         with suppress(ConnectionError):
             while waiting or not self._stop.is_set():
@@ -236,10 +236,9 @@ async def _part(request: web.Request) -> web.Response:
 
 
 def is_ours(host: str, bound: str = "localhost") -> bool:
-    """Whether a request's ``Host`` can be meant for this machine.
+    """Whether a request's ``Host`` names this machine.
 
-    A name that somebody else's server gave out and now points here (DNS rebinding) is none; addresses are, and so is
-    the name that the server was ``bound`` to.
+    Addresses do, and the name that the server was ``bound`` to. Any other name may be DNS rebinding.
     """
     name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
     if name.lower() in ("localhost", socket.gethostname().lower(), bound.lower()):

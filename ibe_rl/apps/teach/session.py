@@ -1,6 +1,6 @@
-"""The instructor's desk: who sits at it, what they say, and what of it counts at which step.
+"""The teaching session: which page instructs, and which instruction applies at which step.
 
-It knows no network and no clock. Pages talk to it from the server's thread, the game takes from it once a step.
+It knows no network and no clock. The server's thread puts messages in; the environment takes one instruction a step.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from dataclasses import dataclass
 from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed
 
 ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN_VALUE = "accepted", "watching", "repeated", "past", "unknown value"
-"""What becomes of a message; all but the first change nothing."""
+"""The result of a message; all but the first change nothing."""
 PERSON, HELD, ORACLE, NOBODY = "person", "held", "oracle", "nobody"
-"""Who says what is said at a step."""
+"""The source of a step's instruction."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """What is said at one step.
+    """The instruction at one step.
 
     Attributes:
-        value: the instruction, None where nothing is said or the rule is asked.
+        value: the instruction, None if there is none or the rule is asked.
         by: one of ``PERSON``, ``HELD``, ``ORACLE``, ``NOBODY``.
-        heard: number of the newest press or release of the person at the desk that is in it, 0 before the first.
+        heard: number of the newest press or release that it includes, 0 before the first.
     """
 
     value: float | None
@@ -34,7 +34,7 @@ class Said:
 
 @dataclass(frozen=True)
 class Controls:
-    """How the game is played now: ``speed`` in times of real time, None as fast as it goes."""
+    """The pace of the environment: ``speed`` in multiples of real time, None as fast as possible."""
 
     paused: bool
     speed: float | None
@@ -42,20 +42,19 @@ class Controls:
 
 
 class TeachingSession:
-    """Where one person at a time instructs.
+    """One person at a time instructs; others watch.
 
-    The first page to come sits down, the others watch. When it leaves, what it pressed is released, and whoever comes
-    or asks next may sit. A press is about the episode that the person sees: what arrives after the end of it is not
-    about the next one. A press counts at each step until it is released, and at one step even if it was released
-    before; of two presses between two steps the later one counts.
+    The first page to join instructs. When it leaves, its press is released, and the next page to join or ask may
+    instruct. A press applies to the episode that the person sees; one that arrives later is ignored. It applies at
+    each step until its release, and to at least one step. Of two presses between two steps the later one applies.
 
     Args:
-        values: that can be said.
-        hold_steps: so long what was said goes on after the release, within the episode; None until its end.
-        speed: at the beginning.
+        values: the possible instructions.
+        hold_steps: how long an instruction lasts after its release, within the episode; None until its end.
+        speed: initial speed.
 
     Attributes:
-        changed: notified, with its lock held, whenever the game may have to go on, to stop or to hurry.
+        changed: condition notified whenever the pace may have changed.
     """
 
     def __init__(self, values: Sequence[float], hold_steps: int | None, speed: float | None):
@@ -72,7 +71,7 @@ class TeachingSession:
 
     @property
     def controls(self) -> Controls:
-        """How the game is to be played."""
+        """The current controls."""
         with self.changed:
             return self._controls
 
@@ -83,14 +82,14 @@ class TeachingSession:
             return self._chair
 
     def join(self, page: int) -> None:
-        """A page has come."""
+        """A page has connected."""
         with self.changed:
             self._present[page] = 0
             if self._chair is None:
                 self._chair = page
 
     def leave(self, page: int) -> None:
-        """A page has gone, whatever it had pressed; a game that it had paused goes on."""
+        """A page has gone: its press is released, and its pause ends."""
         with self.changed:
             self._present.pop(page, None)
             if self._chair == page:
@@ -99,7 +98,7 @@ class TeachingSession:
                 self.changed.notify_all()
 
     def hear(self, page: int, message: Message) -> str:
-        """Take in what a page says; returns what becomes of it."""
+        """Process a page's message; returns its result."""
         with self.changed:
             if isinstance(message, Sit):
                 return self._sit(page)
@@ -111,13 +110,13 @@ class TeachingSession:
             return ACCEPTED
 
     def begin(self, episode: int) -> None:
-        """An episode begins; nothing is said in it yet."""
+        """Begin an episode, without an instruction."""
         with self.changed:
             self._episode = episode
             self._silence()
 
     def take(self) -> Said:
-        """What is said at this step; called once a step."""
+        """The instruction at this step; called once a step."""
         with self.changed:
             heard = 0 if self._chair is None else self._present[self._chair]
             pressed, self._taken = self._pressed, True
