@@ -26,7 +26,7 @@ from ibe_rl.training import build
 ROOT = Path(__file__).parent.parent
 
 
-def one_batch_again_and_again(collector: Any, agent: Any, *_: Any) -> Iterator[Any]:
+def one_batch_again_and_again(collector: Any, agent: Any, **_: Any) -> Iterator[Any]:
     flown = batches(collector, agent, overlap=False)
     batch = next(flown).clone()
     flown.close()

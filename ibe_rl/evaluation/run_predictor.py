@@ -45,8 +45,15 @@ def predictor_of(
     """
     make_one = partial(make_snapshot_env, env or run.config.env)
     horizons = [run.horizon_steps, *run.config.mapping.spans_steps]
-    making = config, make_one, run.task.rule, seed, run.make_env()
-    with closing(make_predictor(*making, lambda: horizons)) as predictor:
+    made = make_predictor(
+        config,
+        make_snapshot_env=make_one,
+        rule=run.task.rule,
+        seed=seed,
+        env=run.make_env(),
+        horizons_steps=lambda: horizons,
+    )
+    with closing(made) as predictor:
         if is_learnt(config):
             _prepare(predictor, run, config, run.policy_frame if until_frame is None else until_frame)
         yield predictor

@@ -122,13 +122,27 @@ def _collect(run: Run, owned: ExitStack, classroom: Any) -> None:
     """Start the collector; a human instructor may pause it."""
     cfg = run.cfg
     lesson = classroom.open_lesson if classroom else None
-    settings = cfg.env, cfg.collect, run.task, cfg.instructor, cfg.seed
-    collector = make_collector(run.agent, *settings, lesson, run.partial_episodes)
+    collector = make_collector(
+        run.agent,
+        env=cfg.env,
+        collect=cfg.collect,
+        task=run.task,
+        instructor=cfg.instructor,
+        seed=cfg.seed,
+        lesson=lesson,
+        partial_episodes=run.partial_episodes,
+    )
     owned.callback(collector.shutdown)
     if classroom:
         owned.callback(classroom.farewell)
-    ahead = cfg.collect.overlap, cfg.collect.ahead_batches, None if lesson else cfg.collect.timeout_s
-    source = owned.enter_context(closing(batches(collector, run.agent, *ahead)))
+    source = batches(
+        collector,
+        run.agent,
+        overlap=cfg.collect.overlap,
+        ahead_batches=cfg.collect.ahead_batches,
+        timeout_s=None if lesson else cfg.collect.timeout_s,
+    )
+    owned.enter_context(closing(source))
     run.batches = timed("collect", source)
     if classroom:
         owned.callback(classroom.hurry)

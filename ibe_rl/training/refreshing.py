@@ -69,8 +69,15 @@ def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
         return None
     first = ASKING_SEED + ASKED_AT * (run.counts.tried + run.counts.skipped)
     typical_steps, seeds = int(np.median(run.log.index["steps"][-200:])), range(first, first + ASKED_AT)
-    who = run.evaluation_envs, run.agent.greedy, run.instructor, run.predictor
-    return ask_in_flight(*who, seeds, typical_steps, horizon_steps)
+    return ask_in_flight(
+        run.evaluation_envs,
+        run.agent.greedy,
+        run.instructor,
+        run.predictor,
+        seeds=seeds,
+        typical_steps=typical_steps,
+        horizon_steps=horizon_steps,
+    )
 
 
 def skip(run: Run, error: Exception) -> dict[str, float]:

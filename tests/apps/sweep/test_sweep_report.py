@@ -166,7 +166,7 @@ def test_explain_refuses_in_one_line(overrides: list[str], expected: str) -> Non
 
 def test_with_the_live_viewer_all_recordings_are_opened(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[list[str]] = []
-    monkeypatch.setattr(sweep_report, "viewer_command", shown.append)
+    monkeypatch.setattr(sweep_report, "open_recordings", shown.append)
     call("explain", f"sweep={place}", "viewer=live")
     [given] = shown
     assert given[0] == str(place)
