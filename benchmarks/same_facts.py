@@ -151,10 +151,11 @@ def recording(path: Path, places: dict[str, str]) -> Facts:
 def stored(chunks: Any) -> Iterator[tuple[bytes, str, dict[str, Any], dict[str, Any]]]:
     """Rows of chunks: an identity that grows with time, the entity, its times, and the values of its components."""
     for chunk in chunks:
-        batch = chunk.to_record_batch()
+        whole = chunk.to_record_batch()
+        batch = whole.select([name for name in whole.schema.names if name != TIME_OF_DAY])
         kinds = {field.name: (field.metadata or {}).get(b"rerun:kind") for field in batch.schema}
         for row in batch.to_pylist():
-            given = {name: value for name, value in row.items() if value is not None and name != TIME_OF_DAY}
+            given = {name: value for name, value in row.items() if value is not None}
             times, values = ({name: given[name] for name in given if kinds[name] == of} for of in (b"index", b"data"))
             yield row["rerun.controls.RowId"], str(chunk.entity_path), times, values
 
