@@ -30,10 +30,10 @@ lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-check: lint ## for every edit: format, lint, types and the fast tests, in 90 seconds
+check: lint ## for every edit: format, lint, types and the fast tests, in two minutes
 	$(BIN)/pytest --numprocesses auto --dist loadfile -m 'not slow and not soak'
 
-test: lint ## everything: format, lint, types, all tests, in ten minutes
+test: lint ## everything: format, lint, types, all tests, in a quarter of an hour
 	$(BIN)/pytest --numprocesses auto --dist loadfile --durations 20
 
 $(SOAK): $(INSTALLED)
