@@ -31,6 +31,7 @@ class Listeners(Listener):
 
     def begin(self, run: Any) -> None:
         """See ``Listener``."""
+        self._frames = run.log.frames
         self._tell(lambda one: one.begin(run))
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
@@ -40,14 +41,17 @@ class Listeners(Listener):
 
     def refreshed(self, event: Refreshed) -> None:
         """See ``Listener``."""
+        self._frames = event.frames
         self._tell(lambda one: one.refreshed(event))
 
     def skipped(self, frames: int, reason: str) -> None:
         """See ``Listener``."""
+        self._frames = frames
         self._tell(lambda one: one.skipped(frames, reason))
 
     def evaluated(self, frames: int, success_rate: float, return_mean: float) -> None:
         """See ``Listener``."""
+        self._frames = frames
         self._tell(lambda one: one.evaluated(frames, success_rate, return_mean))
 
     def end(self, summary: Mapping[str, Any]) -> None:

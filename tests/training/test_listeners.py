@@ -35,7 +35,7 @@ def event() -> Refreshed:
 
 def tell_all(listener: Listener) -> None:
     """All events, in the order in which a training tells them."""
-    listener.begin(SimpleNamespace())
+    listener.begin(SimpleNamespace(log=SimpleNamespace(frames=5)))
     listener.batch(10, ROW)
     listener.refreshed(event())
     listener.skipped(20, "too little")
@@ -114,7 +114,7 @@ def test_one_that_fails_is_named_and_dropped(at: str) -> None:
     tell_all(Listeners([Heard(heard, "a ", fails_at=at), Heard(heard, "b ")], lines.append))
     assert [one for one in heard if one.startswith("b")] == [f"b {event}" for event in EVENTS]
     assert [one for one in heard if one.startswith("a")][-1] == f"a {at}"
-    frames = "0" if at == "begin" else "10"
+    frames = {"begin": 5, "batch": 10, "refreshed": 10}.get(at, 20)
     [line] = [line for line in lines if line.startswith("warning")]
     assert line == (
         f"warning: {frames} frames: the listener Heard failed (ValueError: a bug in {at}): it is told nothing any "
@@ -124,7 +124,7 @@ def test_one_that_fails_is_named_and_dropped(at: str) -> None:
 
 def test_one_that_the_training_needs_ends_it() -> None:
     listeners = Listeners([Heard([], fails_at="batch", essential=True)], print)
-    listeners.begin(None)
+    listeners.begin(SimpleNamespace(log=SimpleNamespace(frames=0)))
     with pytest.raises(ValueError, match="a bug"):
         listeners.batch(1, ROW)
     assert Table.essential

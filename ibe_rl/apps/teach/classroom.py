@@ -204,7 +204,7 @@ def open_classroom(
         "others_instructed_by": cfg.instructor.others,
         "live_view": live_view,
     }
-    print(page_invitation(cfg.instructor.host, port))  # noqa: T201 - talks to a person
+    print(page_invitation(cfg.instructor.host, port, moved=cfg.instructor.port is None and port != PORT))  # noqa: T201 - talks to a person
     return Classroom(
         cfg.instructor,
         port,
@@ -222,11 +222,11 @@ def open_classroom(
     )
 
 
-def page_invitation(host: str, port: int) -> str:
-    """The line that invites a person to teach."""
+def page_invitation(host: str, port: int, moved: bool = False) -> str:
+    """The line that invites a person to teach; ``moved`` if the default port was taken."""
     shown = f"[{host}]" if ":" in host else host
     lines = [f"teach it here: http://{shown}:{port}/"]
-    if port != PORT:
+    if moved:
         lines.append(f"  port {PORT} is taken, so this is on {port}")
     if host not in (HOST, "localhost", "::1"):
         lines.append(f"  warning: instructor.host={host}: whoever can reach this port can instruct")

@@ -73,7 +73,8 @@ def test_a_host_that_this_machine_has_not_is_refused(host: str):
 
 def test_the_invitation():
     assert page_invitation(HOST, PORT) == f"teach it here: http://127.0.0.1:{PORT}/"
-    assert page_invitation("localhost", 1).splitlines() == [
+    assert page_invitation("localhost", 1) == "teach it here: http://localhost:1/"  # as asked for
+    assert page_invitation("localhost", 1, moved=True).splitlines() == [
         "teach it here: http://localhost:1/",
         f"  port {PORT} is taken, so this is on 1",
     ]
