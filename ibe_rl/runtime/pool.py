@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import cycle
@@ -11,7 +10,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.runtime.workers import end_with_parent
+from ibe_rl.runtime.workers import end_with_parent, process_context
 
 
 class ProcessPool:
@@ -23,8 +22,8 @@ class ProcessPool:
     """
 
     def __init__(self, kept: Any, processes: int) -> None:
-        spawn = multiprocessing.get_context("spawn")
-        self._workers = [ProcessPoolExecutor(1, spawn, _keep, (kept,)) for _ in range(processes)]
+        context = process_context()
+        self._workers = [ProcessPoolExecutor(1, context, _keep, (kept,)) for _ in range(processes)]
 
     def map(self, method: str, calls: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
         """Call a method of the kept object with the arguments of each call; results keep their order.

@@ -5,10 +5,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
+from multiprocessing.context import BaseContext
 from queue import Empty, SimpleQueue
 from threading import Thread, Timer
 from typing import Any, Protocol
@@ -18,10 +20,22 @@ ANSWER_S = 3.0
 """Seconds an idle worker may take to answer."""
 START_S = 60.0
 """Least start-up limit of workers in seconds: they import much."""
+START_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
+"""Copies of a process that has imported ``PRELOADED``; macOS's libraries do not survive a fork."""
+PRELOADED = ["ibe_rl.collect.collector"]
 
 
 class LostWorkerError(RuntimeError):
     """A worker has died or hangs; the message names it and what can be done."""
+
+
+def process_context() -> BaseContext:
+    """How processes are started; TorchRL starts its own in the same way, unless a program has chosen another."""
+    context = multiprocessing.get_context(START_METHOD)
+    context.set_forkserver_preload(PRELOADED)
+    if multiprocessing.get_start_method(allow_none=True) is None:
+        multiprocessing.set_start_method(START_METHOD)
+    return context
 
 
 def end_with_parent(farewell_s: float = 0.0) -> None:

@@ -19,7 +19,7 @@ import pytest
 from processes import ROOT, SMALL, children, gone, partial_episodes
 from view_data import eventually
 
-from benchmarks.faults import command
+from benchmarks.faults import command as command_of
 from ibe_rl.collect import collector as collect
 from ibe_rl.collect.collector import make_collector
 from ibe_rl.config.settings import InstructorConfig
@@ -36,7 +36,8 @@ FEW_S = 5.0
 
 def workers_of(trainer: int) -> list[int]:
     """The processes that collect, or predict."""
-    return [child for child in children(trainer) if b"spawn_main" in command(child)]
+    [server] = [child for child in children(trainer) if b"forkserver" in command_of(child)]
+    return children(server)
 
 
 @pytest.fixture
