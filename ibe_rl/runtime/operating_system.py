@@ -25,6 +25,7 @@ CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 CANNOT_LOCK = (errno.EOPNOTSUPP, errno.ENOSYS, errno.ENOLCK)
 BLOCK_BYTES = 512
 """Unit of ``st_blocks``."""
+COPIED_BYTES = 1 << 20
 GUARD = """
 import os, select, signal, sys
 command, ended = map(int, sys.argv[1:])
@@ -123,13 +124,14 @@ def reserve(path: Path) -> None:
 
 
 def _fill_holes(file: int) -> None:
-    """Write a zero to each block of a file that begins with one; other blocks are on the disk already."""
+    """Write over a file what is there; its holes are read as zeros, and become room on the disk."""
     about = os.fstat(file)
     if about.st_blocks * BLOCK_BYTES >= about.st_size:
         return
-    for place in range(0, about.st_size, about.st_blksize):
-        if os.pread(file, 1, place) == b"\0":
-            os.pwrite(file, b"\0", place)
+    for place in range(0, about.st_size, COPIED_BYTES):
+        piece = os.pread(file, COPIED_BYTES, place)
+        if os.pwrite(file, piece, place) < len(piece):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def can_listen(port: int, host: str, family: socket.AddressFamily) -> bool:

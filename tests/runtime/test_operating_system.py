@@ -24,15 +24,18 @@ BOTH = pytest.mark.parametrize("name", [LINUX, OTHER])
 
 
 @pytest.fixture
-def name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+def name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", request.param)
     if request.param == OTHER:
         monkeypatch.delattr(os, "posix_fallocate", raising=False)
         monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    return str(request.param)
 
 
-WAYS = pytest.mark.parametrize("name", [LINUX, OTHER], indirect=True)
+def both_ways(test: Any) -> Any:
+    """Run a test as on Linux, and as where nothing of Linux is there."""
+    return pytest.mark.usefixtures("name")(pytest.mark.parametrize("name", [LINUX, OTHER], indirect=True)(test))
+
+
 ALONE = Path(system.__file__).parent
 """Where the module is imported in a moment, without the package."""
 PARENT = """
@@ -40,7 +43,8 @@ import subprocess, sys
 from operating_system import killed_with_parent
 sys.platform = sys.argv[1]
 nothing = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-made = [subprocess.Popen(sys.argv[2:], start_new_session=True, preexec_fn=killed_with_parent(), **nothing) for _ in "12"]
+more = nothing | {"start_new_session": True, "preexec_fn": killed_with_parent()}
+made = [subprocess.Popen(sys.argv[2:], **more) for _ in range(2)]
 print(*(one.pid for one in made), flush=True)
 for line in sys.stdin:
     made[0].kill(), made[0].wait()
@@ -101,8 +105,8 @@ def test_a_guard_ends_only_with_its_command(parent: Any):
     assert eventually(lambda: all(gone(one) for one in (*pids, *guards)))
 
 
-@WAYS
-def test_a_command_that_is_not_there(name: str):
+@both_ways
+def test_a_command_that_is_not_there():
     with pytest.raises(FileNotFoundError):
         subprocess.Popen(["no such command"], preexec_fn=system.killed_with_parent())
 
@@ -168,9 +172,9 @@ def test_a_disk_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             system.lock_file(file)
 
 
-@WAYS
-def test_room_is_reserved_and_what_is_there_stays(tmp_path: Path, name: str):
-    path, size = tmp_path / "file", 1_000_001
+@both_ways
+def test_room_is_reserved_and_what_is_there_stays(tmp_path: Path):
+    path, size = tmp_path / "file", 3_000_001
     with path.open("wb") as file:
         file.truncate(size)
         for place in (5, 4096, size - 1):
@@ -185,8 +189,17 @@ def test_room_is_reserved_and_what_is_there_stays(tmp_path: Path, name: str):
     assert path.read_bytes() == before
 
 
-@WAYS
-def test_who_listens_where(name: str):
+def test_a_disk_that_takes_only_a_part_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delattr(os, "posix_fallocate", raising=False)
+    monkeypatch.setattr(os, "pwrite", lambda _file, piece, _place: len(piece) - 1)
+    with (tmp_path / "file").open("wb") as file:
+        file.truncate(1_000_000)
+    with pytest.raises(OSError, match=f"No space left on device: '{tmp_path / 'file'}'"):
+        system.reserve(tmp_path / "file")
+
+
+@both_ways
+def test_who_listens_where():
     for host, family in (("127.0.0.1", socket.AF_INET), ("0.0.0.0", socket.AF_INET)):  # noqa: S104 - both are tried
         with socket.create_server((host, 0)) as server:
             port = server.getsockname()[1]
@@ -205,8 +218,8 @@ def test_a_server_beside_which_the_system_would_bind(monkeypatch: pytest.MonkeyP
             assert system.can_listen(port, "127.0.0.1", socket.AF_INET) is free
 
 
-@WAYS
-def test_the_machine(name: str):
+@both_ways
+def test_the_machine():
     assert 1 <= system.usable_cores() <= (os.cpu_count() or 1)
     assert system.processor_name()
 
@@ -226,8 +239,8 @@ def test_peak_memory_has_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch)
     assert system.peak_memory_mb() == pytest.approx(here / 1000 if LINUX == "linux" else here * 1000, rel=0.1)
 
 
-@WAYS
-def test_processes_and_what_they_were_started_with(sleeper: subprocess.Popen[bytes], name: str):
+@both_ways
+def test_processes_and_what_they_were_started_with(sleeper: subprocess.Popen[bytes]):
     needed(shutil.which("ps") is not None, "ps")
     assert eventually(lambda: system.command_line_of(sleeper.pid) == "sleep 600")
     assert sleeper.pid in system.children_of(os.getpid())
