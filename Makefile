@@ -5,13 +5,14 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/installed
 BENCH := $(VENV)/installed-bench
 SOAK := $(VENV)/installed-soak
+PLATFORMS := $(VENV)/installed-platforms
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help train lint check test soak demo bench clean
+.PHONY: help train lint check test soak demo bench platforms clean
 
 help: ## list the targets
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "ibe_rl needs Python 3.11 or newer: make PYTHON=python3.11")'
@@ -49,6 +50,19 @@ $(BENCH): $(INSTALLED)
 
 bench: $(BENCH) ## measure against Stable-Baselines3 and the bare game, hours; PARTS="frames --quick" for less
 	$(BIN)/python -m benchmarks $(PARTS)
+
+$(PLATFORMS): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[platforms]'
+	touch $@
+
+platforms: $(PLATFORMS) ## the systems and Pythons that are not here: wheels of all dependencies, types, lint
+	$(BIN)/python -m benchmarks.platforms
+	$(BIN)/ruff check --target-version py312 --extend-ignore UP .  # UP: what 3.11 cannot do yet
+	$(BIN)/ruff check --target-version py313 --extend-ignore UP .
+	$(BIN)/mypy --platform linux --python-version 3.12
+	$(BIN)/mypy --platform linux --python-version 3.13
+	$(BIN)/mypy --platform darwin --python-version 3.11
+	$(BIN)/mypy --platform darwin --python-version 3.13
 
 clean: ## remove the environment, not the runs
 	rm -rf $(VENV)

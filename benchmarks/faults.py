@@ -19,17 +19,20 @@ from benchmarks.levels import figure, plain
 from benchmarks.ours import seconds
 from benchmarks.plan import ROOT, Plan
 from benchmarks.skill import Figures, Say
+from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.storage.run_folder import METRICS, RECORDING
 from ibe_rl.view.relay import choose_ports
 
 SCRIPT = """
 from pathlib import Path
 import train
+from benchmarks.faults import fill_disk_at_signal
 from ibe_rl.training import build
 from ibe_rl.view import film, relay
 from ibe_rl.config.command_line import run_script
 {patch}
 if __name__ == "__main__":
+    fill_disk_at_signal()
     run_script(train.main, Path(train.__file__).parent / "configs", "train")
 """
 """train.py with something broken in it beforehand."""
@@ -43,17 +46,7 @@ WARNING = {
     "port_taken": "taken",
 }
 """A part of what train.py must say, or the fault was none."""
-Fault = Callable[[int, Path], None]
-
-
-def children(pid: int) -> list[int]:
-    """The processes that a process has started."""
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def command(pid: int) -> bytes:
-    """What a process was started with."""
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
+Fault = Callable[[int], None]
 
 
 def live_view(trainer: int) -> tuple[int, int]:
@@ -62,21 +55,31 @@ def live_view(trainer: int) -> tuple[int, int]:
     Raises:
         ValueError: if there is not one of each.
     """
-    [relay] = [child for child in children(trainer) if b"ibe_rl.view.relay" in command(child)]
-    [server] = [child for child in children(relay) if b"--serve-web" in command(child)]
+    [relay] = [child for child in children_of(trainer) if "ibe_rl.view.relay" in command_line_of(child)]
+    [server] = [child for child in children_of(relay) if "--serve-web" in command_line_of(child)]
     return relay, server
 
 
-def fill_disk(trainer: int, folder: Path) -> None:
+def fill_disk(trainer: int) -> None:
     """Let the files of a training grow no further than its recording is, and a little."""
-    size = (folder / RECORDING).stat().st_size + 20_000
-    resource.prlimit(trainer, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+    os.kill(trainer, signal.SIGUSR1)
+
+
+def fill_disk_at_signal() -> None:
+    """In the training: do what ``fill_disk`` asks for; only Linux could do it from outside."""
+    [folder] = [Path(one.removeprefix("run_dir=")) for one in sys.argv if one.startswith("run_dir=")]
+
+    def fill(*_: object) -> None:
+        size = (folder / RECORDING).stat().st_size + 20_000
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+    signal.signal(signal.SIGUSR1, fill)
 
 
 FAULTS: dict[str, Fault] = {
-    "none": lambda *_: None,
-    "killed": lambda trainer, _: os.kill(live_view(trainer)[1], signal.SIGKILL),
-    "stopped": lambda trainer, _: os.kill(live_view(trainer)[1], signal.SIGSTOP),
+    "none": lambda _: None,
+    "killed": lambda trainer: os.kill(live_view(trainer)[1], signal.SIGKILL),
+    "stopped": lambda trainer: os.kill(live_view(trainer)[1], signal.SIGSTOP),
     "full_disk": fill_disk,
 }
 """What happens when half of the frames are flown."""
@@ -129,7 +132,7 @@ def rate(plan: Plan, seed: int, name: str) -> tuple[float, float]:
             )
             half = _wait(process, folder, sizes.fault_frames // 2)
             if process.poll() is None:
-                FAULTS.get(name, FAULTS["none"])(process.pid, folder)
+                FAULTS.get(name, FAULTS["none"])(process.pid)
             status = process.wait()
         said = output.read_text()
         if status or said.count("warning") != (name in WARNING) or WARNING.get(name, "") not in said:

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from ibe_rl.runtime.operating_system import processor_name, usable_cores
 from ibe_rl.storage.run_folder import write_atomically
 
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "Box2D", "numpy", "scikit-learn", "rerun-sdk")
@@ -72,13 +73,5 @@ def versions() -> dict[str, str]:
 
 def machine() -> dict[str, Any]:
     """The processor, how many of its cores can be used, and the memory; nothing that names the machine."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     gigabytes = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    return {"processor": _processor(), "cores": cores, "memory_gb": round(gigabytes, 1)}
-
-
-def _processor() -> str:
-    about = Path("/proc/cpuinfo")
-    lines = about.read_text().splitlines() if about.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
+    return {"processor": processor_name(), "cores": usable_cores(), "memory_gb": round(gigabytes, 1)}

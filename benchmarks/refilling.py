@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +15,7 @@ from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.instructors import make_instructor
+from ibe_rl.runtime.operating_system import peak_memory_mb
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode, Policy
 from ibe_rl.vocabulary.fitting import learn_vocabulary
@@ -92,13 +91,7 @@ def steps_of_episode(episode: Episode, number: int) -> dict[str, Array]:
 def refresh(folder: str) -> dict[str, float]:
     """Seconds of a refresh, and by how many megabytes it raised the most memory this process ever held."""
     log = TrajectoryLog.open(Path(folder))
-    before, start = peak_mb(), time.perf_counter()
+    before, start = peak_memory_mb(), time.perf_counter()
     learnt = learn_vocabulary(log, MappingConfig(horizon_steps=60), LANDER_TASK, seed=0)
     seconds = time.perf_counter() - start
-    return {"seconds": seconds, "mb": peak_mb() - before, "windows": len(learnt.top)}
-
-
-def peak_mb() -> float:
-    """The most resident memory this process has held."""
-    per_mb = 1e6 if sys.platform == "darwin" else 1e3  # bytes there, kilobytes elsewhere
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / per_mb
+    return {"seconds": seconds, "mb": peak_memory_mb() - before, "windows": len(learnt.top)}

@@ -4,8 +4,12 @@ Importing it registers the environments with gymnasium. IBE itself works on plai
 at first use. docs/API.md lists the public API.
 """
 
+import sys
 from importlib import import_module
 from typing import Any
+
+if sys.platform == "win32":
+    sys.exit("error: ibe_rl runs on Linux and macOS; on Windows run it in WSL, which is Linux: wsl --install")
 
 from ibe_rl.envs import Instructed
 from ibe_rl.ibe import (

@@ -12,6 +12,7 @@ from pathlib import Path
 from view_data import eventually
 
 from ibe_rl.config.command_line import run_script
+from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
 
 ROOT = Path(__file__).parent.parent
@@ -39,26 +40,28 @@ def call(script: str, *arguments: str) -> None:
         sys.argv = before
 
 
-def children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
 def gone(pid: int) -> bool:
     """True if the process has ended, whether or not somebody has asked for its exit status."""
+    return process_state(pid) in ("", "Z")
+
+
+def process_state(pid: int) -> str:
+    """One letter, as ``ps`` has it; empty if there is no such process."""
+    if sys.platform != "linux":
+        command = ["ps", "-o", "state=", "-p", str(pid)]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()[:1]
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except (FileNotFoundError, ProcessLookupError):
-        return True
+        return ""
 
 
 def server_of(relay_pid: int) -> int:
     """The viewer's server that a relay has started; until it is that, its process is a copy of the relay."""
-    assert eventually(lambda: [one for one in children(relay_pid) if command_of(one) != command_of(relay_pid)])
-    return children(relay_pid)[0]
-
-
-def command_of(pid: int) -> bytes:
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
+    assert eventually(
+        lambda: [one for one in children_of(relay_pid) if command_line_of(one) != command_line_of(relay_pid)]
+    )
+    return children_of(relay_pid)[0]
 
 
 def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen[str]:

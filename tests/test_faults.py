@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from processes import ROOT, SMALL, assert_whole, children, gone, server_of, start
+from processes import ROOT, SMALL, assert_whole, gone, server_of, start
 from rerun.chunk import RrdReader
 from view_data import eventually, free_ports
 
-from benchmarks.faults import NOT_INSTALLED, PORTS, SCRIPT, command, fill_disk
+from benchmarks.faults import NOT_INSTALLED, PORTS, SCRIPT, fill_disk
+from ibe_rl.runtime.operating_system import children_of, command_line_of
 
 FRAMES = 12_000
 RUN = [
@@ -41,9 +42,9 @@ class Training:
 
     def live_view(self) -> list[int]:
         """The relay and the viewer's server."""
-        [relay] = [child for child in children(self.process.pid) if b"ibe_rl.view.relay" in command(child)]
+        [relay] = [one for one in children_of(self.process.pid) if "ibe_rl.view.relay" in command_line_of(one)]
         server = server_of(relay)
-        assert eventually(lambda: b"--serve-web" in command(server))
+        assert eventually(lambda: "--serve-web" in command_line_of(server))
         return [relay, server]
 
     def ended(self, group: list[int], frames: int = FRAMES) -> str:
@@ -133,7 +134,7 @@ def test_a_port_that_somebody_else_takes_first(training: START) -> None:
 
 def test_a_disk_that_is_full(training: START) -> None:
     run = training(until_refreshes=2)
-    fill_disk(run.process.pid, run.folder)
+    fill_disk(run.process.pid)
     warning = the_warning(run.ended(run.live_view()))
     assert "the recording cannot be written any more (File too large)" in warning
     until = int(warning.partition("until frame ")[2].partition(" can")[0].replace(",", ""))

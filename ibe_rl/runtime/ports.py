@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 
+from ibe_rl.runtime.operating_system import can_listen
 from ibe_rl.types import ConfigError
 
 HOST = "127.0.0.1"
@@ -43,13 +44,7 @@ def free_port(default: int, other: int | None = None, host: str = HOST) -> int:
 
 def is_free(port: int, host: str = HOST) -> bool:
     """True if a server could listen on this port."""
-    with socket.socket(_family(host)) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError:
-            return False
-    return True
+    return can_listen(port, host, _family(host))
 
 
 def _family(host: str) -> socket.AddressFamily:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing.resource_tracker
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-
-PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
 
 
 class StopRequest:
@@ -49,15 +46,6 @@ class StopRequest:
     def _call(self) -> None:
         while self._called:
             self._called.pop(0)()
-
-
-def killed_with_parent() -> Callable[[], None]:
-    """For ``preexec_fn``: Linux kills the new process when its parent ends for any reason.
-
-    A gentler signal would arrive once per thread of the parent, and a second Ctrl-C ends a training at once.
-    """
-    libc = ctypes.CDLL(None)  # loaded before the fork
-    return lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -15,14 +14,15 @@ from queue import Empty, SimpleQueue
 from threading import Thread, Timer
 from typing import Any, Protocol
 
+from ibe_rl.runtime.operating_system import process_start_method
+
 POLL_S = 0.2
 ANSWER_S = 3.0
 """Seconds an idle worker may take to answer."""
 START_S = 60.0
 """Least start-up limit of workers in seconds: they import much."""
-START_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
-"""Copies of a process that has imported ``PRELOADED``; macOS's libraries do not survive a fork."""
 PRELOADED = ["ibe_rl.collect.collector"]
+"""What the process has imported that workers are copies of."""
 
 
 class LostWorkerError(RuntimeError):
@@ -31,10 +31,11 @@ class LostWorkerError(RuntimeError):
 
 def process_context() -> BaseContext:
     """How processes are started; TorchRL starts its own in the same way, unless a program has chosen another."""
-    context = multiprocessing.get_context(START_METHOD)
+    method = process_start_method()
+    context = multiprocessing.get_context(method)
     context.set_forkserver_preload(PRELOADED)
     if multiprocessing.get_start_method(allow_none=True) is None:
-        multiprocessing.set_start_method(START_METHOD)
+        multiprocessing.set_start_method(method)
     return context
 
 

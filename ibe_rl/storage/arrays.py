@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from ibe_rl.runtime.operating_system import reserve
 from ibe_rl.types import Array
-
-CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 
 
 def make_array(path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> Array:
@@ -27,22 +24,6 @@ def make_array(path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> Array:
         path.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from None
     return array
-
-
-def reserve(path: Path) -> None:
-    """Reserve the disk space of a mapped file: on a full disk, writing to it would kill the process.
-
-    Raises:
-        OSError: if the disk is full; not on file systems that cannot reserve.
-    """
-    if not hasattr(os, "posix_fallocate"):
-        return
-    with path.open("r+b") as stream:
-        try:
-            os.posix_fallocate(stream.fileno(), 0, os.fstat(stream.fileno()).st_size)
-        except OSError as error:
-            if error.errno not in CANNOT_RESERVE:
-                raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def map_array(path: Path, mode: Literal["r", "r+"] = "r") -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import fcntl
 import io
 import json
 import math
@@ -17,6 +16,7 @@ from typing import Any, BinaryIO
 
 import yaml
 
+from ibe_rl.runtime.operating_system import lock_file
 from ibe_rl.types import ConfigError
 
 CONFIG = ".hydra/config.yaml"
@@ -142,7 +142,7 @@ def hold_folder(path: Path) -> Iterator[None]:
     """Lock a run's folder against other trainings; the system releases it whenever the process ends.
 
     Raises:
-        ConfigError: if another process holds it.
+        ConfigError: if another process holds it, or its disk has no locks.
     """
     try:
         lock = (path / LOCK).open("w")
@@ -150,9 +150,12 @@ def hold_folder(path: Path) -> Iterator[None]:
         raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
     with lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ConfigError(f"resume={path}: it is training; allowed is a run that has ended") from None
+            locked = lock_file(lock)
+        except OSError as error:
+            allowed = f"allowed is a folder on a disk that can lock files ({error.strerror})"
+            raise ConfigError(f"run_dir={path}: {allowed}") from None
+        if not locked:
+            raise ConfigError(f"resume={path}: it is training; allowed is a run that has ended")
         yield
 
 

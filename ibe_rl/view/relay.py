@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import quote
 
+from ibe_rl.runtime.operating_system import is_stopped
 from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free
 from ibe_rl.runtime.workers import ending
 from ibe_rl.view.server import HANG_S, MOMENT_S, ViewerServer, end_process
@@ -142,7 +143,7 @@ class Relay:
     def _trouble(self) -> str | None:
         if not self.alive():
             return self._said() or f"its process has ended ({ending(self._process.returncode)})"
-        if os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT):
+        if is_stopped(self._process):
             return "its process has been stopped"
         return self._said()
 

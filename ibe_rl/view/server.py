@@ -10,7 +10,7 @@ import sys
 import termios
 import time
 
-from ibe_rl.runtime.signals import killed_with_parent
+from ibe_rl.runtime.operating_system import killed_with_parent
 from ibe_rl.runtime.workers import ending
 
 MOMENT_S = 0.1
@@ -26,16 +26,14 @@ class ViewerServer:
     """
 
     def __init__(self, command: list[str]) -> None:
+        self._end, self._pipe = os.pipe()  # our copy of its end tells on every system how much waits there
         self._process = subprocess.Popen(  # noqa: S603 - the installed viewer
             command,
-            stdin=subprocess.PIPE,
-            bufsize=0,
+            stdin=self._end,
             start_new_session=True,
             env=os.environ | {"RUST_LOG": "warn"},
             preexec_fn=killed_with_parent(),  # also if the relay is killed
         )
-        assert self._process.stdin is not None
-        self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)
         self._given = self._taken = 0
         self._taken_at = time.monotonic()
@@ -50,7 +48,7 @@ class ViewerServer:
 
     def hangs(self) -> bool:
         """True if it has taken nothing for ``HANG_S`` of what waits for it in the pipe."""
-        waiting = int.from_bytes(fcntl.ioctl(self._pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
+        waiting = int.from_bytes(fcntl.ioctl(self._end, termios.FIONREAD, bytes(4)), sys.byteorder)
         taken, now = self._given - waiting, time.monotonic()
         if not waiting or taken > self._taken:
             self._taken, self._taken_at = taken, now
@@ -58,12 +56,9 @@ class ViewerServer:
 
     def feed(self, data: bytes) -> bytes:
         """Hand over what the server takes within a moment; returns the rest."""
-        if not select.select([], [self._pipe], [], MOMENT_S)[1]:
+        if not self.alive() or not select.select([], [self._pipe], [], MOMENT_S)[1]:
             return data
-        try:
-            given = os.write(self._pipe, data)
-        except BrokenPipeError:  # it has just died, which alive() will say
-            return data
+        given = os.write(self._pipe, data)
         self._given += given
         return data[given:]
 

@@ -16,15 +16,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from processes import ROOT, SMALL, children, gone, partial_episodes
+from processes import ROOT, SMALL, gone, partial_episodes
 from view_data import eventually
 
-from benchmarks.faults import command as command_of
 from ibe_rl.collect import collector as collect
 from ibe_rl.collect.collector import make_collector
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.runtime import workers
+from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.training.failure import resumable
@@ -36,8 +36,8 @@ FEW_S = 5.0
 
 def workers_of(trainer: int) -> list[int]:
     """The processes that collect, or predict."""
-    [server] = [child for child in children(trainer) if b"forkserver" in command_of(child)]
-    return children(server)
+    [server] = [child for child in children_of(trainer) if "forkserver" in command_line_of(child)]
+    return children_of(server)
 
 
 @pytest.fixture
@@ -84,8 +84,8 @@ def test_nobody_outlives_a_trainer_that_is_killed(training: Any, tmp_path: Path)
     settings = ("collect.processes=2", "predictor.processes=2", "viewer=live", "explain_every_steps=1")
     run = training(*settings, "refresh_every_frames=3000", "collect.envs_per_process=8")
     assert eventually(lambda: len(workers_of(run.pid)) == 4)
-    family = children(run.pid)
-    family += [grandchild for child in family for grandchild in children(child)]
+    family = children_of(run.pid)
+    family += [grandchild for child in family for grandchild in children_of(child)]
     assert len(family) > 5
     assert (tmp_path / "run" / "recording.rrd").exists()
     run.kill()

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.storage.arrays import make_array, map_array, reserve
+from ibe_rl.runtime.operating_system import reserve
+from ibe_rl.storage.arrays import make_array, map_array
 
 KIND = np.dtype(np.float32)
 

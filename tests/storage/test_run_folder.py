@@ -1,6 +1,8 @@
 """Nothing is lost while writing, nothing is written over, and the newest run is found."""
 
 import csv
+import errno
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -173,6 +175,18 @@ def test_a_folder_is_held_by_one_training_at_a_time(tmp_path: Path):
     with hold_folder(folder), pytest.raises(ConfigError, match=f"resume={folder}: it is training"), hold_folder(folder):
         pass
     with hold_folder(folder):
+        pass
+
+
+def test_a_disk_without_locks_is_not_taken_for_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: Any) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    for way in ("flock", "lockf"):
+        monkeypatch.setattr(fcntl, way, refuse)
+    folder = create_run_folder(tmp_path / "run")
+    expected = f"run_dir={folder}: allowed is a folder on a disk that can lock files \\(No locks available\\)"
+    with pytest.raises(ConfigError, match=expected), hold_folder(folder):
         pass
 
 

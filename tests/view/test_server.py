@@ -4,9 +4,9 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from processes import process_state
 from view_data import eventually
 
 from ibe_rl.view import server as module
@@ -35,16 +35,12 @@ def test_one_that_leaves_a_little_in_the_pipe_hangs_and_may_recover(
     assert eventually(lambda: server.feed(b"it runs") == b"" and not _waits(server))
     monkeypatch.setattr(module, "HANG_S", 0.2)
     os.kill(server._process.pid, signal.SIGSTOP)
-    assert eventually(lambda: _state(server) == "T")  # until then it may still take what comes
+    assert eventually(lambda: process_state(server._process.pid) == "T")  # until then it may still take what comes
     server.feed(b"some")
     assert not server.hangs()
     assert eventually(server.hangs)
     os.kill(server._process.pid, signal.SIGCONT)
     assert eventually(lambda: not server.hangs())
-
-
-def _state(server: ViewerServer) -> str:
-    return Path(f"/proc/{server._process.pid}/stat").read_text().rpartition(")")[2].split()[0]
 
 
 def _waits(server: ViewerServer) -> bool:

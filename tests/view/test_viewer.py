@@ -17,13 +17,14 @@ import pytest
 import rerun as rr
 import yaml
 from PIL import Image
-from processes import SMALL, children, gone, server_of, start
+from processes import SMALL, gone, server_of, start
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 from view_data import TASK, eventually, free_ports, needed
 from viewers import BROWSER_FLAGS, FILLED, new_share, opened, panels
 from viewers import viewer as viewer  # a fixture
 
+from ibe_rl.runtime.operating_system import children_of
 from ibe_rl.runtime.ports import is_free
 from ibe_rl.storage.run_folder import METRICS, MetricsTable, read_json, read_rows
 from ibe_rl.types import ConfigError
@@ -229,7 +230,7 @@ def test_runs_are_served_until_they_are_closed(number: signal.Signals, tmp_path:
         assert f"seed=1: {tmp_path / 'sweep' / 'run1'}" in text
         assert relay_module.page(ports) in text
         assert relay_module.port_forward(ports) in text
-        [relay] = children(process.pid)
+        [relay] = children_of(process.pid)
         server = server_of(relay)
         assert len(list((tmp_path / "tmp").iterdir())) == 1
         process.send_signal(number)
@@ -246,7 +247,7 @@ def test_a_server_that_dies_ends_it(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run")
     with viewing(run, temporary=tmp_path) as process:
         said(process)
-        os.kill(server_of(children(process.pid)[0]), signal.SIGKILL)
+        os.kill(server_of(children_of(process.pid)[0]), signal.SIGKILL)
         assert process.wait(120) == 1
         assert process.stderr is not None
         assert "the server has ended" in process.stderr.read()

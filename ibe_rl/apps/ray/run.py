@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.apps.ray.workers import connect
-from ibe_rl.runtime.signals import StopRequest, interrupts_stay_here, killed_with_parent
+from ibe_rl.runtime.operating_system import killed_with_parent
+from ibe_rl.runtime.signals import StopRequest, interrupts_stay_here
 from ibe_rl.types import ConfigError
 
 READ_S = 0.3

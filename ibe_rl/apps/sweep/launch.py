@@ -11,12 +11,13 @@ from rich.console import Console
 from ibe_rl.apps.ray.workers import check_address, check_installed
 from ibe_rl.apps.sweep.board import Board, failures, outcomes_table, viewer_command
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
-from ibe_rl.apps.sweep.processes import cores, run_all
+from ibe_rl.apps.sweep.processes import run_all
 from ibe_rl.config.arguments import quoted
 from ibe_rl.config.command_line import installed
 from ibe_rl.config.kinds import check_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.instructors import is_live
+from ibe_rl.runtime.operating_system import usable_cores
 from ibe_rl.types import ConfigError
 
 VIEWER = ("viewer", "viewer.mode")
@@ -97,7 +98,7 @@ def how_many(settings: Sequence[TrainConfig]) -> int:
     for cfg in settings:
         if cfg.runs_at_once is not None:
             return cfg.runs_at_once
-    return max(1, min(cores() // processors(settings), len(settings)))
+    return max(1, min(usable_cores() // processors(settings), len(settings)))
 
 
 def processors(settings: Sequence[TrainConfig]) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,7 +26,8 @@ from ibe_rl.apps.sweep.jobs import (
     make_way,
     state_of,
 )
-from ibe_rl.runtime.signals import StopRequest, killed_with_parent
+from ibe_rl.runtime.operating_system import killed_with_parent
+from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.runtime.workers import ending
 from ibe_rl.types import ConfigError
 
@@ -156,8 +156,3 @@ def _end_at_once(running: Sequence[Running]) -> None:
         except subprocess.TimeoutExpired:
             os.killpg(one.process.pid, signal.SIGKILL)  # with its child processes
             one.process.wait()
-
-
-def cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1

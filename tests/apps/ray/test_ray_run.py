@@ -16,6 +16,7 @@ from test_ray_workers import HERE_ONLY, RUN, cluster, family, needs_ray, raylet
 from view_data import eventually
 
 from ibe_rl.apps.ray.run import Command
+from ibe_rl.runtime.operating_system import command_line_of
 from ibe_rl.runtime.signals import interrupts_stay_here
 
 __all__ = ["cluster"]
@@ -88,7 +89,7 @@ def test_the_end_of_its_machine_is_said_and_ends_it(begin: Any, cluster: Any):
     run = begin("-c", "import time; print('ready', flush=True); time.sleep(600)")
     assert run.stdout.readline() == "ready\n"
     raylets = [raylet(node) for node in (cluster.head_node, *cluster.worker_nodes)]
-    [actor] = [one for pid in raylets for one in family(pid) if b"Command" in command_of(one)]
+    [actor] = [one for pid in raylets for one in family(pid) if "Command" in command_line_of(one)]
     everybody = family(actor)
     assert len(everybody) > 1
     os.kill(actor, signal.SIGKILL)
@@ -105,10 +106,6 @@ def test_no_cluster_is_said(begin: Any):
     output, _ = run.communicate(timeout=120)
     assert run.returncode == 1
     assert output.startswith("error: HOST:PORT=nowhere: allowed is the address of a Ray cluster")
-
-
-def command_of(pid: int) -> bytes:
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
 @needs_ray

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import ROOT, SMALL, children, gone, partial_episodes
+from processes import ROOT, SMALL, gone, partial_episodes
 from tensordict import TensorDictBase
 from view_data import eventually
 
@@ -29,6 +29,7 @@ from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.instructors import check_instructor
 from ibe_rl.instructors.recorded import RecordedConfig
+from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.types import ConfigError
@@ -116,7 +117,7 @@ def listening(pids: set[int]) -> dict[str, int]:
 
 
 def family(pid: int) -> set[int]:
-    return {pid}.union(*(family(child) for child in children(pid)))
+    return {pid}.union(*(family(child) for child in children_of(pid)))
 
 
 @pytest.fixture
@@ -200,7 +201,7 @@ def raylet(node: Any) -> int:
 
 def actor(node: Any) -> int:
     """The worker that collects on a node."""
-    found = [one for one in children(raylet(node)) if b"Collector" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    found = [one for one in children_of(raylet(node)) if "Collector" in command_line_of(one)]
     assert len(found) == 1, "one worker to a node"
     return found[0]
 

@@ -29,6 +29,7 @@ from ibe_rl.config.settings import (
     ViewerConfig,
 )
 from ibe_rl.instructors.human import HumanConfig
+from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.storage.run_folder import read_rows
 from ibe_rl.types import ConfigError
 
@@ -141,18 +142,10 @@ def test_bad_sweeps_end_in_one_line_before_anything_is_started(
     assert [path.name for path in tmp_path.iterdir()] == ["multirun.yaml"]
 
 
-def leader_of(run: Path) -> int:
+def trainer_of(sweep: int, run: Path) -> int:
     """The process of train.py that trains there."""
-    found = [path.parent.name for path in Path("/proc").glob("[0-9]*/cmdline") if trains(path, run)]
-    [pid] = [int(name) for name in found if os.getsid(int(name)) == int(name)]
+    [pid] = [one for one in children_of(sweep) if f"run_dir='{run}'" in command_line_of(one)]
     return pid
-
-
-def trains(cmdline: Path, run: Path) -> bool:
-    try:
-        return f"run_dir='{run}'".encode() in cmdline.read_bytes()
-    except OSError:
-        return False
 
 
 def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(tmp_path: Path) -> None:
@@ -162,7 +155,7 @@ def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(tmp_path: Path)
     script = start("train.py", *asked, "runs_at_once=2")
     killed, other = sweep / "1_seed=1", sweep / "0_seed=0"
     assert eventually(lambda: (killed / "checkpoints" / "latest.pt").exists())
-    os.killpg(leader_of(killed), signal.SIGKILL)
+    os.killpg(trainer_of(script.pid, killed), signal.SIGKILL)
     output, _ = script.communicate(timeout=200)
     assert script.returncode == 1, output
     assert "seed=1: failed: killed by SIGKILL" in output
@@ -201,7 +194,7 @@ def test_no_run_outlives_a_sweep_that_is_killed(tmp_path: Path) -> None:
     asked = ["-m", "seed=0,1", *SMALL, "total_frames=100000000", "viewer=off", f"run_dir={tmp_path}", "runs_at_once=1"]
     script, run = start("train.py", *asked), tmp_path / "0_seed=0"
     assert eventually(lambda: (run / "metrics.csv").exists())
-    trainer = leader_of(run)
+    trainer = trainer_of(script.pid, run)
     os.kill(script.pid, signal.SIGKILL)
     script.communicate(timeout=120)
     assert eventually(lambda: gone(trainer))
