@@ -28,7 +28,7 @@ from ibe_rl.runtime import workers
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.training.failure import resumable
-from tests.collect.test_collect import ENV, make_dqn, sizes
+from tests.collect.test_collector import ENV, make_dqn, sizes
 
 RUN = [*SMALL, "viewer=off", "total_frames=100000000", "collect.envs_per_process=2", "refresh_every_frames=null"]
 FEW_S = 5.0

@@ -32,7 +32,7 @@ from ibe_rl.instructors.recorded import RecordedConfig
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.types import ConfigError
-from tests.collect.test_collect import ENV, always, make_dqn, sizes
+from tests.collect.test_collector import ENV, always, make_dqn, sizes
 
 INSTALLED = importlib.util.find_spec("ray") is not None
 needs_ray = pytest.mark.skipif(not INSTALLED, reason="Ray is not installed: make soak does")
