@@ -312,8 +312,8 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         obey(log, seen_speed=False)  # or the axis would be the speed's, which never changes
     obey(flights)
     defy(flights)
-    flown = why.landed("lift", log, MappingConfig(horizon_steps=5), TASK, flights.read(range(6)))
-    run, rows = why.measure(flown, seeds=2, resamples=5)
+    rolled_out = why.landed("lift", log, MappingConfig(horizon_steps=5), TASK, flights.read(range(6)))
+    run, rows = why.measure(rolled_out, seeds=2, resamples=5)
     return {"protocol": {}, "runs": [run], "table": summarise([run], [rows])}
 
 

@@ -96,8 +96,17 @@ def make_collector(
         LostWorkerError: if a process dies or hangs before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
-    settings = (env, collect, task, instructor, seed, lesson, partial_episodes)
-    factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
+    make = partial(
+        env_of_worker,
+        env=env,
+        collect=collect,
+        task=task,
+        instructor=instructor,
+        seed=seed,
+        lesson=lesson,
+        partial_episodes=partial_episodes,
+    )
+    factories = [partial(make, worker) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     if collect.engine == "ray":
         with interrupts_stay_here():

@@ -76,7 +76,7 @@ class Listeners(Listener):
         name, reason = type(listener).__name__, " ".join(str(error).split())[:200]
         return (
             f"warning: {self._frames:,} frames: the listener {name} failed ({type(error).__name__}: {reason}): it is "
-            "told nothing any more, training goes on"
+            "gets no more events, training goes on"
         )
 
 

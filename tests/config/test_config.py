@@ -64,9 +64,9 @@ def test_every_root_composes(root: str):
 @pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] not in ("experiment", "sweep")])
 def test_every_choice_composes(group: str, name: str):
     chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
-    told = getattr(chosen, "kind", getattr(chosen, "mode", None))
+    own = getattr(chosen, "kind", getattr(chosen, "mode", None))
     if group != "env":
-        assert told in (name, None)
+        assert own in (name, None)
     if group in ("predictor", "viewer"):
         assert getattr(composed("explain", f"{group}={name}"), group) == chosen
 

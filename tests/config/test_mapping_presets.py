@@ -31,14 +31,14 @@ def episodes() -> tuple[Episode, ...]:
     """Forty flights of a lift that is told to rise or fall towards height 0, and mostly does, at its own speed."""
     random, made = np.random.default_rng(0), []
     for number in range(40):
-        heights, told = [random.uniform(-12, 12)], []
+        heights, instruction = [random.uniform(-12, 12)], []
         speed = random.uniform(0.3, 1.5)
         for _ in range(30):
-            told.append(-np.sign(heights[-1]) * (abs(heights[-1]) > 1))
-            heights.append(heights[-1] + told[-1] * speed + random.normal(0, 0.05))
+            instruction.append(-np.sign(heights[-1]) * (abs(heights[-1]) > 1))
+            heights.append(heights[-1] + instruction[-1] * speed + random.normal(0, 0.05))
         states = np.column_stack([heights, random.normal(0, 5, 31), np.full(31, number % 2)])
         given = random.random(30) < 0.9
-        instructions = (np.array(told) * given)[:, None]
+        instructions = (np.array(instruction) * given)[:, None]
         context = TASK.contexts[number % 2]
         made.append(Episode(states, np.zeros(30), np.zeros(30), instructions, given, True, True, context))
     return tuple(made)

@@ -26,14 +26,16 @@ def run(tmp_path: Path) -> TrainedRun:
     return TrainedRun(tmp_path, TrainConfig(), TASK, lambda seen: seen, 9, words(), 9, 5, {}, None)
 
 
-def told(value: float, spread: float = 0.01) -> dict[str, Any]:
+def estimate(value: float, spread: float = 0.01) -> dict[str, Any]:
     return {"value": value, "low": value - spread, "high": value + spread}
 
 
 def rows(auc: Any, echo: float = 0.61, others: dict[int, float] | None = None) -> list[dict[str, Any]]:
-    found = {5: auc if isinstance(auc, dict) else told(auc)} | {n: told(each) for n, each in (others or {}).items()}
+    found = {5: auc if isinstance(auc, dict) else estimate(auc)} | {
+        n: estimate(each) for n, each in (others or {}).items()
+    }
     mine = [{"explainer": OURS, "horizon_steps": n, "motion_auc": each} for n, each in found.items()]
-    return [*mine, {"explainer": ECHO, "horizon_steps": 5, "motion_auc": told(echo)}]
+    return [*mine, {"explainer": ECHO, "horizon_steps": 5, "motion_auc": estimate(echo)}]
 
 
 def meaning(run: TrainedRun, **known: Any) -> TrainedRun:
@@ -44,8 +46,8 @@ def test_good_words_need_nothing(run: TrainedRun) -> None:
     found = verdict_of(rows(0.97), OURS, run)
     assert found == {
         "level": "good",
-        "text": "GOOD: its words tell which way it goes: .97 [.96, .98], good "
-        "(chance .50, the last instruction echoed .61).",
+        "text": "GOOD: AUC of its words for the direction of motion: .97 [.96, .98], good "
+        "(chance .50, repeating the last instruction .61).",
         "motion_auc": {"value": 0.97, "low": pytest.approx(0.96), "high": pytest.approx(0.98)},
         "chance": 0.5,
         "echo": 0.61,
@@ -82,7 +84,7 @@ def test_weak_words_are_told_where_better_ones_are(run: TrainedRun) -> None:
 
 
 def test_no_better_than_chance(run: TrainedRun) -> None:
-    found = verdict_of(rows(told(0.62, 0.2)), OURS, run)
+    found = verdict_of(rows(estimate(0.62, 0.2)), OURS, run)
     assert (found["level"], "no better than chance" in found["text"]) == ("unknown", True)
     assert found["advice"] == [COMPARE, ASK_FOR_IT]
 
@@ -108,8 +110,11 @@ def test_a_reversed_number_is_not_hidden_by_a_mean(run: TrainedRun) -> None:
         TASK, phrases=TASK.phrases * 2, explained=(0, 1), explained_band=(0.5, 0.5), explained_range=(), motion=None
     )
     both = replace(run, task=two)
-    each = {name: [{"motion_auc": told(0.99)}, {"motion_auc": told(auc)}] for name, auc in ((OURS, 0.2), (ECHO, 0.6))}
-    table = [{"explainer": n, "horizon_steps": 5, "motion_auc": told(0.6), "each": of} for n, of in each.items()]
+    each = {
+        name: [{"motion_auc": estimate(0.99)}, {"motion_auc": estimate(auc)}]
+        for name, auc in ((OURS, 0.2), (ECHO, 0.6))
+    }
+    table = [{"explainer": n, "horizon_steps": 5, "motion_auc": estimate(0.6), "each": of} for n, of in each.items()]
     found = verdict_of(table, OURS, both)
     assert (found["level"], found["number"], found["motion_auc"]["value"]) == ("reversed", "speed", 0.2)
     assert found["text"].startswith("REVERSED: “going up” is said when speed falls; ")

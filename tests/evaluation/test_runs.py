@@ -219,15 +219,15 @@ def test_a_damaged_calibration_is_refused(folder: Path, damage: dict[str, Any] |
 def test_a_run_speaks_with_all_that_it_learnt(folder: Path):
     write_mapping(folder, 950, mapping_of(-0.2), sure(1), n20=mapping_of(-0.5))
     run = load_run(folder)
-    voice = explainer_state(run)
-    assert (voice.mapping, voice.horizon_steps, voice.words, voice.spans) == (
+    explainer = explainer_state(run)
+    assert (explainer.mapping, explainer.horizon_steps, explainer.words, explainer.spans) == (
         run.mapping,
         40,
         run.task.phrases,
         run.spans,
     )
-    assert voice.calibration is run.calibration
-    assert list(voice.spans) == [20]
+    assert explainer.calibration is run.calibration
+    assert list(explainer.spans) == [20]
 
 
 def test_a_run_without_a_policy_says_so(folder: Path):

@@ -37,7 +37,9 @@ def sure(evidence: Evidence | None) -> int:
     return evidence.sign
 
 
-def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], horizon_steps: int = 1) -> LoggedSteps:
+def by_hand(
+    places: Sequence[Sequence[float]], instruction: Sequence[Sequence[float]], horizon_steps: int = 1
+) -> LoggedSteps:
     """One number that moves."""
     like = fly(episodes=1, steps=1)[0]
     each = [
@@ -49,7 +51,7 @@ def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], 
             instructions=np.array(said, float)[:, None],
             given=np.ones(len(said), bool),
         )
-        for path, said in zip(places, told, strict=True)
+        for path, said in zip(places, instruction, strict=True)
     ]
     return LoggedSteps.of(each, horizon_steps)
 
@@ -172,7 +174,7 @@ def test_what_could_be_expected_of_the_place_is_no_merit() -> None:
     Always told to go right, it moves as the place makes it, and not as told.
     """
 
-    def pulled(state: Array, _told: float, _chance: np.random.Generator) -> float:
+    def pulled(state: Array, _instruction: float, _chance: np.random.Generator) -> float:
         return float(-2 * state[0] - 3 * state[1])
 
     logged = [replace(one, rewards=one.states[:-1, 0]) for one in fly(pulled, lambda *_: 1.0)]
@@ -259,8 +261,10 @@ def test_an_episode_that_was_hardly_told_anything_does_not_count() -> None:
     """Four windows an episode are too few where episodes are compared."""
     some = paid_at_the_end(ignores, 1.0)
     for windows, expected in ((4, False), (5, True)):
-        told = [replace(one, instructions=np.where(np.arange(len(one)) < windows, 1.0, 0)[:, None]) for one in some]
-        assert (pays(LoggedSteps.of(told, 5), RIGHT, 0, 0) is not None) == expected
+        instruction = [
+            replace(one, instructions=np.where(np.arange(len(one)) < windows, 1.0, 0)[:, None]) for one in some
+        ]
+        assert (pays(LoggedSteps.of(instruction, 5), RIGHT, 0, 0) is not None) == expected
 
 
 # ---- what the agent does

@@ -47,7 +47,7 @@ def test_words_called_by_what_the_best_were_told_need_the_best_to_have_followed(
 
 def test_too_few_of_the_best_say_nothing_of_them() -> None:
     found = Meaning(True, True, "seen", (ENDS,), 9).as_the_best_did()
-    assert found == Meaning(False, False, "too few of the best episodes were told anything", (ENDS,), 9)
+    assert found == Meaning(False, False, "too few of the best episodes have instructions", (ENDS,), 9)
 
 
 def test_what_is_unknown_anyway_keeps_its_reason() -> None:

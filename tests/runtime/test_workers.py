@@ -66,7 +66,7 @@ def test_a_worker_that_dies_or_hangs(training: Any, tmp_path: Path, settings: tu
     assert "Traceback" not in output
     [line] = [line for line in output.splitlines() if line.startswith("error:")]
     name = rf"worker {len(crew) - 1} of {len(crew)} \(process {crew[-1]}\)"
-    found = re.fullmatch(rf"error: {name} {what}; the run is kept as it was at ([\d,]+) frames, to go on: (.+)", line)
+    found = re.fullmatch(rf"error: {name} {what}; the run is saved as of ([\d,]+) frames, to go on: (.+)", line)
     assert found
     assert all(gone(worker) for worker in crew)
     frames = int(found[1].replace(",", ""))
@@ -160,7 +160,7 @@ def test_too_late_is_said_otherwise_than_hanging():
 
 def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
     parts: Any = SimpleNamespace(log=SimpleNamespace(frames=0))
-    said = r"^worker 1; nothing had been collected yet, start the run anew$"
+    said = r"^worker 1; nothing had been collected yet, start the run again$"
     with pytest.raises(LostWorkerError, match=said), resumable(parts):
         raise LostWorkerError("worker 1")
     with pytest.raises(ZeroDivisionError), resumable(parts):

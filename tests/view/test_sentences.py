@@ -99,7 +99,9 @@ def test_a_word_without_a_known_meaning_is_not_in_the_table() -> None:
 def test_a_vocabulary_says_what_it_is_worth() -> None:
     scored = replace(refreshed(), scores_of_numbers=[{"motion_auc": 0.044, "echo_auc": 0.61}])
     told, meaning = sentences.worth(scored, TASK)
-    assert told == ("its words tell which way it goes: .04, reversed (chance .50, the last instruction echoed .61)")
+    assert told == (
+        "AUC of its words for the direction of motion: .04, reversed (chance .50, repeating the last instruction .61)"
+    )
     assert meaning == NOBODY_ASKED
     known = sentences.worth(unknown(scored, negative=True, positive=True), TASK)
     assert known[-1].startswith("env.task.explained=[x] says that x rises with +1")

@@ -65,7 +65,7 @@ def test_the_same_seed_learns_the_same(log: TrajectoryLog):
 
 
 def test_the_best_and_the_others_are_of_those_that_count(log: TrajectoryLog):
-    """The upper floor was flown last, and worse than the lower one."""
+    """The upper floor comes last, and worse than the lower one."""
     learnt = learn_vocabulary(log, better_half(newest_frames=60, n_clusters=2), TASK, seed=0)
     assert learnt.episodes_counted == 5
     assert learnt.episodes_by_context == {"lower": 1, "upper": 2}

@@ -192,13 +192,13 @@ def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, onl
 def test_the_same_seed_gives_the_same(tmp_path: Path):
     def run(name: str, seed: int) -> tuple[Any, Array]:
         log = TrajectoryLog(tmp_path / name, 10_000, TASK.contexts)
-        development, told = VocabularyTracker(config(n_clusters=4), TASK, seed), []
+        development, found = VocabularyTracker(config(n_clusters=4), TASK, seed), []
         for fly in (obey, race, defy):
             fly(log)
             refresh = development.refresh(log, stay)
-            told.append((refresh.mapping.to_dict(), figures(refresh)))
+            found.append((refresh.mapping.to_dict(), figures(refresh)))
         assert development.probe is not None
-        return told, development.probe.observations
+        return found, development.probe.observations
 
     (once, probe), (again, same), (_, other) = run("a", 3), run("b", 3), run("c", 4)
     for (mapping, row), (mapping_again, row_again) in zip(once, again, strict=True):
@@ -259,7 +259,7 @@ def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: 
     first = development.refresh(log, stay)
     assert first.horizon_found
     assert (development.horizon_steps, development.horizons_steps, list(first.spans)) == (5, [5, 2], [2])
-    assert first.top.horizon_steps == development.voice().horizon_steps == 5
+    assert first.top.horizon_steps == development.explainer_state().horizon_steps == 5
     for _ in range(20):
         add(log, 100.0, 1.0, steps=90)
     second = development.refresh(log, stay)

@@ -51,7 +51,7 @@ def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: Vocab
     second = begun.refresh(log, stay)
     assert second.horizon_found
     assert second.change is None
-    assert second.top.horizon_steps == begun.voice().horizon_steps == 18
+    assert second.top.horizon_steps == begun.explainer_state().horizon_steps == 18
     assert set(second.spans) == {2, 5}
     assert begun.mapping is second.mapping is not before
     assert begun.probe is not None

@@ -100,8 +100,8 @@ def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_th
     obey(log)
     development = VocabularyTracker(replace(only_the_newest_count, n_clusters=2), TASK, seed=0, when_stale=1.0)
     development.refresh(log, stay)
-    for told in (0.0, 0.0, 1.0):
-        add(log, 1.0, told)  # never down
+    for instruction in (0.0, 0.0, 1.0):
+        add(log, 1.0, instruction)  # never down
     second = development.refresh(log, stay)
     assert second.change is not None
     assert np.isnan(second.change.staleness)
@@ -120,12 +120,12 @@ def test_silence_in_the_newest_episodes_does_not_end_a_run(log: TrajectoryLog, m
 def test_policy_drift_is_told_from_the_policy_of_the_last_refresh(log: TrajectoryLog):
     """One action where the lift was told up, or everywhere, or nowhere; a third of the probe was told up."""
 
-    def when_told(*values: float) -> Any:
+    def when_instructed(*values: float) -> Any:
         return lambda observations: np.isin(observations[:, -2], values).astype(int)
 
     obey(log)
     development, drifts = VocabularyTracker(config(), TASK, seed=0), []
-    for policy in (stay, stay, when_told(1), when_told(1, 0), when_told(-1)):
+    for policy in (stay, stay, when_instructed(1), when_instructed(1, 0), when_instructed(-1)):
         refresh = development.refresh(log, policy)
         drifts.append(refresh.change.policy_drift if refresh.change else None)
     assert drifts == [None, 0, pytest.approx(1 / 3), pytest.approx(1 / 3), 1]

@@ -15,9 +15,9 @@ from ibe_rl.vocabulary.training_episodes import (
     best_windows,
     find_steps,
     horizon_of,
+    instructed_windows,
     read_training_episodes,
     settled,
-    told_windows,
 )
 
 
@@ -80,7 +80,7 @@ def test_only_what_ended_in_the_newest_frames_counts(log: TrajectoryLog, newest_
 
 
 def test_if_nothing_ended_lately_nothing_is_learnt(log: TrajectoryLog):
-    log.frames += 100  # an episode that is still flown
+    log.frames += 100  # an episode that has not ended
     with pytest.raises(TooLittleDataError, match="no episode has ended in the newest 100 frames"):
         read_training_episodes(log, config(newest_frames=100), seed=0)
     assert read_training_episodes(log, config(newest_frames=101), seed=0).counted == 1
@@ -111,8 +111,8 @@ def test_windows_without_an_instruction_are_not_learnt_from(log: TrajectoryLog):
 
 def flight(terminated: bool, success: bool, steps: int = 10) -> Episode:
     states = np.column_stack([np.arange(steps + 1.0), np.zeros((steps + 1, 2))])
-    told, given = np.ones((steps, 1)), np.ones(steps, bool)
-    return Episode(states, np.zeros(steps), np.zeros(steps), told, given, terminated, success, "lower")
+    instruction, given = np.ones((steps, 1)), np.ones(steps, bool)
+    return Episode(states, np.zeros(steps), np.zeros(steps), instruction, given, terminated, success, "lower")
 
 
 CRASHED, ARRIVED, CUT_OFF = flight(True, False), flight(True, True), flight(False, False)
@@ -122,10 +122,10 @@ CRASHED, ARRIVED, CUT_OFF = flight(True, False), flight(True, True), flight(Fals
 def test_only_windows_that_reach_the_end_of_an_episode_gone_wrong_are_left_out(end: str, whole: int):
     """Of ten steps those that begin at 0 to 5 end, four steps on, before the last state."""
     episodes = [CRASHED, ARRIVED, CUT_OFF]
-    kept = told_windows(episodes, config(window_end=end), 4)
+    kept = instructed_windows(episodes, config(window_end=end), 4)
     assert kept is not None
     assert np.bincount(kept.episode).tolist() == [whole] * 3
-    dropped = told_windows(episodes, config(window_end=end, failed_ends="drop"), 4)
+    dropped = instructed_windows(episodes, config(window_end=end, failed_ends="drop"), 4)
     assert dropped is not None
     assert dropped.step[dropped.episode == 0].tolist() == [0, 1, 2, 3, 4, 5]
     for other in (1, 2):
@@ -142,7 +142,7 @@ def test_if_nothing_but_failed_ends_is_left_it_is_too_little():
 
 
 def test_without_episodes_there_is_no_window():
-    assert told_windows([], config(), 5) is None
+    assert instructed_windows([], config(), 5) is None
     with pytest.raises(TooLittleDataError, match="the best 0 episodes have no window of 5 steps"):
         best_windows([], config(), 5)
 
@@ -157,8 +157,8 @@ def test_too_short_episodes_are_too_little(log: TrajectoryLog):
 
 def test_silence_is_too_little(tmp_path: Path):
     silent = TrajectoryLog(tmp_path, 1_000, TASK.contexts)
-    for told in (1.0, -1.0, 0.0):
-        add(silent, 1, told, given=False)
+    for instruction in (1.0, -1.0, 0.0):
+        add(silent, 1, instruction, given=False)
     with pytest.raises(TooLittleDataError, match="have no window of 5 steps with an instruction"):
         best_windows(read_training_episodes(silent, config(), seed=0).best, config(), 5)
 
@@ -166,13 +166,13 @@ def test_silence_is_too_little(tmp_path: Path):
 def test_only_what_was_said_is_heard(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
     add(log, 1000, 1.0, given=False)
     episodes = log.read(range(9))
-    states, told = module.said_in(episodes, 0)
+    states, instruction = module.instructed_states(episodes, 0)
     assert states.shape == (8 * STEPS, 3)
-    assert told.shape == (8 * STEPS, 1)
-    assert np.bincount(told[:, 0].astype(int) + 1).tolist() == [2 * STEPS, 4 * STEPS, 2 * STEPS]
-    np.testing.assert_array_equal(states[:, 1], told[:, 0])  # the speed is as told: rows belong together
+    assert instruction.shape == (8 * STEPS, 1)
+    assert np.bincount(instruction[:, 0].astype(int) + 1).tolist() == [2 * STEPS, 4 * STEPS, 2 * STEPS]
+    np.testing.assert_array_equal(states[:, 1], instruction[:, 0])  # the speed is as told: rows belong together
     monkeypatch.setattr(module, "HEARD_STATES", 10)
-    assert len(module.said_in(episodes, 0)[0]) == 10
+    assert len(module.instructed_states(episodes, 0)[0]) == 10
 
 
 def test_what_was_found_stands_and_spans_that_are_not_shorter_are_left_out():
@@ -189,13 +189,14 @@ def test_a_horizon_that_has_not_been_found_is_asked_for_by_nobody():
         horizon_of(config(horizon_steps=None))
 
 
-def swinging(folder: Path, episodes: int = 20, told: Any = None) -> TrajectoryLog:
+def swinging(folder: Path, episodes: int = 20, instruction: Any = None) -> TrajectoryLog:
     """A lift that goes up and down again every 40 steps, told to go to where it will be; its floor jumps about."""
     made, random = TrajectoryLog(folder, 10_000, TASK.contexts), np.random.default_rng(0)
     for _ in range(episodes):
         height = np.sin(2 * np.pi * (np.arange(201) / 40 + random.random()))
         states = np.column_stack([height, np.full(201, 3.0), random.normal(size=201)]).astype(np.float32)
-        said = -np.sign(np.round(states[:-1, :1])) if told is None else np.full((200, 1), told, np.float32)
+        towards = -np.sign(np.round(states[:-1, :1]))
+        said = towards if instruction is None else np.full((200, 1), instruction, np.float32)
         whole = Episode(states, np.zeros(200, int), np.ones(200), said, np.ones(200, bool), True, True, "lower")
         made.add(whole.as_steps(), lambda _: "lower")
     return made
@@ -218,9 +219,9 @@ def test_only_the_dimensions_that_count_are_looked_at(tmp_path: Path):
     assert find_steps(log, config(horizon_steps=None, dimensions=["floor"]), TASK, 0) == 5  # no word turns on it
 
 
-@pytest.mark.parametrize("told", [0.0, 1.0])
-def test_where_one_thing_only_is_said_the_leading_change_counts(tmp_path: Path, told: float):
-    log = swinging(tmp_path / "swing", told=told)
+@pytest.mark.parametrize("instructions", [0.0, 1.0])
+def test_where_one_thing_only_is_said_the_leading_change_counts(tmp_path: Path, instructions: float):
+    log = swinging(tmp_path / "swing", instruction=instructions)
     assert find_steps(log, config(horizon_steps=None, dimensions=["height"]), TASK, 0) in (11, 12)
 
 

@@ -122,11 +122,13 @@ def test_a_horizon_that_nobody_set_is_found_told_and_kept(tmp_path: Path, capsys
 
 
 def test_it_explains_an_episode(studied: Study) -> None:
-    told = studied.explain(seed=3, context="left")
-    assert told.watched.episode.context == "left"
-    assert len(told.said) == len(told.watched.episode)
-    assert phrase_accuracy(phrase_hits(told.watched.episode, told.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
-    text = str(told)
+    found = studied.explain(seed=3, context="left")
+    assert found.watched.episode.context == "left"
+    assert len(found.said) == len(found.watched.episode)
+    assert (
+        phrase_accuracy(phrase_hits(found.watched.episode, found.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
+    )
+    text = str(found)
     assert text.count("\n") > 5
     assert re.search("^Lunar Lander with pads: left", text, re.MULTILINE)  # a verdict comes first
     closing = r"\d+% of what it said .*about its next 20 steps went as predicted; its words tell .*\. Agent: function"
@@ -217,7 +219,7 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
 
 def test_episodes_that_teach_nothing_are_kept(tmp_path: Path, studied: Study) -> None:
     short = ["mapping.horizon_steps=1000", "mapping.window_end=drop"]
-    with pytest.raises(ConfigError, match="episodes=2: they teach no vocabulary"):
+    with pytest.raises(ConfigError, match="episodes=2: no vocabulary can be learnt from them"):
         study(pilots.sideways, agent_sees_instruction=False, run_dir=tmp_path / "run", episodes=2, settings=short)
     assert len(TrajectoryLog.open(tmp_path / "run" / "trajectories").index) == 2
     with pytest.raises(ConfigError, match="has no vocabulary"):

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 FOUND = found()
 CHARTS: dict[Callable[[dict[str, Any]], Figure], set[str]] = {
-    charts.policies_chart: {"training frames", "success (%)", "A, flown again: 74.5 %", "83.3 %", "95 % intervals"},
+    charts.policies_chart: {"training frames", "success (%)", "A, evaluated again: 74.5 %", "83.3 %", "95 % intervals"},
     charts.movements_chart: {
         "change of x (half widths)",
         "density",
@@ -87,9 +87,9 @@ def nothing_known() -> dict[str, Any]:
     """Nobody was ever told so, nothing ever moved, and no group to compare with was there."""
     bare = deepcopy(FOUND)
     for agent in bare["preliminary"]:
-        for told in agent["told"].values():
+        for group in agent["told"].values():
             empty = {"windows": 0, "mean": None, "density": [0.0] * 41}
-            told |= {"shown_to": 0.0, "best": empty, "others": empty, "claim": dict.fromkeys(told["claim"])}
+            group |= {"shown_to": 0.0, "best": empty, "others": empty, "claim": dict.fromkeys(group["claim"])}
     for agent in bare["straight"]:
         agent["by_movement"] = {
             PAPERS: [],
@@ -114,9 +114,9 @@ def test_a_peak_in_one_bin_is_shown_whole() -> None:
     alone = deepcopy(FOUND)
     density = [0.0] * 20 + [50.0] + [0.0] * 20
     for agent in alone["preliminary"]:
-        told = agent["told"]["0.0"]
-        told["shown_to"] = 0.0
-        told["best"]["density"] = told["others"]["density"] = density
+        group = agent["told"]["0.0"]
+        group["shown_to"] = 0.0
+        group["best"]["density"] = group["others"]["density"] = density
     axis = charts.movements_chart(alone).axes[1]
     assert axis.get_ylim()[1] >= 50
     assert "peak cut" not in [text.get_text() for text in axis.texts]

@@ -115,7 +115,7 @@ def test_shuffled_instructions_that_teach_nothing_end_in_one_clear_error(
     opened: ReportContext, agent: PaperAgent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "fit_shuffled", lambda *_: [])
-    with pytest.raises(ConfigError, match=r"^figures.shuffles=1: none of them taught a vocabulary; allowed are more"):
+    with pytest.raises(ConfigError, match=r"^figures.shuffles=1: none of them gave a vocabulary; allowed are more"):
         experiments.learn_shuffled(opened, agent)
 
 
