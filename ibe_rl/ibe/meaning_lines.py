@@ -9,8 +9,8 @@ from ibe_rl.task import Phrases, Task
 
 MIN_NAMED_SHARE = 0.4
 """Dimensions are named that +1 asks to move by at least this share of the largest."""
-PAYS = {1: "following pays", 0: "whether following is rewarded is unclear", -1: "following is not rewarded"}
-NOBODY_ASKED = "the meaning of its words has not been inferred"
+PAYS = {1: "following is rewarded", 0: "whether following is rewarded is unclear", -1: "following is not rewarded"}
+NOT_INFERRED = "the meaning of its words has not been inferred"
 
 
 def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
@@ -19,7 +19,7 @@ def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
     ``meanings`` are empty if the vocabulary was learnt without an interpretation.
     """
     if not meanings:
-        return [NOBODY_ASKED]
+        return [NOT_INFERRED]
     return [_line(meaning, words, task) for meaning, words in zip(meanings, task.phrases, strict=True)]
 
 

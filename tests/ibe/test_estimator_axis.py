@@ -269,7 +269,7 @@ def test_an_instructor_who_always_says_the_same_is_too_little():
 
 def test_if_the_best_were_never_told_to_move_it_is_too_little():
     delta, instruction = windows()
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything yet"):
+    with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
         IBEMapping(space="rule").fit(delta, 0 * instruction, *heard())
 
 

@@ -91,7 +91,9 @@ def test_a_warning_says_which_number_cannot_be_told_and_why() -> None:
     interpretation = meant(KNOWN, UNKNOWN, axes=np.eye(4)[:, [0, 2]])
     with pytest.warns(UnknownMeaningWarning) as seen:
         estimator = IBEMapping(9, **DIRECT, random_state=0).fit(delta, instruction, interpretation=interpretation)
-    assert [str(one.message) for one in seen] == ["what number 1 of the instruction means cannot be told: nobody moved"]
+    assert [str(one.message) for one in seen] == [
+        "the meaning of component 1 of the instruction is unknown: nobody moved"
+    ]
     assert seen[0].filename == __file__
     assert estimator.meanings_ == (KNOWN, UNKNOWN)
     assert estimator.mapping_.knows(np.array([[2.0, 0, 0, 0]])).tolist() == [False]
@@ -108,7 +110,7 @@ def test_as_many_meanings_as_axes() -> None:
 
 
 def test_axes_of_dimensions_that_do_not_count_are_none() -> None:
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything"):
+    with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
         fit(meant(KNOWN), dimensions=[1])
 
 
@@ -138,7 +140,7 @@ def test_other_spaces_name_as_the_best_did_and_know_their_words_if_these_followe
         warnings.simplefilter("error")
         estimator = IBEMapping(**settings).fit(*windows(), interpretation=meant(followed))
     assert estimator.meanings_ == (followed,)
-    with pytest.warns(UnknownMeaningWarning, match="cannot be told: the best episodes did the opposite"):
+    with pytest.warns(UnknownMeaningWarning, match="is unknown: the best episodes did the opposite"):
         opposite = IBEMapping(**settings).fit(*windows(), interpretation=meant(best(-0.5)))
     assert not opposite.meanings_[0].known
     for each in (estimator, opposite):  # the interpretation moves no word

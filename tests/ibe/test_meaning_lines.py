@@ -8,7 +8,7 @@ import pytest
 from by_hand import TASK, WORDS
 
 from ibe_rl.ibe import Evidence, Meaning, meaning_lines, positive_phrase
-from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 
 WHY = "the reward favours the opposite of what ends the instruction"
 UP, DOWN = "“going up”", "“going down”"
@@ -45,7 +45,7 @@ def test_a_line_says_which_words_are_known_and_why(meaning: Meaning, line: str) 
 
 @pytest.mark.parametrize(
     ("low", "high", "words"),
-    [(0.1, 0.3, "following pays"), (-0.1, 0.1, "whether following is rewarded is unclear")],
+    [(0.1, 0.3, "following is rewarded"), (-0.1, 0.1, "whether following is rewarded is unclear")],
 )
 def test_whether_following_pays_is_said(low: float, high: float, words: str) -> None:
     [line] = meaning_lines((Meaning(evidence=(Evidence("pays", 0.0, low, high, 9),)),), TASK)
@@ -58,7 +58,7 @@ def test_each_number_has_its_line() -> None:
 
 
 def test_that_nobody_has_asked_is_said() -> None:
-    assert meaning_lines((), TASK) == [NOBODY_ASKED]
+    assert meaning_lines((), TASK) == [NOT_INFERRED]
 
 
 def test_the_degree_is_left_out() -> None:

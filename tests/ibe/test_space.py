@@ -256,7 +256,7 @@ def test_a_typical_movement_is_what_one_unit_of_instruction_brought_about():
 
 @pytest.mark.parametrize(("moved", "instruction"), [(1.0, 0.0), (0.0, 1.0)])
 def test_if_no_instruction_moved_anything_nothing_is_typical(moved: float, instruction: float):
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything yet"):
+    with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
         movement_of_one(np.full((3, 1), moved), np.full((3, 1), instruction), np.ones(3), NOT_KNOWN)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from view_data import TASK, developed, explain, flights, refreshed
 
 from ibe_rl.ibe import Meaning
-from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 from ibe_rl.task import Phrases
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW
 from ibe_rl.view import sentences, wording
@@ -102,7 +102,7 @@ def test_a_vocabulary_says_what_it_is_worth() -> None:
     assert told == (
         "AUC of its words for the direction of motion: .04, reversed (chance .50, repeating the last instruction .61)"
     )
-    assert meaning == NOBODY_ASKED
+    assert meaning == NOT_INFERRED
     known = sentences.worth(unknown(scored, negative=True, positive=True), TASK)
     assert known[-1].startswith("env.task.explained=[x] says that x rises with +1")
     told, meaning = sentences.worth(unknown(scored), TASK)

@@ -36,7 +36,7 @@ from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, Tr
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_vector_env
 from ibe_rl.ibe import ClusterMapping, Meaning
-from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.predict.simulator import Simulator
@@ -97,7 +97,7 @@ def test_the_vocabulary_as_a_page_shows_it():
     assert [one["share"] for one in shown["clusters"]] == pytest.approx([1 / 3] * 3)
     assert len({one["phrase"] for one in shown["clusters"]}) == 3
     assert np.shape([one["colour"] for one in shown["clusters"]]) == (3, 3)
-    assert shown["meaning"] == [NOBODY_ASKED]
+    assert shown["meaning"] == [NOT_INFERRED]
 
 
 def test_the_vocabulary_has_no_word_without_a_known_meaning():
