@@ -87,7 +87,7 @@ def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: 
 def serve_until_enter(recording: Path, ports: Ports) -> None:
     """Serve the recording until Enter or Ctrl-C; not served without a terminal, which could not end it."""
     if not sys.stdin.isatty():
-        print("not served: without a terminal nobody could stop it")
+        print("not served: there is no terminal from which to stop it")
         return
     with Relay(recording, ports):
         print(invitation(ports))

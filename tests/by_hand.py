@@ -70,7 +70,7 @@ def add(
     went: float | None = None,
     seen_speed: bool = True,
 ) -> None:
-    """Log an episode in which the lift does what it is told, or ``went``, so many metres a step.
+    """Log an episode in which the lift follows the instruction, or ``went``, so many metres a step.
 
     Without ``seen_speed`` the state says 0 for it, and only where the lift has got to tells what it was told.
     """

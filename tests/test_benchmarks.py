@@ -317,7 +317,7 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return {"protocol": {}, "runs": [run], "table": summarise([run], [rows])}
 
 
-def test_variants_are_told_apart_on_real_flights(lift: dict[str, Any]):
+def test_variants_are_distinguished_on_real_flights(lift: dict[str, Any]):
     auc = {record["name"]: record["motion_auc"]["value"] for record in lift["table"]}
     assert (auc["paper"], auc["axis"], auc["height only"]) == (1, 1, 1)
     assert auc["without windows of instruction 0"] < 1  # what stands still has to be called up or down

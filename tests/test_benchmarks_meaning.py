@@ -161,8 +161,8 @@ def test_names_and_reasons() -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_truth_is_what_the_agent_does_when_told(name: str) -> None:
-    """Told +1 throughout it ends higher along the direction than told -1 from the same seed, or does not listen."""
+def test_truth_is_what_the_agent_does_when_instructed(name: str) -> None:
+    """Under +1 it ends higher along the direction than under -1 from the same seed, or does not listen."""
     one = ALL[name]
     higher = moved(one, 1.0) - moved(one, -1.0)
     if "_corrective_opposite_" in name:

@@ -134,7 +134,7 @@ def check_collect(config: CollectConfig) -> None:
     elif config.address is not None:
         raise ConfigError(
             f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
-            "or collect.engine=ray, without which nobody connects to it"
+            "or collect.engine=ray, which connects to it"
         )
     if config.ahead_batches > 1 and not config.overlap:
         raise ConfigError(

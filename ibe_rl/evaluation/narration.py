@@ -125,7 +125,7 @@ def _table(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation
         f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
     )
     ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
-    for column in ("steps", "instruction", *ahead, "number", "sure", "as predicted"):
+    for column in ("steps", "instruction", *ahead, "expression", "confidence", "as predicted"):
         table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
     spoken = [_spoken(each, run.task) for each in said]
     for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (instructions[step], spoken[step])):

@@ -87,7 +87,7 @@ def test_the_exploring_policy_learns_too(kind: str):
 
 
 @EVERY
-def test_the_exploring_policy_stands_still_until_it_is_told(kind: str):
+def test_the_exploring_policy_stands_still_until_synced(kind: str):
     """A worker may be collecting with it while the learner learns."""
     agent, seen = make(kind), torch.rand(50, 2)
     before = agent.policy.network(seen)

@@ -155,7 +155,7 @@ def test_a_dataset_of_others_comes_in_with_the_rule_of_the_environment(collected
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_what_was_said_is_taken_from_the_observations_of_who_was_told(collected: Any, tmp_path: Path) -> None:
+def test_what_was_said_is_taken_from_the_observations_of_who_was_instructed(collected: Any, tmp_path: Path) -> None:
     collected("theirs/told-v0", Instructed(gymnasium.make(LANDER_ID, pad="left")), 4)
     folder = import_log("theirs/told-v0", [*QUICK, f"run_dir={tmp_path / 'told'}"])
     for episode, data in zip(logged(folder), minari.load_dataset("theirs/told-v0"), strict=True):

@@ -28,7 +28,7 @@ HORIZON_STEPS = 5
 
 @cache
 def episodes() -> tuple[Episode, ...]:
-    """Forty flights of a lift that is told to rise or fall towards height 0, and mostly does, at its own speed."""
+    """Forty episodes of a lift that is instructed to go to height 0, and mostly does, at its own speed."""
     random, made = np.random.default_rng(0), []
     for number in range(40):
         heights, instruction = [random.uniform(-12, 12)], []
@@ -119,7 +119,7 @@ def test_the_same_seed_learns_the_same(preset: str):
 
 @EVERY_PRESET
 def test_it_goes_on_from_itself(preset: str):
-    """As at the next refresh; those that start anew learn the same again."""
+    """As at the next refresh; those that start from scratch learn the same again."""
     config, first = settings(preset), learn(preset)
     second = fit_mapping(episodes(), episodes(), config, TASK, 0, first)
     assert second.sizes.sum() == first.sizes.sum()

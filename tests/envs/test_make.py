@@ -131,7 +131,7 @@ class Noting:
         return count.astype(np.float32), np.ones((len(states), 1), np.float32)
 
 
-def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
+def test_the_instructor_is_reset_in_the_rows_that_are_reset():
     instructor = Noting()
     env = make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     instructor.resets.clear()
@@ -145,7 +145,7 @@ def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
 
 
 def test_each_row_is_asked_once_for_each_of_its_steps():
-    """Neither again because another row begins anew, nor where the game is over."""
+    """Neither again because another row is reset, nor where the game is over."""
     instructor = Noting()
     env = make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     torch.manual_seed(0)
@@ -169,7 +169,7 @@ def test_a_step_leaves_what_was_returned_before_alone():
         assert (returned == copy).all()
 
 
-def test_the_same_seed_flies_the_same():
+def test_the_same_seed_rolls_out_the_same():
     def fly() -> TensorDictBase:
         torch.manual_seed(0)
         return make().rollout(100, break_when_any_done=False)

@@ -66,7 +66,7 @@ def test_reversed_words_are_named_and_the_sign_is_looked_at_first(run: TrainedRu
     assert verdict_of(rows(0.04), OURS, run)["advice"] == [second, *rest]  # nobody has asked what the words mean
 
 
-def test_weak_words_are_told_where_better_ones_are(run: TrainedRun) -> None:
+def test_weak_words_come_with_advice_where_better_ones_are(run: TrainedRun) -> None:
     assert verdict_of(rows(0.75), OURS, run)["advice"] == [COMPARE, ASK_FOR_IT]
     judged = [("ibe:as_refreshed", 0.99), ("ibe:bisecting", 0.93), ("ibe:none", None), ("baseline:paper", 0.8)]
     table = [{"explainer": name, "motion_auc": NONE | {"value": value}} for name, value in judged]
@@ -89,7 +89,7 @@ def test_no_better_than_chance(run: TrainedRun) -> None:
     assert found["advice"] == [COMPARE, ASK_FOR_IT]
 
 
-def test_an_unknown_meaning_is_told_with_its_reason(run: TrainedRun) -> None:
+def test_an_unknown_meaning_is_reported_with_its_reason(run: TrainedRun) -> None:
     found = verdict_of(rows(0.97), OURS, meaning(run, negative=False, positive=False, reason="nobody did it"))
     assert (found["level"], found["text"]) == (
         "unknown",

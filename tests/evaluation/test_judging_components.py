@@ -128,7 +128,7 @@ def test_baselines_and_controls_say_both_numbers(judged: Judged):
     assert judged.truth.hard.mean(axis=0) == pytest.approx([2 / 3, 2 / 3])  # all that do not go upwards
 
 
-def test_the_mean_leaves_out_a_number_whose_motion_cannot_be_told():
+def test_the_mean_leaves_out_a_number_whose_motion_is_unknown():
     nan = np.array([np.nan, 0.3])
     assert mean_over_numbers("motion_auc", [nan, np.array([0.5, 0.6])]).tolist() == [0.5, 0.6]
     assert np.isnan(mean_over_numbers("motion_auc", [nan])).tolist() == [True, False]

@@ -118,7 +118,7 @@ def test_words_without_a_known_meaning_are_not_said(tmp_path: Path) -> None:
     assert {line.count("up") for line in rows} == {1}  # that is what it was told
 
 
-def test_of_nothing_said_no_share_is_told(tmp_path: Path) -> None:
+def test_of_nothing_said_no_share_is_reported(tmp_path: Path) -> None:
     unknown = says(-1, 0, 1, negative=False, positive=False, reason="nobody did it")
     lines = printed(run_of(unknown, tmp_path), watched())
     assert lines[0] == "UNKNOWN: I cannot tell what “going up” means: nobody did it."

@@ -1,4 +1,4 @@
-"""Vocabularies learnt anew from a log made by hand."""
+"""Vocabularies relearnt from a log made by hand."""
 
 import re
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Run = Callable[..., Any]
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """A lift that did what it was told, so many times."""
+    """A lift that followed the instruction, so many times."""
 
     def make(times: int, **changes: Any) -> Any:
         log = TrajectoryLog(tmp_path / "trajectories", 2_000, TASK.contexts)

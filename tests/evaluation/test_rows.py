@@ -45,7 +45,7 @@ def test_the_true_change_tells_the_motion_perfectly():
     scores = score_motion(truth().change, truth(), np.sign(truth().change))
     assert scores["motion_auc"][0] == 1
     assert scores["motion_spearman"][0] == pytest.approx(1)
-    assert np.isnan(scores["motion_auc_hard"][0])  # one hard moment has nothing to be told apart from
+    assert np.isnan(scores["motion_auc_hard"][0])  # one hard moment has nothing to be distinguished from
     assert scores["instruction_f1"][0] < 1
 
 
@@ -59,7 +59,7 @@ def test_words_and_confidence():
     assert sure["risk_at_80"][0] == pytest.approx((0.8 * 4 - 2) / (0.8 * 4))
 
 
-def test_balance_is_told_where_there_are_clusters():
+def test_balance_is_reported_where_there_are_clusters():
     found = balance(words((-4, -2, 0, 2), (-1, -0.5, 0, 1)))
     assert found["left_right"] == {"value": [2, 1], "low": None, "high": None}
     assert found["size_cv"]["value"] == 0

@@ -134,7 +134,7 @@ def test_the_vocabularies_of_other_spans_come_with_it(folder: Path):
     assert {n: each.expressions[0, 0] for n, each in run.spans.items()} == {20: -0.5, 120: -0.6}
 
 
-def test_what_its_agent_did_when_told_otherwise_comes_with_it(folder: Path):
+def test_what_its_agent_did_when_instructed_otherwise_comes_with_it(folder: Path):
     assert load_run(folder).reactions is None
     asked = Reactions(np.ones((12, 1, 9)), np.zeros((12, 1, 9)))
     write_mapping(folder, 960, mapping_of(-0.4), reactions=asked)

@@ -83,7 +83,7 @@ def test_sizes_and_means_are_of_all_windows_however_few_are_clustered():
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75], [0.0], [1.0]], atol=1e-12)
 
 
-def test_a_cluster_without_a_window_says_what_all_were_told(monkeypatch: pytest.MonkeyPatch):
+def test_a_cluster_without_a_window_says_what_all_were_instructed(monkeypatch: pytest.MonkeyPatch):
     class OneTooMany(KMeans):
         def fit(self, X: Array, sample_weight: Array) -> "OneTooMany":
             super().fit(X, sample_weight=sample_weight)

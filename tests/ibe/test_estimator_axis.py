@@ -115,7 +115,7 @@ def test_roots_give_small_movements_clusters_of_their_own():
     assert second(1 / 3) < second(1.0) / 2
 
 
-def test_which_way_is_told_by_the_windows_that_followed():
+def test_the_sign_comes_from_the_windows_that_followed():
     """The best went left when told 1: then left is 1."""
     against = fit(unit=-2).mapping_
     np.testing.assert_allclose(said(against, -2, 2, 0), [1, -1, 0], atol=0.03)
@@ -267,7 +267,7 @@ def test_an_instructor_who_always_says_the_same_is_too_little():
         IBEMapping(space="rule").fit(*windows(), states, np.zeros(len(states)))
 
 
-def test_if_the_best_were_never_told_to_move_it_is_too_little():
+def test_if_the_best_were_never_instructed_to_move_it_is_too_little():
     delta, instruction = windows()
     with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
         IBEMapping(space="rule").fit(delta, 0 * instruction, *heard())

@@ -61,7 +61,7 @@ def test_every_combination_gets_a_cluster_and_its_name(settings: dict[str, Any])
     ]
 
 
-def test_purity_is_of_what_was_told_in_both_numbers_at_once():
+def test_purity_is_of_the_instructions_in_both_numbers_at_once():
     assert fit().mapping_.purities.tolist() == [7 / 8] * 4 + [1] + [7 / 8] * 4
 
 
@@ -74,7 +74,7 @@ def test_the_axes_are_those_on_which_the_words_turn():
 
 
 def test_a_dimension_that_moves_one_way_whatever_is_said_is_left_out():
-    """The second number depends on a third dimension too, which always falls, the less the more it is told to rise."""
+    """The second number depends on a third dimension too, which always falls, less if instructed to rise."""
     delta, instruction = groups()
     axes = np.array([[1.0, 0], [0, -1], [0.5, -1]])
     np.testing.assert_array_equal(

@@ -83,7 +83,7 @@ def test_one_known_word_is_enough_for_the_axis() -> None:
     assert estimator.mapping_.knows(moved(-2.0, 0.0, 2.0)).tolist() == [False, True, True]
 
 
-def test_a_warning_says_which_number_cannot_be_told_and_why() -> None:
+def test_a_warning_says_which_component_is_unknown_and_why() -> None:
     """Of two numbers, about the first and the third dimension."""
     instruction = np.random.default_rng(0).choice([-1.0, 0, 1], (600, 2))
     delta = np.zeros((600, 4))

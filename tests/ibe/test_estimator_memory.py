@@ -9,7 +9,7 @@ from sklearn.cluster import KMeans
 from ibe_rl.ibe import IBEMapping
 
 
-def test_clusters_start_where_they_are_told():
+def test_clusters_start_where_asked():
     """Six groups in a row, three clusters: k-means stays in the grouping it is started in, or finds its own."""
     delta = np.repeat([0.0, 1.0, 10.0, 11.0, 20.0, 21.0], 5)[:, None]
     instruction = np.repeat([-1.0, -1.0, 0.0, 0.0, 1.0, 1.0], 5)
@@ -84,7 +84,7 @@ def test_evidence_fades_geometrically():
         np.testing.assert_allclose(evidence, np.array([4, 6, 2]) * (2 - 0.5**refresh))
 
 
-def test_what_was_told_long_ago_fades_with_it():
+def test_an_old_instruction_fades_with_it():
     """A cluster was told -1 once and 0 ever since; at one half its mean goes from -1 over -1/3 and -1/7 to 0."""
     delta, last, found = np.repeat([-4.0, 4.0], 8)[:, None], None, []
     for instruction in (-1.0, 0.0, 0.0, 0.0):

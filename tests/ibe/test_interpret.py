@@ -329,7 +329,7 @@ def two_at_once(one: Agent, other: Agent) -> list[Episode]:
 def test_each_number_has_its_own_meaning() -> None:
     responses = np.zeros((2, 12, 2, 4))
     responses[:, :, 0, 0] = np.array([1, -1])[:, None]  # obeys the first number
-    responses[:, :, 1, 2] = np.array([1, -1])[:, None]  # told +1, which asks to the left, it goes to the right
+    responses[:, :, 1, 2] = np.array([1, -1])[:, None]  # instructed +1, which asks to the left, it goes to the right
     found = interpret(two_at_once(ignores, ignores), 5, reactions=Reactions(*responses))
     first, second = found.axes.T
     assert first[0] > 5 * abs(first[2])

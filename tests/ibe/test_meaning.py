@@ -37,7 +37,7 @@ def test_what_is_unknown_has_a_reason() -> None:
     assert Meaning.unknown("why", 7) == Meaning(False, False, "why", (), 7)
 
 
-def test_words_called_by_what_the_best_were_told_need_the_best_to_have_followed() -> None:
+def test_words_called_by_the_instructions_of_the_best_need_the_best_to_have_followed() -> None:
     followed = Meaning(True, False, "seen", (ENDS, BEST), 30)
     assert followed.as_the_best_did() is followed
     for others in ((ENDS, replace(BEST, effect=-0.5)), (ENDS, replace(BEST, effect=0.0))):

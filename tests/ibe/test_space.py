@@ -21,7 +21,7 @@ from ibe_rl.ibe.space import (
 from ibe_rl.types import Array
 
 X, GOAL = 2, 4
-"""Of five dimensions of the state, where one is and where one is told to go."""
+"""Of five dimensions of the state, where one is and where one is instructed to go."""
 HIDDEN = np.zeros((5, 1))
 HIDDEN[[X, GOAL], 0] = 1, -1
 
@@ -168,7 +168,7 @@ def test_along_an_axis_no_change_stays_no_change_and_roots_are_undone():
     np.testing.assert_allclose(space.change_at(places), delta * [1, 0])
 
 
-def test_the_smallest_change_at_a_place_is_told():
+def test_the_smallest_change_at_a_place_is_found():
     """Along (3, 4) of length 5 the place 1 is at (3, 4) / 25."""
     np.testing.assert_allclose(along(np.array([[3.0], [4.0]])).change_at(np.ones((1, 1))), [[3 / 25, 4 / 25]])
 

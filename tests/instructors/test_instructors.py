@@ -173,7 +173,7 @@ def test_the_time_of_a_row_stands_still_while_others_are_asked(case: Case, recor
 
 
 @pytest.mark.parametrize("case", CERTAIN.values(), ids=CERTAIN)
-def test_a_row_that_begins_anew_leaves_the_others_alone(case: Case, recording: Path):
+def test_a_row_that_is_reset_leaves_the_others_alone(case: Case, recording: Path):
     """That row hears what it heard from its beginning."""
     seen, asked = np.tile(states(ROWS), (STEPS, 1, 1)), np.ones((STEPS, ROWS), bool)
     one, other = make(case, recording), make(case, recording)

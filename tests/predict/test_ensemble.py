@@ -83,7 +83,7 @@ def test_where_the_members_part_the_path_is_not_trusted(learnt: Ensemble):
 
 
 @pytest.mark.parametrize("future", ["hold", "rule"])
-def test_the_policy_reads_what_it_would_be_told(log: TrajectoryLog, future: str):
+def test_the_policy_reads_its_future_instruction(log: TrajectoryLog, future: str):
     ensemble, seen = make(config=EnsembleConfig(**{**vars(SETTINGS), "updates": 5, "future_instruction": future})), []
 
     def noting(observations: Array) -> Array:

@@ -124,7 +124,7 @@ def test_nobody_knows_the_noise_of_the_future():
         assert 1e-3 < np.abs(once - other).max() < 0.5
 
 
-def test_with_the_same_noise_and_rule_it_predicts_what_is_really_flown():
+def test_with_the_same_noise_and_rule_it_predicts_what_really_happens():
     errors, on_ground = [], []
     predictor = Simulator(make_one, RULE, "rule", own_noise=False)
     for seed in range(6):
@@ -210,7 +210,7 @@ def test_rule_asks_the_rule_in_the_predicted_states(kind: str):
         assert seen[0, 9:].tolist() == [RULE(state)[0], 1]
 
 
-def test_only_what_still_flies_is_asked():
+def test_only_unfinished_rollouts_are_asked():
     states, moments = rolled_out(fall)
     policy = Noting()
     Simulator(make_one, RULE).rollout([moments[-5], moments[0]], policy, 20)

@@ -1,4 +1,4 @@
-"""Extra reward for having done what one was told: by hand, and against the definition step by step."""
+"""Extra reward for following the instruction: by hand, and against the definition step by step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -76,7 +76,7 @@ def make(horizon_steps: int = 2, judge: Callable[[], Judge | None] = lambda: way
     return InstructionReward(ORACLE, lambda: horizon_steps, judge)
 
 
-def test_the_step_that_ends_a_window_gets_what_its_beginning_was_told():
+def test_the_step_that_ends_a_window_gets_what_its_beginning_was_instructed():
     """Told up and gone up: all of the weight. Told nothing to do: none of it. Told down: minus as much."""
     batch = climbing([1, 1, -1, -1, 0, 1])
     found = make().add(batch, 0)

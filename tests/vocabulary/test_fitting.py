@@ -141,7 +141,7 @@ def test_settings_that_do_not_go_together_are_refused(changes: dict[str, Any], m
 @pytest.mark.parametrize(
     "changes", [{"space": "network", "memory": None}, {"split": "bisecting", "memory": None}, {"space": "rule"}]
 )
-def test_what_starts_anew_may_start_anew(changes: dict[str, Any]):
+def test_what_starts_from_scratch_may_do_so(changes: dict[str, Any]):
     check_mapping(config(**changes), TASK)
 
 

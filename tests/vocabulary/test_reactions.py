@@ -43,21 +43,21 @@ def obedient(observations: Array) -> Array:
     return instruction * given * np.where(observations[:, 0] >= 10, 2, 1)
 
 
-def test_it_is_told_the_same_all_the_time() -> None:
+def test_the_instruction_is_the_same_all_the_time() -> None:
     found = ask(moments(0, 20), obedient, OnAPlane(), 3)
     assert found is not None
     assert found.up.tolist() == [[[3, 0]], [[6, 0]]]
     assert found.down.tolist() == [[[-3, 0]], [[-6, 0]]]
 
 
-def test_each_number_is_told_alone() -> None:
+def test_each_component_is_instructed_alone() -> None:
     found = ask(moments(0, 1, size=2), obedient, OnAPlane(), 2)
     assert found is not None
     assert found.up.tolist() == [[[2, 0], [0, 0]]] * 2
     assert found.down.tolist() == [[[-2, 0], [0, 0]]] * 2
 
 
-def test_the_predictor_is_told_so_too_and_gets_the_snapshots() -> None:
+def test_the_predictor_gets_the_instruction_too_and_gets_the_snapshots() -> None:
     predictor = OnAPlane()
     ask(moments(0, 1, size=2), obedient, predictor, 2)
     instructions = [[moment.instruction.tolist() for moment in asked] for asked in predictor.asked]
@@ -66,7 +66,7 @@ def test_the_predictor_is_told_so_too_and_gets_the_snapshots() -> None:
     assert [moment.snapshot for moment in predictor.asked[0]] == [0, 1]
 
 
-def test_who_acts_alike_whatever_it_is_told_needs_no_predictor() -> None:
+def test_who_acts_alike_under_every_instruction_needs_no_predictor() -> None:
     """The same at all of these moments, though not elsewhere."""
 
     def deaf(observations: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How far ahead is explained is found anew at each refresh; with another horizon everything begins anew."""
+"""How far ahead is explained is found again at each refresh; with another horizon everything begins again."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def begun(log: TrajectoryLog) -> VocabularyTracker:
     return development
 
 
-def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: VocabularyTracker):
+def test_another_horizon_begins_everything_again(log: TrajectoryLog, begun: VocabularyTracker):
     before, given = begun.mapping, names(begun)
     obey_for_long(log)
     assert begun.settle(log) == 18

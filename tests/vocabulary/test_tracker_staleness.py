@@ -117,7 +117,7 @@ def test_silence_in_the_newest_episodes_does_not_end_a_run(log: TrajectoryLog, m
     assert np.isnan(list(development.refresh(log, stay).scores.values())).all()
 
 
-def test_policy_drift_is_told_from_the_policy_of_the_last_refresh(log: TrajectoryLog):
+def test_policy_drift_is_measured_from_the_policy_of_the_last_refresh(log: TrajectoryLog):
     """One action where the lift was told up, or everywhere, or nowhere; a third of the probe was told up."""
 
     def when_instructed(*values: float) -> Any:
@@ -131,7 +131,7 @@ def test_policy_drift_is_told_from_the_policy_of_the_last_refresh(log: Trajector
     assert drifts == [None, 0, pytest.approx(1 / 3), pytest.approx(1 / 3), 1]
 
 
-def test_policy_drift_is_told_since_the_vocabulary_that_stands(log: TrajectoryLog):
+def test_policy_drift_is_measured_since_the_vocabulary_that_stands(log: TrajectoryLog):
     obey(log)
     development = VocabularyTracker(config(), TASK, seed=0, when_stale=1.0)  # never another one
     development.refresh(log, stay)

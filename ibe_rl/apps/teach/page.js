@@ -168,7 +168,7 @@ const hear = {
     if (message.live_view) Object.assign(at("live-view"), { href: message.live_view, hidden: false });
     const hold = message.hold_steps === null ? "an instruction holds until the episode ends"
       : message.hold_steps > 0 ? `an instruction holds for ${message.hold_steps} steps` : "without it no instruction is given";
-    const others = message.others ? ` The ${message.others} other environments are instructed by ${{ oracle: "the oracle", silent: "nobody", habits: "a model of your habits" }[message.others_instructed_by]}.` : "";
+    const others = message.others ? ` The ${message.others} other environments are instructed by ${{ oracle: "the oracle", silent: "no one", habits: "a model of your habits" }[message.others_instructed_by]}.` : "";
     at("how").textContent = `Hold an arrow key, a button, or the left, middle or right of the picture; ${hold}.${others} You decide what the numbers mean; the agent has to find out.`;
   },
   scene(message) {

@@ -108,7 +108,9 @@ def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(studied: Study, mon
     assert own_agent.first_calibration(studied.run, studied.config) is None
 
 
-def test_a_horizon_that_nobody_set_is_found_told_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_horizon_that_nobody_set_is_found_reported_and_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     settings = ["mapping.horizon_steps=null", "predictor.futures=1"]
     folder = tmp_path / "run"
     made = study(pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings)

@@ -1,4 +1,4 @@
-"""What is told of experiments with made-up outcomes: the numbers that were measured, and nothing else."""
+"""The report on experiments with made-up outcomes: the numbers that were measured, and nothing else."""
 
 from typing import Any
 
@@ -152,7 +152,7 @@ def test_headlines_are_answers_and_of_the_papers_agent():
     assert not any("agent C" in head for head in heads)
 
 
-def test_agents_are_told_with_frames_success_and_interval():
+def test_agents_are_reported_with_frames_success_and_interval():
     assert said("Agents") == (
         "Agents of this run: A after 1,234,567 frames: 62.0 % (60.0 to 64.0, 200 new episodes); "
         "B after 2,000,000 frames: 84.0 % (82.0 to 86.0, 200 new episodes)."

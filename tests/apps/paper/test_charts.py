@@ -129,7 +129,7 @@ def test_a_peak_that_is_cut_is_said_to_be() -> None:
 
 
 @pytest.mark.parametrize("success", [0.0, 0.5, 1.0])
-def test_agents_with_one_policy_can_be_told_apart(success: float) -> None:
+def test_agents_with_one_policy_can_be_distinguished(success: float) -> None:
     same = deepcopy(FOUND)
     for agent in same["agents"]:
         agent |= {"frame": 2_000_896, "success": {"value": success, "low": success, "high": success}}
@@ -169,7 +169,7 @@ def test_clusters_have_the_colour_of_what_they_are_called() -> None:
     assert sum(bar.get_height() for bar in figure.axes[2].patches) == pytest.approx(100)
 
 
-def test_small_movements_are_told_from_each_other_by_their_side() -> None:
+def test_small_movements_are_distinguished_by_their_side() -> None:
     left, right, *_ = charts.straight_chart(FOUND).axes
     assert [line.get_color() for line in left.lines] == [OBSERVER_COLOURS[PAPERS], OBSERVER_COLOURS[DEFAULT]]
     assert [label.get_text() for label in right.get_yticklabels()] == [*VARIANT_LABELS.values()]

@@ -78,7 +78,7 @@ def test_densities_add_up_to_the_share_that_is_inside():
     assert found["best"]["mean"] == pytest.approx(100 / 1_002)
 
 
-def test_where_nobody_was_told_so_the_histogram_is_empty():
+def test_without_that_instruction_the_histogram_is_empty():
     moves = made(UP, [1, -1], [])
     for instruction, windows, mean in ((UP, 2, 0), (DOWN, 0, None)):
         found = histogram(moves, instruction, bins=4)
@@ -98,7 +98,7 @@ def test_both_groups_are_shown_over_the_changes_after_all_instructions():
     ("instruction", "means"),
     [(UP, [-3.0, 0.5]), (DOWN, [3.0, -0.5]), (STILL, [-3.0, -1.5])],
 )
-def test_how_far_each_episode_went_as_told(instruction: float, means: list[float]):
+def test_how_far_each_episode_went_the_instructed_way(instruction: float, means: list[float]):
     """One went down by 2 and 4 metres, one up by 2 and down by 1; one was told something else."""
     changes, episodes = np.array([-2.0, -4, 2, -1, 7]), np.array([1, 1, 4, 4, 2])
     none = np.zeros(5, bool)
@@ -137,7 +137,7 @@ def test_where_the_best_go_further_the_claim_holds(instructions: float):
     )
 
 
-def test_told_to_stay_the_claim_holds_where_the_best_move_less_to_either_side():
+def test_instructed_to_stay_the_claim_holds_where_the_best_move_less_to_either_side():
     still = rides((10, 0, 9, "lower"), (15, 2, 1, "lower"), (15, -2, 1, "lower"), instruction=STILL)
     assert claimed(still, STILL)["all"] == "yes"
     moving = rides((10, -2, 9, "lower"), (30, 0, 1, "lower"), instruction=STILL)
@@ -162,7 +162,7 @@ def test_contexts_in_which_the_best_follow_more_make_the_claim_within_but_not_fo
     assert claimed(rides(*upper, *lower)) == {"all": "no", "lower": "yes", "upper": "yes", "within": "yes"}
 
 
-def test_what_was_never_told_to_both_groups_cannot_be_claimed():
+def test_what_was_never_instructed_to_both_groups_cannot_be_claimed():
     both = rides((4, 1, 9, "lower"), (12, 1, 1, "lower")) + rides((4, 1, 0, "upper"), instruction=DOWN)
     moves = movements_of(both, TASK, 5, 0.25)
     found = claim_effects(moves, UP, 20, 0)

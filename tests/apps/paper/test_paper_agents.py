@@ -83,7 +83,7 @@ def test_policies_between_those_tried_at_first_are_found():
 
 
 @pytest.mark.parametrize("rates", [hidden(), curve(7, 0), curve(90, 1)], ids=["200", "7", "90"])
-def test_each_flies_the_first_seeds_once_and_not_more_than_the_last_round_asks_for(rates: list[float]):
+def test_each_rolls_out_the_first_seeds_once_and_not_more_than_the_last_round_asks_for(rates: list[float]):
     policies, field = policies_of(rates), KnownSuccess()
     chosen, tried = screen(policies, field.fly_all, SEEDS)
     for frame, policy in policies.items():
@@ -95,7 +95,7 @@ def test_each_flies_the_first_seeds_once_and_not_more_than_the_last_round_asks_f
     assert all(len(tried[frame]) == ROUND_EPISODES[-1] for frame in chosen.values())
 
 
-def test_where_there_are_enough_seeds_each_policy_flies_its_own():
+def test_where_there_are_enough_seeds_each_policy_rolls_out_its_own():
     policies, field, seeds = policies_of(curve(12, 0)), KnownSuccess(), range(10_000)
     screen(policies, field.fly_all, seeds)
     rolled_out = [field.seeds_of(policy) for policy in policies.values()]

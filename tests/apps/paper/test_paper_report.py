@@ -195,7 +195,7 @@ def without_drawing(folder: Path, found: Any, results: Any) -> tuple[list[Path],
     return [], folder / "report.html"
 
 
-def test_another_seed_flies_other_episodes(
+def test_another_seed_rolls_out_other_episodes(
     trained: Path, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "write_report", without_drawing)

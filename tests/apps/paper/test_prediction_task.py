@@ -128,7 +128,7 @@ def test_what_every_observer_expects_worked_out_by_hand():
     }
 
 
-def test_cut_at_the_end_everything_is_foretold_from_there():
+def test_cut_at_the_end_everything_is_predicted_from_there():
     found = guesses(AT_END)
     assert (found.position.tolist(), found.end.tolist()) == ([30, 30], [40, 10])
     assert found.expected[DEFAULT].tolist() == [[25, 25]]
@@ -228,7 +228,7 @@ def test_episodes_that_do_not_come_down_or_touch_too_early_are_left_out(monkeypa
     assert (rolled_out, steps) == ([1, 2, 3, 4, 5], 3)
 
 
-def test_with_enough_episodes_no_more_are_flown(monkeypatch: pytest.MonkeyPatch):
+def test_with_enough_episodes_no_more_are_rolled_out(monkeypatch: pytest.MonkeyPatch):
     found, rolled_out, steps = picked(monkeypatch, 2)
     assert [one.seed for one in found] == [2, 4]
     assert (rolled_out, steps) == ([1, 2, 3, 4], 2)

@@ -280,7 +280,7 @@ def test_the_first_error_of_a_traceback_says_what_was_wrong():
         ),
     ],
 )
-def test_an_end_is_told_in_a_few_words(text: str, what: str):
+def test_an_end_is_described_in_a_few_words(text: str, what: str):
     assert ray_workers._why(RuntimeError(text)) == what
 
 

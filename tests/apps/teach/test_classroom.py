@@ -184,7 +184,7 @@ def trainer(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Iterator[Class
 
 
 class Game:
-    """The process that plays: steps the first game in a thread until it is told to end."""
+    """The process that plays: steps the first game in a thread until it is asked to end."""
 
     playing: ClassVar[list[Game]] = []
 

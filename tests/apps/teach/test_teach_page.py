@@ -124,7 +124,7 @@ def signed(value: int) -> str:
 def test_a_pause_by_button_and_its_end_by_the_space_bar(classroom: Classroom):
     page = classroom.page
     page.click("#pause")
-    until(page, "lesson.now.controls.paused && document.getElementById('pause').textContent === 'go on'")
+    until(page, "lesson.now.controls.paused && document.getElementById('pause').textContent === 'resume'")
     before = stands(page)
     page.locator("#pause").blur()
     page.keyboard.press("Space")
