@@ -94,7 +94,7 @@ def test_who_says_what_is_happening_anyway_looks_the_other_way_round() -> None:
 
 
 def test_it_is_the_slope_of_movements_on_changes_of_the_instruction() -> None:
-    """All begin at 0, instructed +1. Four go on by 2 and are instructed 0 then; five stay and are instructed +1 still."""
+    """All begin at 0 with the instruction +1. Four go on by 2 and get 0 then; five stay and still get +1."""
     log = by_hand([[0, 2, 2]] * 8 + [[0, 0, 0]] * 8, [[1, 0]] * 8 + [[1, 1]] * 8)
     found = satisfaction(log, np.ones(1), 0, 0)
     assert found is not None
