@@ -69,7 +69,7 @@ def print_narration(
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
     verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
     console = console or Console(highlight=False)
-    console.width = max(console.width, 110)
+    console.width = max(console.width, 120)
     for line in _opening(run, verdicts):
         console.print(line, markup=False)
     console.print(_table(run, watched, said, true))

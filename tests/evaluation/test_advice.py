@@ -58,7 +58,9 @@ def test_good_words_need_nothing(run: TrainedRun) -> None:
 def test_reversed_words_are_named_and_the_sign_is_looked_at_first(run: TrainedRun) -> None:
     found = verdict_of(rows(0.04), OURS, meaning(run))
     assert found["level"] == "reversed"
-    assert found["text"].startswith("REVERSED: “going up” is said when height falls; its words tell")
+    assert found["text"].startswith(
+        "REVERSED: “going up” is said when height falls; AUC of its words for the direction of motion: .04"
+    )
     first, second, *rest = found["advice"]
     assert first.startswith("env.task.explained=[height] says that height rises with +1, but")
     assert "has to rise where the rule says +1" in second
@@ -101,7 +103,7 @@ def test_an_unknown_meaning_is_reported_with_its_reason(run: TrainedRun) -> None
 def test_what_cannot_be_computed(run: TrainedRun) -> None:
     found = verdict_of([{"explainer": OURS, "horizon_steps": 5, "motion_auc": NONE}], OURS, run)
     assert (found["level"], found["motion_auc"], found["echo"]) == ("unknown", NONE, None)
-    assert "height did not go both ways" in found["text"]
+    assert "height did not move both ways" in found["text"]
     assert "explained_band" in found["advice"][0]
 
 

@@ -169,7 +169,7 @@ def test_tables_and_figures_show_each_number(judged: Judged, capsys: pytest.Capt
     tables.print_observers({"episodes": 0, "rows": []}, rows)
     said = capsys.readouterr().out
     assert "Each component of the instruction" in said
-    assert "no simulated observer: it listens to one number, here there are 2" in said
+    assert "no simulated observer: it reads one component, here there are 2" in said
     titles = [axis.get_title() for axis in figures.by_explainer(rows, 5).axes]
     assert titles == [
         "all moments\n(mean of 2 numbers)",

@@ -69,7 +69,7 @@ def test_it_begins_with_the_verdict_and_ends_with_both_figures(tmp_path: Path) -
     found = "AUC of its words for the direction of motion: .97, good (chance .50, repeating the last instruction .50)."
     assert lines[0] == f"GOOD: {found}"  # where it rises by one it may say so or not
     assert found in lines[-1]
-    assert lines[-1].startswith("100% of what it said about its next 2 steps went as predicted; its words tell which ")
+    assert lines[-1].startswith("100% of its explanations of the next 2 steps went as predicted; AUC of its words for ")
     assert any(line.split()[-2:] == ["as", "predicted"] for line in lines)
 
 
@@ -78,7 +78,7 @@ def test_reversed_words_are_not_praised(tmp_path: Path) -> None:
     lines = printed(run_of(says(1, 0, -1, reason="seen"), tmp_path), watched())
     assert lines[0].startswith("REVERSED: “going up” is said when height falls; ")
     assert lines[1].startswith("  what to do: env.task.explained=[height] says that height rises with +1, but ")
-    assert lines[-1].startswith("100% of what it said")
+    assert lines[-1].startswith("100% of its explanations")
     assert ".03, reversed (chance .50" in lines[-1]
 
 
@@ -113,7 +113,7 @@ def test_words_without_a_known_meaning_are_not_said(tmp_path: Path) -> None:
     assert "“going down”: +1 asks for a movement, nobody did it, but I cannot tell what “going up” means" in lines
     [row] = [line.split() for line in lines if CANNOT_TELL in line and line.split()[0].startswith("0")]
     assert row[-3:] == ["-", "-", "-"]  # number, sure, as predicted
-    assert "% of what it said (at 78% of the moments) about" in lines[-1]
+    assert "% of its explanations (at 78% of the moments) of the next" in lines[-1]
     rows = [line for line in lines if re.match(r" *\d+(-\d+)?  ", line)]
     assert {line.count("up") for line in rows} == {1}  # that is what it was told
 
@@ -124,7 +124,7 @@ def test_of_nothing_said_no_share_is_reported(tmp_path: Path) -> None:
     assert lines[0] == "UNKNOWN: I cannot tell what “going up” means: nobody did it."
     assert sum("nobody did it" in line for line in lines) == 1
     assert lines[-1].startswith(
-        "It said nothing; AUC of its words for the direction of motion: the meaning of its words is not "
+        "It gave no explanation; AUC of its words for the direction of motion: the meaning of its words is not "
     )
 
 

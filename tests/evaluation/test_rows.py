@@ -37,7 +37,7 @@ def test_the_truth_is_the_change_and_what_a_forecast_gets_wrong_is_hard():
     real = truth()
     assert real.change.tolist() == [[2], [-2], [0], [2]]
     assert real.hard[:, 0].tolist() == [False, True, False, False]
-    assert real.found.tolist() == [[1], [-1], [0], [-1]]
+    assert real.instruction.tolist() == [[1], [-1], [0], [-1]]
     assert real.unweighed().weights.tolist() == [[1, 1, 1, 1]]
 
 

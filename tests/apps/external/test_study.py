@@ -133,7 +133,9 @@ def test_it_explains_an_episode(studied: Study) -> None:
     text = str(found)
     assert text.count("\n") > 5
     assert re.search("^Lunar Lander with pads: left", text, re.MULTILINE)  # a verdict comes first
-    closing = r"\d+% of what it said .*about its next 20 steps went as predicted; its words tell .*\. Agent: function"
+    closing = (
+        r"\d+% of its explanations .*of the next 20 steps went as predicted; AUC of its words .*\. Agent: function"
+    )
     assert re.search(closing, " ".join(text.split()))
 
 

@@ -136,7 +136,7 @@ def test_every_experiment_has_its_answers():
         "The clusters",
         "Small",
     ]
-    starts += ["Simulated", "Simulated"]
+    starts += ["Error", "Error"]
     given = every(found())
     assert len(given) == len(starts)
     assert all(one.startswith(start) for one, start in zip(given, starts, strict=True))
@@ -148,7 +148,7 @@ def test_headlines_are_answers_and_of_the_papers_agent():
     two["prediction"].append({**two["prediction"][0], "agent": "C"})
     heads = headlines(two)
     assert set(heads) <= set(every(two))
-    assert [head.split()[0] for head in heads] == ["Agents", "That", "The", "Small", "Simulated", "Simulated"]
+    assert [head.split()[0] for head in heads] == ["Agents", "Do", "The", "Small", "Error", "Error"]
     assert not any("agent C" in head for head in heads)
 
 
@@ -167,18 +167,18 @@ def test_who_is_not_near_is_named(far: str, names: str):
 
 def test_how_often_the_papers_claim_holds():
     """To a side: A yes and yes, B open and never told; within: A yes and open, of B nothing."""
-    assert said("That high-score") == (
-        "That high-score episodes follow the instruction more holds here: told to go to a side, mostly (2 of 3 tests, "
-        "the reverse in 0); among episodes with the same floor sometimes (1 of 2 tests, the reverse in 0). Told to go "
-        "straight down, never (0 of 2 tests, the reverse in 1); among episodes with the same floor sometimes (1 of 2 "
-        "tests, the reverse in 1)."
+    assert said("Do high-score") == (
+        "Do high-score episodes follow the instruction more? Instructed to go to a side: mostly (2 of 3 tests, the "
+        "reverse in 0); among episodes with the same floor sometimes (1 of 2 tests, the reverse in 0). Instructed to "
+        "go straight down: never (0 of 2 tests, the reverse in 1); among episodes with the same floor sometimes (1 of "
+        "2 tests, the reverse in 1)."
     )
 
 
 def test_a_claim_that_always_holds():
     yes = claimed("yes", 0.9)
     both = [preliminary(name, left=(yes, yes), staying=(yes, yes), right=(yes, yes)) for name in "AB"]
-    assert said("That high-score", preliminary=both).count("always") == 4
+    assert said("Do high-score", preliminary=both).count("always") == 4
 
 
 def test_the_claim_of_each_instruction():
@@ -193,7 +193,7 @@ def test_the_claim_of_each_instruction():
 
 def test_without_any_claim_nothing_is_claimed():
     nobody = [preliminary(name, left=(None, None), staying=(None, None), right=(None, None)) for name in "AB"]
-    assert said("That high-score", preliminary=nobody).count("never (0 of 0 tests, the reverse in 0)") == 4
+    assert said("Do high-score", preliminary=nobody).count("never (0 of 0 tests, the reverse in 0)") == 4
     for words in PHRASES.values():
         both = "A: not instructed so in both groups; B: not instructed so in both groups."
         assert said(f"Instructed “{words}”", preliminary=nobody).endswith(both)
@@ -213,17 +213,17 @@ def test_small_movements_that_are_missed_and_why():
     assert "signs kept instead of min-max 30 and 10 %" in small
     assert "our split with mean instructions and min-max 11 and 13 %" in small
     assert "our default 2 and 2 %" in small
-    assert "min-max causes 25 %, the paper's split causes 18 % to be missed" in small  # 45 - 20, 20 - 2 %
+    assert "Missed because of min-max: +25 %; because of the paper's split: +18 %." in small  # 45 - 20, 20 - 2 %
 
 
 @pytest.mark.parametrize(
     ("signs", "paper", "minmax"),
-    [(0.3, 0.31, "causes none"), (0.3, 0.29, "causes none"), (0.3, 0.2, "saves 10 %"), (0.3, 0.4, "causes 10 %")],
+    [(0.3, 0.31, "none"), (0.3, 0.29, "none"), (0.3, 0.2, "-10 %"), (0.3, 0.4, "+10 %")],
 )
 def test_a_cause_is_named_only_where_there_is_one(signs: float, paper: float, minmax: str):
     changed = {SIGNS_KEPT: rates(signs, signs), PAPERS: rates(paper, paper)}
     small = said("Small", straight=with_rates(**changed))
-    assert f"min-max {minmax}, the paper's split causes 28 % to be missed" in small
+    assert f"Missed because of min-max: {minmax}; because of the paper's split: +28 %." in small
 
 
 @pytest.mark.parametrize("unknown", [rates(None, 0.2), rates(0.2, None), rates(None, None)])
@@ -240,19 +240,19 @@ def test_the_table_says_where_nothing_moved():
 
 
 def test_how_far_observers_are_off_at_each_cut():
-    end = said("Simulated observers of agent B, cut at the end")
-    assert "are 5.0 % of the width off without explanation (9.1 % if they expect it straight down)" in end
-    assert "6.2 % with the paper's vocabulary, 1.6 % with the default, 12.3 % if instructions were shuffled" in end
-    contact = said("Simulated observers of agent B, cut at first contact")
-    assert "are 7.0 % of" in contact
+    end = said("Error of simulated observers of agent B, cut at the end")
+    assert "in % of the width: 5.0 % without explanation (9.1 % if they expect it straight down)" in end
+    assert "6.2 % with the paper's vocabulary, 1.6 % with the default, 12.3 % with shuffled instructions" in end
+    contact = said("Error of simulated observers of agent B, cut at first contact")
+    assert "7.0 % without explanation" in contact
     assert "7.3 % with the paper's vocabulary, 6.4 % with the default" in contact
 
 
 def test_better_and_worse_and_what_is_significant():
-    end = said("Simulated observers of agent B, cut at the end")
+    end = said("Error of simulated observers of agent B, cut at the end")
     paper = "the paper's vocabulary is significantly worse (better in 4 of 19 episodes, corrected p 0.031)"
     ours = "the default is significantly better (better in 18 of 20 episodes, corrected p 0.000)"
-    assert end.endswith(f"Beside none {paper}; {ours}.")
+    assert end.endswith(f"Compared with no explanation, {paper}; {ours}.")
     assert row("Does the explanation help? (agent B, cut at the end)") == f"{paper}; {ours}"
     contact = row("Does the explanation help? (agent B, cut at first contact)")
     assert contact == (
