@@ -63,7 +63,7 @@ def test_reversed_words_are_named_and_the_sign_is_looked_at_first(run: TrainedRu
     )
     first, second, *rest = found["advice"]
     assert first.startswith("env.task.explained=[height] says that height rises with +1, but")
-    assert "has to rise where the rule says +1" in second
+    assert "must rise where the rule says +1" in second
     assert rest == [COMPARE, ASK_FOR_IT]
     assert verdict_of(rows(0.04), OURS, run)["advice"] == [second, *rest]  # nobody has asked what the words mean
 
