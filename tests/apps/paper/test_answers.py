@@ -131,7 +131,7 @@ def with_rates(**changed: dict[str, Any]) -> list[dict[str, Any]]:
 def test_every_experiment_has_its_answers():
     starts = [
         "Agents",
-        "That high-score",
+        "Do high-score",
         *(f"Instructed “{words}”" for words in PHRASES.values()),
         "The clusters",
         "Small",
