@@ -87,11 +87,11 @@ def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: 
 def serve_until_enter(recording: Path, ports: Ports) -> None:
     """Serve the recording until Enter or Ctrl-C; not served without a terminal, which could not end it."""
     if not sys.stdin.isatty():
-        print("not served: there is no terminal to end it from")
+        print("not served: there is no terminal from which to stop it")
         return
     with Relay(recording, ports):
         print(invitation(ports))
-        input("  Enter ends it ")
+        input("  press Enter to stop ")
 
 
 if __name__ == "__main__":

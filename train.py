@@ -82,9 +82,10 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
         return skip(run, error)
     with timeit("explain"):
         rollout = record_rollout(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
-        voice, every = run.vocabulary.voice(cfg.predictor.futures, cfg.min_confidence), cfg.explain_every_steps
-        said = hold(explain(rollout.moments[::every], policy, run.predictor, voice), every, len(rollout.moments))
-    return judge_and_tell(run, refresh, rollout, said, voice)  # words → rerun
+        explainer = run.vocabulary.explainer_state(cfg.predictor.futures, cfg.min_confidence)
+        every = cfg.explain_every_steps
+        said = hold(explain(rollout.moments[::every], policy, run.predictor, explainer), every, len(rollout.moments))
+    return judge_and_tell(run, refresh, rollout, said, explainer)  # words → rerun
 
 
 def evaluate(run: Run) -> dict[str, float]:

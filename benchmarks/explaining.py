@@ -62,8 +62,8 @@ def explain_all(run: TrainedRun, warm: Sequence[Moment]) -> Any:
     """``explain`` with everything but the moments filled in; its games are made already."""
     simulator = Simulator.make(run.config.predictor, make_snapshot_env=run.make_env, rule=run.task.rule, seed=0)
     simulator.rollout(warm, run.policy, 1)
-    rest = (run.policy, simulator, replace(explainer_state(run), futures=1))
-    return lambda moments: explain(moments, *rest)
+    explainer = replace(explainer_state(run), futures=1)
+    return lambda moments: explain(moments, run.policy, simulator, explainer)
 
 
 def batched(run: TrainedRun, moments: Sequence[Moment]) -> float:

@@ -23,9 +23,9 @@ console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "instruction.json"
 HIDDEN = "agent.ignores=[goal_x]"
 SIGHT = {
-    "told, goal seen": (),
+    "instructed, goal seen": (),
     "silent, goal seen": ("instructor=silent",),
-    "told, goal hidden": (HIDDEN,),
+    "instructed, goal hidden": (HIDDEN,),
     "silent, goal hidden": ("instructor=silent", HIDDEN),
 }
 """Learning curves; no vocabulary is learnt."""

@@ -105,7 +105,7 @@ def measure(found: dict[str, Any], seed: int, size: Size) -> None:
         with trained(seed, size, *overrides) as (run, moments):
             spoken = loss_of(run.mapping, moments, run)
             found["anew"].append({"seed": seed, "name": name, "trained": spoken, "corrupted": expected[name]["own"]})
-            console.print(f"seed {seed}, trained with {name}: loss {spoken}, foretold {expected[name]['own']}")
+            console.print(f"seed {seed}, trained with {name}: loss {spoken}, predicted {expected[name]['own']}")
 
 
 @contextmanager

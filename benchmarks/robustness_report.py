@@ -68,9 +68,9 @@ def _cell(values: Array, mapping: str, records: list[dict[str, Any]], curve: str
 
 
 def anew_table(records: list[dict[str, Any]]) -> list[str]:
-    """Trained with a flawed instructor, against what corrupting the log of a run with a flawless one foretold."""
+    """Trained with a flawed instructor, against what corrupting the log of a run with a flawless one predicted."""
     lines = [
-        "| instructor | seed | loss after training with it | loss foretold from the corrupted log |",
+        "| instructor | seed | loss after training with it | loss predicted from the corrupted log |",
         "|---|---|---|---|",
     ]
     for one in sorted(records, key=lambda each: (each["name"], each["seed"])):

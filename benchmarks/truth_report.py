@@ -202,7 +202,10 @@ def _truth(together: dict[str, Any]) -> plt.Figure:
     names = [name for name in names if _known(together, name, "motion_auc")]
     figure, axes = plt.subplots(1, 2, figsize=(9.5, 0.27 * len(names) + 1.3), sharey=True, layout="constrained")
     for axis, metric, title in zip(
-        axes, ("motion_auc", "motion_auc_disobeyed"), ("all moments", "where it did not do as told"), strict=True
+        axes,
+        ("motion_auc", "motion_auc_disobeyed"),
+        ("all moments", "where it did not follow the instruction"),
+        strict=True,
     ):
         _points(axis, together, names, metric)
         axis.set_title(title, fontsize=9)

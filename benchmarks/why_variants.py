@@ -53,7 +53,7 @@ def variants(task: Task, constant: Sequence[str] = ()) -> list[Variant]:
     names, x = task.state_names, task.state_names[task.explained[0]]
     return [
         Variant(PAPER, "the paper's"),
-        Variant("without windows told 0", "which windows", told_only=True),
+        Variant("without windows of instruction 0", "which windows", told_only=True),
         Variant("without windows cut short by the end", "which windows", {"window_end": "drop"}),
         Variant("without ends that failed", "which windows", {"failed_ends": "drop"}),
         Variant("best quarter of each context", "which windows", {"top_within": "context"}),

@@ -44,8 +44,8 @@ class ParallelLauncher(Launcher):
     def _flags(self) -> list[str]:
         """Where this program was told to look for config files."""
         about = self._config.hydra
-        told = [source.path for source in about.runtime.config_sources if source.provider == "command-line"]
-        return [f"--config-name={about.job.config_name}", *(f"--config-dir={path}" for path in told)]
+        paths = [source.path for source in about.runtime.config_sources if source.provider == "command-line"]
+        return [f"--config-name={about.job.config_name}", *(f"--config-dir={path}" for path in paths)]
 
 
 def _done() -> JobReturn:

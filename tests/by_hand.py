@@ -63,19 +63,19 @@ STEPS = 12
 def add(
     log: TrajectoryLog,
     reward: float,
-    told: float,
+    instruction: float,
     floor: int = 0,
     steps: int = STEPS,
     given: bool = True,
     went: float | None = None,
     seen_speed: bool = True,
 ) -> None:
-    """Log an episode in which the lift does what it is told, or ``went``, so many metres a step.
+    """Log an episode in which the lift follows the instruction, or ``went``, so many metres a step.
 
     Without ``seen_speed`` the state says 0 for it, and only where the lift has got to tells what it was told.
     """
     random = np.random.default_rng(log.episodes_ended)
-    speed = told if went is None else went
+    speed = instruction if went is None else went
     height = np.arange(steps + 1) * speed + random.normal(0, 0.01, steps + 1)
     states = np.column_stack([height, np.full(steps + 1, speed * seen_speed), np.full(steps + 1, floor)]).astype(
         np.float32
@@ -85,7 +85,7 @@ def add(
         "state": states[:-1],
         "action": np.zeros(steps, int),
         "reward": np.full(steps, reward / steps, np.float32),
-        "instruction": np.full((steps, 1), told if given else 0, np.float32),
+        "instruction": np.full((steps, 1), instruction if given else 0, np.float32),
         "given": np.full(steps, given),
         "next_state": states[1:],
         "done": last,
@@ -99,8 +99,8 @@ def two_floors(folder: Path) -> TrajectoryLog:
     """Four good episodes below, worse ones above: told up, down, still, still."""
     made = TrajectoryLog(folder, 1_000, TASK.contexts)
     for floor, base in ((0, 100.0), (1, 50.0)):
-        for rank, told in enumerate((1.0, -1.0, 0.0, 0.0)):
-            add(made, base - rank, told, floor)
+        for rank, instruction in enumerate((1.0, -1.0, 0.0, 0.0)):
+            add(made, base - rank, instruction, floor)
     return made
 
 
@@ -125,17 +125,17 @@ def better_half(**changes: Any) -> MappingConfig:
 
 def obey(log: TrajectoryLog, reward: float = 1.0, seen_speed: bool = True) -> None:
     """Up, down, still: as told."""
-    for told in WAYS:
-        add(log, reward, told, seen_speed=seen_speed)
+    for instruction in WAYS:
+        add(log, reward, instruction, seen_speed=seen_speed)
 
 
 def defy(log: TrajectoryLog, reward: float = 1.0, seen_speed: bool = True) -> None:
     """Up when told down, down when told up, still when told to stay."""
-    for told in WAYS:
-        add(log, reward, told, went=-told, seen_speed=seen_speed)
+    for instruction in WAYS:
+        add(log, reward, instruction, went=-instruction, seen_speed=seen_speed)
 
 
 def race(log: TrajectoryLog) -> None:
     """As no lift has gone before: one, two and three metres a step, told down, nothing and up."""
-    for told, went in ((-1.0, 1.0), (0.0, 2.0), (1.0, 3.0)):
-        add(log, 1.0, told, went=went)
+    for instruction, went in ((-1.0, 1.0), (0.0, 2.0), (1.0, 3.0)):
+        add(log, 1.0, instruction, went=went)

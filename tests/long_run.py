@@ -1,4 +1,4 @@
-"""A long training in little time: one batch is flown and comes again and again, and nothing is learnt from it.
+"""A long training in little time: one batch is collected and repeated, and nothing is learnt from it.
 
     python tests/long_run.py FRAMES_BETWEEN_REPORTS OVERRIDE ...
 
@@ -27,9 +27,9 @@ ROOT = Path(__file__).parent.parent
 
 
 def one_batch_again_and_again(collector: Any, agent: Any, **_: Any) -> Iterator[Any]:
-    flown = batches(collector, agent, overlap=False)
-    batch = next(flown).clone()
-    flown.close()
+    rolled_out = batches(collector, agent, overlap=False)
+    batch = next(rolled_out).clone()
+    rolled_out.close()
     for name in ("done", "truncated"):  # so that it goes on from itself
         batch["next", name][:, -1] = True
     while True:
@@ -58,8 +58,8 @@ def report_every(frames: int) -> None:
         nonlocal reported
         if log.frames // frames > reported:
             reported = log.frames // frames
-            told = {"frames": log.frames, "resident": resident_bytes(), "episodes": len(log.index)}
-            print(json.dumps(told | {"disk": disk_bytes(log.folder.parent)}), flush=True)  # noqa: T201
+            found = {"frames": log.frames, "resident": resident_bytes(), "episodes": len(log.index)}
+            print(json.dumps(found | {"disk": disk_bytes(log.folder.parent)}), flush=True)  # noqa: T201
         return real(log, losses)
 
     train.training_row = row

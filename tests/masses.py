@@ -16,15 +16,15 @@ Rule = Callable[[Array, int, int], float]
 """State, step and episode, to the instruction."""
 
 
-def obeys(_state: Array, told: float, chance: np.random.Generator) -> float:
-    return told + chance.normal()
+def obeys(_state: Array, instruction: float, chance: np.random.Generator) -> float:
+    return instruction + chance.normal()
 
 
-def opposes(_state: Array, told: float, chance: np.random.Generator) -> float:
-    return -told + chance.normal()
+def opposes(_state: Array, instruction: float, chance: np.random.Generator) -> float:
+    return -instruction + chance.normal()
 
 
-def ignores(_state: Array, _told: float, chance: np.random.Generator) -> float:
+def ignores(_state: Array, _instruction: float, chance: np.random.Generator) -> float:
     return float(chance.normal())
 
 
@@ -74,7 +74,7 @@ def _one(
 ) -> Episode:
     chance = np.random.default_rng((seed, number))
     state, last = np.array([chance.uniform(-3, 3), 0.0]), 0.0
-    states, told, given, rewards = [state], [], [], []
+    states, instruction, given, rewards = [state], [], [], []
     for step in range(steps):
         if chance.random() < 1 / heard_every:
             last = rule(state, step, number)
@@ -84,13 +84,13 @@ def _one(
         speed = 0.7 * state[1] + 0.1 * agent(state, last, chance)
         state = np.array([state[0] + speed, speed])
         states.append(state)
-        told.append(last * given[-1])
+        instruction.append(last * given[-1])
         rewards.append(per_step + pays * last * speed)
     return Episode(
         states=np.array(states),
         actions=np.zeros(steps, int),
         rewards=np.array(rewards),
-        instructions=np.array(told)[:, None],
+        instructions=np.array(instruction)[:, None],
         given=np.array(given),
         terminated=False,
         success=False,

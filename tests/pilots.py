@@ -66,10 +66,10 @@ class OneHot(torch.nn.Module):
         return torch.nn.functional.one_hot(outputs.argmax(-1), outputs.shape[-1])
 
 
-def trained(kind: str, told: bool = False) -> BaseAlgorithm:
+def trained(kind: str, instructed: bool = False) -> BaseAlgorithm:
     """A model that stable-baselines3 has trained for a few seconds."""
     torch.set_num_threads(1)
-    env = Instructed(gymnasium.make(LANDER_ID)) if told else gymnasium.make(LANDER_ID)
+    env = Instructed(gymnasium.make(LANDER_ID)) if instructed else gymnasium.make(LANDER_ID)
     net = {"net_arch": [16]}
     if kind == "PPO":
         return PPO("MlpPolicy", env, n_steps=256, seed=0, policy_kwargs=net, device="cpu").learn(512)

@@ -312,15 +312,15 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         obey(log, seen_speed=False)  # or the axis would be the speed's, which never changes
     obey(flights)
     defy(flights)
-    flown = why.landed("lift", log, MappingConfig(horizon_steps=5), TASK, flights.read(range(6)))
-    run, rows = why.measure(flown, seeds=2, resamples=5)
+    rolled_out = why.landed("lift", log, MappingConfig(horizon_steps=5), TASK, flights.read(range(6)))
+    run, rows = why.measure(rolled_out, seeds=2, resamples=5)
     return {"protocol": {}, "runs": [run], "table": summarise([run], [rows])}
 
 
-def test_variants_are_told_apart_on_real_flights(lift: dict[str, Any]):
+def test_variants_are_distinguished_on_real_flights(lift: dict[str, Any]):
     auc = {record["name"]: record["motion_auc"]["value"] for record in lift["table"]}
     assert (auc["paper"], auc["axis"], auc["height only"]) == (1, 1, 1)
-    assert auc["without windows told 0"] < 1  # what stands still has to be called up or down
+    assert auc["without windows of instruction 0"] < 1  # what stands still has to be called up or down
     assert auc["without height"] is None  # nothing is left that moves
     assert "without floor" not in auc
     assert lift["runs"][0]["moments"] == 18

@@ -59,7 +59,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     return asked
 
 
-def test_instruction_is_measured_and_told(tmp_path: Path, in_this_process: list[list[str]]):
+def test_instruction_is_measured_and_reported(tmp_path: Path, in_this_process: list[list[str]]):
     arguments = ["--quick", "--seeds", "4", "--output", str(tmp_path)]
     instruction.main(arguments)
     found = json.loads((tmp_path / "instruction.json").read_text())
@@ -82,7 +82,7 @@ def test_instruction_is_measured_and_told(tmp_path: Path, in_this_process: list[
     assert (tmp_path / "INSTRUCTION.md").read_text() == page
 
 
-def test_robustness_is_measured_and_told(
+def test_robustness_is_measured_and_reported(
     tmp_path: Path, in_this_process: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ):
     ends = {curve: {p: points[p] for p in (min(points), max(points))} for curve, points in robustness.CURVES.items()}
@@ -136,7 +136,7 @@ def test_every_arm_can_be_trained(part: str, name: str):
 
 
 @pytest.mark.parametrize("name", robustness.ANEW)
-def test_what_is_trained_anew_has_the_flaws_that_are_foretold(name: str):
+def test_what_is_trained_again_has_the_flaws_that_are_predicted(name: str):
     overrides, flaws = robustness.ANEW[name]
     assert composed(*robustness.COMMON, *overrides).instructor == flaws
 
@@ -172,7 +172,7 @@ def test_growth_is_from_the_same_run_and_draw_without_flaws():
     ]
 
 
-def test_what_was_trained_stands_beside_what_was_foretold():
+def test_what_was_trained_stands_beside_what_was_predicted():
     records = [
         {"seed": 1, "name": "late", "trained": 0.25, "corrupted": None},
         {"seed": 0, "name": "late", "trained": 0.125, "corrupted": 0.5},

@@ -89,14 +89,14 @@ def test_who_does_not_know_the_words_is_silent(meaning: Meaning, outcome: str, k
 
 
 def test_episodes_that_go_one_way_only_judge_nothing() -> None:
-    with pytest.raises(ValueError, match=r"hand: its fresh episodes do not go both ways by 0\.5"):
+    with pytest.raises(ValueError, match=r"hand: its new episodes do not go both ways by 0\.5"):
         judge(on_a_line([-1, 1]), by_hand(BOTH_WAYS[:1]), UP)
 
 
 def test_the_table_counts() -> None:
     silent = Verdict("silent", float("nan"), 0.0, "too | little")
-    told = [Verdict("true", 1.0, 1.0), Verdict("reversed", 0.1, 1.0)]
-    lines = as_markdown({"a": UP, "b": replace(UP, tellable=False)}, {"a": told, "b": [silent, silent]}).splitlines()
+    found = [Verdict("true", 1.0, 1.0), Verdict("reversed", 0.1, 1.0)]
+    lines = as_markdown({"a": UP, "b": replace(UP, tellable=False)}, {"a": found, "b": [silent, silent]}).splitlines()
     assert lines[2:4] == ["| a | yes | true 1.00 | reversed 0.10 |  |", "| b | no | silent | silent | too / little |"]
     assert lines[5:] == [
         "- silently reversed: 1 of 4",
@@ -161,8 +161,8 @@ def test_names_and_reasons() -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_truth_is_what_the_agent_does_when_told(name: str) -> None:
-    """Told +1 throughout it ends higher along the direction than told -1 from the same seed, or does not listen."""
+def test_truth_is_what_the_agent_does_when_instructed(name: str) -> None:
+    """Under +1 it ends higher along the direction than under -1 from the same seed, or does not listen."""
     one = ALL[name]
     higher = moved(one, 1.0) - moved(one, -1.0)
     if "_corrective_opposite_" in name:

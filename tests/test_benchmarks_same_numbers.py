@@ -231,7 +231,7 @@ def test_a_recording_runs_the_scripts_of_the_checkout(checkout: Path, tmp_path: 
     assert files(folder, "episode")[OUTPUT] == {"line 0": "ran in CHECKOUT for FOLDER/episode"}
 
 
-def test_a_script_that_fails_is_told(checkout: Path, tmp_path: Path) -> None:
+def test_a_script_that_fails_is_reported(checkout: Path, tmp_path: Path) -> None:
     (checkout / "train.py").write_text("raise SystemExit('no')")
     with pytest.raises(RuntimeError, match=r"(?s)train.py .* ended with 1:\nno"):
         record(checkout, tmp_path / "recorded", [RUN], say=len)

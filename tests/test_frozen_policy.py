@@ -41,12 +41,12 @@ def run() -> TrainedRun:
 
 @pytest.fixture(scope="module")
 def logs(run: TrainedRun, tmp_path_factory: pytest.TempPathFactory) -> list[TrajectoryLog]:
-    """Ten logs, each of fresh episodes of the demo's policy."""
+    """Ten logs, each of new episodes of the demo's policy."""
     envs = [run.make_env() for _ in range(64)]
     instructor = make_instructor(InstructorConfig("oracle"), run.task)
     firsts = range(FIRST_SEED, FIRST_SEED + REFRESHES * EPISODES, EPISODES)
-    flown = [play(envs, run.policy, instructor, range(first, first + EPISODES)) for first in firsts]
-    return [logged(tmp_path_factory.mktemp("log"), run.task.contexts, episodes) for episodes in flown]
+    rolled_out = [play(envs, run.policy, instructor, range(first, first + EPISODES)) for first in firsts]
+    return [logged(tmp_path_factory.mktemp("log"), run.task.contexts, episodes) for episodes in rolled_out]
 
 
 @pytest.fixture(scope="module", params=["paper", "axis"])

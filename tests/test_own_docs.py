@@ -43,7 +43,7 @@ def quickly(code: str) -> str:
 def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     judged: list[Study] = []
     monkeypatch.setattr(Study, "evaluate", lambda self: judged.append(self))  # test_study.py has it judged
-    three, function, told = blocks(AGENT)
+    three, function, answer = blocks(AGENT)
     names: dict[str, Any] = {}
     exec(quickly(three), names)  # noqa: S102 - our own page
     assert judged == [names["study"]]
@@ -51,7 +51,7 @@ def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, c
     assert "about its next 20 steps went as predicted" in capsys.readouterr().out
     exec(quickly(function), names)  # noqa: S102
     assert names["study"].run.config.agent.sees_instruction is False
-    exec(told, names)  # noqa: S102
+    exec(answer, names)  # noqa: S102
     assert names["model"].observation_space.shape == (11,)
     [log] = blocks(LOG)
     exec(log, names)  # noqa: S102

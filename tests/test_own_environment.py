@@ -47,7 +47,7 @@ def test_the_files_and_the_commands_do_what_they_say(
     said = capsys.readouterr().out
     assert "Cart-pole: any" in said
     assert "going" in said
-    with pytest.raises(SystemExit, match="context=any: allowed is none, nothing fixes it in this environment"):
+    with pytest.raises(SystemExit, match="context=any: allowed is none, this environment has no option for it"):
         call(*explain, "viewer=off", "context=any")
     call(*evaluate, *EASIER)
     rows = json.loads((tmp_path / "runs/my_cart/evaluation/quality.json").read_text())["rows"]

@@ -14,12 +14,12 @@ README = (ROOT / "README.md").read_text()
 
 def walk_to_the_middle(start: float, random: np.random.Generator) -> Episode:
     """Told to go there, it does, by .05 a step; the second number of the state says nothing."""
-    place, told = [start], []
+    place, instruction = [start], []
     for _ in range(40):
-        told.append(float(np.sign(-place[-1]) * (abs(place[-1]) > 0.1)))
-        place.append(place[-1] + 0.05 * told[-1] + random.normal(0, 0.01))
+        instruction.append(float(np.sign(-place[-1]) * (abs(place[-1]) > 0.1)))
+        place.append(place[-1] + 0.05 * instruction[-1] + random.normal(0, 0.01))
     states, nothing = np.column_stack([place, random.normal(size=41)]), np.zeros(40)
-    return Episode(states, nothing, nothing, np.array(told)[:, None], np.ones(40, bool), False, False, "any")
+    return Episode(states, nothing, nothing, np.array(instruction)[:, None], np.ones(40, bool), False, False, "any")
 
 
 def test_the_lines_of_python_run() -> None:
@@ -31,7 +31,7 @@ def test_the_lines_of_python_run() -> None:
     names = {"delta_states": delta_states, "instructions": way, "new_delta_states": np.array([[-0.2, 0], [0.2, 0]])}
     names |= {
         "states": np.column_stack([-way, random.normal(size=300)]) + random.normal(0, 0.01, (300, 2)),
-        "told": way,
+        "state_instructions": way,
     }
     names["episodes"] = [walk_to_the_middle(start, random) for start in np.linspace(-1, 1, 20)]
     exec(block, names)  # noqa: S102 - our own README

@@ -103,14 +103,14 @@ def test_the_disk_is_full_when_the_state_is_written(tmp_path: Path, monkeypatch:
     with full_disk(resource.RLIM_INFINITY):
         said = failing(*RUN, f"run_dir={folder}")
     assert f"{folder}/checkpoints/latest.pt cannot be written (File too large)" in said
-    assert "the training has ended at 4,096 frames; make room, then its state at 3,072 frames is kept" in said
-    assert said.endswith(f"go on from it: train.py resume={folder}")
+    assert "the training has ended at 4,096 frames; make room, then resume its saved state of 3,072 frames" in said
+    assert said.endswith(f"resume it with train.py resume={folder}")
     assert state_frames(folder) == 3072
     assert frames_of(folder) == FRAMES[:4]
     assert not list(folder.rglob("*.partial"))
     monkeypatch.undo()
     call("train", f"resume={folder}")
-    assert "going on at 3,072 frames" in capsys.readouterr().out
+    assert "resuming at 3,072 frames" in capsys.readouterr().out
     assert_all_there(folder)
 
 
@@ -133,7 +133,7 @@ def test_the_disk_has_no_room_for_the_log(tmp_path: Path) -> None:
     with full_disk(ROOM):
         said = failing(*RUN, f"run_dir={folder}")
     assert f"{folder}/trajectories/state.npy cannot be written (File too large)" in said
-    assert said.endswith(f"make room, then its state at 0 frames is kept, go on from it: train.py resume={folder}")
+    assert said.endswith(f"make room, then resume its saved state of 0 frames: train.py resume={folder}")
     assert not (folder / "trajectories" / "state.npy").exists()
     call("train", f"resume={folder}")
     assert_all_there(folder)
@@ -174,7 +174,7 @@ def test_all_checkpoints_were_cut_short(run: Path) -> None:
     for name in ("latest", "best"):
         said = failing(f"resume={run}", f"resume_from={name}")
         assert f"{name}.pt: not a readable checkpoint" in said
-    assert said.endswith("train it anew")
+    assert said.endswith("train again")
     assert frames_of(run) == FRAMES[:4]  # nothing was touched
 
 
@@ -263,7 +263,7 @@ def test_a_loss_that_is_no_number(agent: str, module: Any, loss: str, tmp_path: 
     spoil(monkeypatch, module, batches=4)
     said = failing(*RUN, f"agent={agent}", *settings, f"run_dir={folder}")
     assert f"learning from the frames after 4,096 gave {loss}=nan, the training has ended" in said
-    assert f"its state at 4,096 frames is kept, go on from it: train.py resume={folder} with a smaller" in said
+    assert f"resume its saved state of 4,096 frames: train.py resume={folder} with a smaller" in said
     assert frames_of(folder) == FRAMES[:4]
     assert TrajectoryLog.open(folder / "trajectories").frames == 4096
     for path in folder.glob("checkpoints/policy_*.pt"):
@@ -274,7 +274,7 @@ def test_a_loss_that_is_no_number(agent: str, module: Any, loss: str, tmp_path: 
 
 
 def test_without_a_state_there_is_none_to_go_on_from(tmp_path: Path) -> None:
-    assert how_to_go_on(tmp_path) == "it has kept no state to go on from: train it anew"
+    assert how_to_go_on(tmp_path) == "train again: no state was saved"
 
 
 def test_an_error_that_nobody_expects_keeps_what_was_logged(tmp_path: Path, monkeypatch: Setter) -> None:
@@ -286,7 +286,7 @@ def test_an_error_that_nobody_expects_keeps_what_was_logged(tmp_path: Path, monk
     at_frames(monkeypatch, 4096, fail)
     with pytest.raises(ZeroDivisionError) as raised:
         call("train", *RUN, f"run_dir={folder}")
-    note = f"What was logged is in {folder}; its state at 3,072 frames is kept, go on from it: train.py resume={folder}"
+    note = f"What was logged is in {folder}; resume its saved state of 3,072 frames: train.py resume={folder}"
     assert raised.value.__notes__ == [note]
     assert TrajectoryLog.open(folder / "trajectories").frames == 4096
     monkeypatch.undo()
@@ -330,7 +330,7 @@ def test_a_state_of_another_network(run: Path) -> None:
 def test_a_run_from_before_there_were_states(run: Path) -> None:
     shutil.rmtree(run / "checkpoints")
     said = failing(f"resume={run}")
-    assert "it has no checkpoints/latest.pt, it ended before the first one; train it anew" in said
+    assert "it has no checkpoints/latest.pt, it ended before the first one; train again" in said
 
 
 @contextmanager

@@ -259,7 +259,7 @@ def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None
 def test_explain_tells_an_episode_of_a_run(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call("explain", f"run={run}", "seed=7", "context=right")
     said = capsys.readouterr().out
-    assert re.match("GOOD|WEAK|REVERSED|UNKNOWN|From this episode it cannot be told", said)
+    assert re.match("GOOD|WEAK|REVERSED|UNKNOWN|The AUC for the direction of motion cannot be measured", said)
     assert re.search(r"^Lunar Lander with pads: right, ", said, re.MULTILINE)
     assert "to the right" in said
     assert "went as predicted" in said
@@ -280,7 +280,7 @@ def test_explain_tells_what_is_said_of_each_span_of_time(
     monkeypatch.setenv("COLUMNS", "200")
     call("explain", f"run={run}", "seed=3", "viewer=off", "min_confidence=0")
     wide = capsys.readouterr().out
-    assert "of what it said about its next 20 steps went as predicted" in wide.splitlines()[-1]
+    assert "of its explanations of the next 20 steps went as predicted" in wide.splitlines()[-1]
     assert re.search("next 10 steps +next 20 steps", wide)
     spoken = said_of_spans(wide)
     assert {len(both) for both in spoken} == {2}
@@ -349,7 +349,7 @@ def test_it_is_said_what_can_be_done_if_refresh_after_refresh_is_skipped(
 ) -> None:
     call("train", *SMALL, "mapping.n_clusters=2000", f"run_dir={tmp_path / 'many'}", "viewer=off")
     told = capsys.readouterr().out.replace("\n", " ")
-    assert "2 refreshes were skipped so far and there are no words yet: train longer, take mapping=lasso" in told
+    assert "2 refreshes were skipped so far and there are no words yet: train longer, use mapping=lasso" in told
     assert "1 refreshes" not in told
 
 

@@ -132,7 +132,7 @@ def test_what_an_agent_is_not_sure_of_is_not_said():
         (["?up", "?down"], DOES_NOT_KNOW),
     ],
 )
-def test_spans_of_time_are_told_in_order_and_what_is_repeated_once(phrases: list[str], said: str):
+def test_spans_of_time_are_said_in_order_and_what_is_repeated_once(phrases: list[str], said: str):
     assert in_time(*phrases) == said
 
 

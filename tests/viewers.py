@@ -61,7 +61,7 @@ def viewer() -> Iterator[ViewerClient]:
 
 
 def shoot(client: ViewerClient, name: str, shot: Path) -> np.ndarray | None:
-    """A picture of one panel, or None while the viewer is about to lay out its panels anew."""
+    """A picture of one panel, or None while the viewer is about to lay out its panels again."""
     try:
         [view] = [view for view in client.get_state().views if view.name == name]
         assert not view.reports

@@ -55,7 +55,7 @@ CARTS = [
         rule=TO_THE_MIDDLE,
         policy=policies.obeys(steer_cart),
         reward=rewards.as_told(TO_THE_MIDDLE, along(0, 4)),
-        truth=cart_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
+        truth=cart_x(True, "it follows the instruction, is paid for it, and the instructor stops asking"),
     ),
     Situation(
         name="cart_corrective_opposite_a_step",
@@ -81,7 +81,7 @@ CARTS = [
         policy=policies.obeys(steer_cart),
         reward=None,
         make_instructor=partial(rules.Planned, 25, 50),
-        truth=cart_x(True, "it does what it is told"),
+        truth=cart_x(True, "it follows the instruction"),
     ),
 ]
 SWINGS = [
@@ -91,7 +91,7 @@ SWINGS = [
         rule=WITH_THE_SWING,
         policy=policies.obeys(twist),
         reward=rewards.energy_of_pendulum,
-        truth=swing(True, "it does what it is told and is paid for it"),
+        truth=swing(True, "it follows the instruction and is paid for it"),
     ),
     Situation(
         name="pendulum_swing_ignores_paid",
@@ -116,7 +116,7 @@ SWINGS = [
         rule=WITH_THE_CAR,
         policy=policies.obeys(drive),
         reward=None,
-        truth=car_v(True, "it does what it is told, and arrives sooner with it"),
+        truth=car_v(True, "it follows the instruction, and arrives sooner with it"),
     ),
     Situation(
         name="car_swing_never_told_rest",
@@ -136,7 +136,7 @@ LANDERS = [
         policy=policies.on_its_own(policies.fly_to_pad, anything),
         reward=None,
         told=False,
-        truth=lander_x(True, "the best episodes go where they are told, and there the instructor stops asking"),
+        truth=lander_x(True, "the best episodes go the instructed way, and there the instructor stops asking"),
     ),
     Situation(
         name="lander_corrective_obeys_lands",
@@ -144,7 +144,7 @@ LANDERS = [
         rule=to_the_pad,
         policy=policies.obeys(policies.fly),
         reward=None,
-        truth=lander_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
+        truth=lander_x(True, "it follows the instruction, is paid for it, and the instructor stops asking"),
     ),
     Situation(
         name="lander_speed_obeys_lands",
@@ -153,7 +153,7 @@ LANDERS = [
         policy=policies.obeys(policies.brake),
         reward=None,
         horizon_steps=12,
-        truth=lander_vy(True, "it does what it is told and is paid for falling slowly"),
+        truth=lander_vy(True, "it follows the instruction and is paid for falling slowly"),
     ),
 ]
 SITUATIONS = [*CARTS, *SWINGS, *LANDERS]

@@ -36,7 +36,7 @@ class Verdict:
 
 
 def fresh_changes(trial: Trial) -> Array:
-    """Changes ``(W, S)`` of the state over the horizon, from every fourth step of the fresh episodes."""
+    """Changes ``(W, S)`` of the state over the horizon, from every fourth step of the new episodes."""
     return np.concatenate(
         [delta_states(episode.states, trial.horizon_steps, "clamp")[::STRIDE_STEPS] for episode in trial.fresh]
     )
@@ -52,7 +52,7 @@ def judge(mapping: ExpressionMapping, trial: Trial, truth: Truth) -> Verdict:
     said, known = mapping.express(delta)[:, 0], float(np.mean(mapping.knows(delta)))
     auc = motion_auc(said, delta @ truth.direction, truth.band)
     if np.isnan(auc):
-        raise ValueError(f"{trial.name}: its fresh episodes do not go both ways by {truth.band}")
+        raise ValueError(f"{trial.name}: its new episodes do not go both ways by {truth.band}")
     reason = "; ".join(one.reason for one in getattr(mapping, "meanings", ()) if one.reason)
     return Verdict(_outcome(auc, known), auc, known, reason)
 

@@ -17,7 +17,7 @@ from ibe_rl.ibe import ClusterMapping, Reactions
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary.fitting import learn_vocabulary
-from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
+from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 
 
 def learn(trial: Trial, seed: int) -> ClusterMapping:
@@ -39,7 +39,7 @@ def told_otherwise(trial: Trial, seed: int) -> Reactions | None:
     seeds = [2 * TRAINING_SEEDS + episode_seed(seed, number) for number in range(ASKED_AT)]
     simulator = Simulator(trial.make_env, trial.task.rule, seed=seed)
     instructor = trial.make_instructor(seed)
-    return ask_in_flight(envs, trial.policy, instructor, simulator, seeds, typical_steps, trial.horizon_steps)
+    return ask_during_rollouts(envs, trial.policy, instructor, simulator, seeds, typical_steps, trial.horizon_steps)
 
 
 def filled(folder: Path, trial: Trial) -> TrajectoryLog:

@@ -59,13 +59,13 @@ CORRECTIVE = [
         name="mass_corrective_obeys_paid",
         policy=policies.obeys(go),
         reward=rewards.as_told(TO_THE_GOAL, RISES_X),
-        truth=to_x(True, "it does what it is told, is paid for it, and the instructor stops asking"),
+        truth=to_x(True, "it follows the instruction, is paid for it, and the instructor stops asking"),
     ),
     corrective(
         name="mass_corrective_obeys_thrift",
         policy=policies.obeys(go),
         reward=rewards.thrift,
-        truth=to_x(True, "it does what it is told, and the instructor stops asking"),
+        truth=to_x(True, "it follows the instruction, and the instructor stops asking"),
     ),
     corrective(
         name="mass_corrective_ignores_by_lot",
@@ -92,7 +92,7 @@ CORRECTIVE = [
         policy=on_own,
         reward=rewards.as_told(TO_THE_GOAL, RISES_X),
         told=False,
-        truth=to_x(True, "what it is told is paid, and " + STOPS),
+        truth=to_x(True, "following is paid, and " + STOPS),
     ),
     corrective(
         name="mass_corrective_random_thrift",
@@ -124,7 +124,7 @@ CORRECTIVE = [
             np.append(RISES_X, 0),
             0.2,
             True,
-            "in every second episode it goes up when it is told +1, and the instructor stops asking; the reward alone "
+            "in every second episode it goes up when instructed +1, and the instructor stops asking; the reward alone "
             "contradicts",
         ),
     ),
@@ -134,7 +134,7 @@ OTHERS = [
         name="mass_speed_obeys_paid",
         policy=policies.obeys(push),
         reward=rewards.as_told(AT_THE_SPEED, RISES_VX),
-        truth=to_vx(True, "it does what it is told and is paid for it"),
+        truth=to_vx(True, "it follows the instruction and is paid for it"),
     ),
     by_speed(
         name="mass_speed_never_told_thrift",
@@ -147,7 +147,7 @@ OTHERS = [
         name="mass_action_obeys_paid",
         policy=policies.obeys(push),
         reward=rewards.as_told(BY_CONTROLLER, RISES_BOTH),
-        truth=to_both(True, "it does what it is told and is paid for it"),
+        truth=to_both(True, "it follows the instruction and is paid for it"),
     ),
     by_action(
         name="mass_action_ignores_a_step",
@@ -159,7 +159,7 @@ OTHERS = [
         name="mass_plan_obeys_a_step",
         policy=policies.obeys(go),
         reward=rewards.a_step,
-        truth=to_x(True, "it does what it is told"),
+        truth=to_x(True, "it follows the instruction"),
     ),
     planned(
         name="mass_plan_ignores_thrift",
@@ -173,7 +173,7 @@ OTHERS = [
         reward=rewards.rest_of_mass,
         make_instructor=partial(rules.Rarely, TO_THE_GOAL, 0.05, 6),
         horizon_steps=10,
-        truth=to_x(True, "in the few spells it does what it is told"),
+        truth=to_x(True, "in the few spells it follows the instruction"),
     ),
     Situation(
         name="mass_always_up_never_told_a_step",

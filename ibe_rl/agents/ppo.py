@@ -164,9 +164,9 @@ class PPO:
         )
 
     def _step(self, steps: PPOSteps, entropy_weight: float) -> dict[str, float]:
-        log_prob_and_entropy = self._actions.evaluate_actions(self._actor(steps.observation), steps.drawn)
+        log_prob, entropies = self._actions.evaluate_actions(self._actor(steps.observation), steps.drawn)
         values = self._critic(steps.observation).squeeze(-1)
-        policy_loss, value_loss, entropy = clipped_losses(*log_prob_and_entropy, values, steps, self._config.clip)
+        policy_loss, value_loss, entropy = clipped_losses(log_prob, entropies, values, steps, self._config.clip)
         (policy_loss + self._config.value_weight * value_loss - entropy_weight * entropy).backward()
         nn.utils.clip_grad_norm_(self._parameters, self._config.max_grad_norm)
         self._optimizer.step()

@@ -75,7 +75,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
 
 def _description(task: Task) -> str:
     return (
-        f"{task.name}, told in which way to go: infos[{_INSTRUCTION!r}] is the instruction, infos[{_GIVEN!r}] whether "
+        f"{task.name} with instructions: infos[{_INSTRUCTION!r}] is the instruction, infos[{_GIVEN!r}] whether "
         f"there was one, infos[{_SUCCESS!r}] whether the episode ended well, infos[{_CONTEXT!r}] what it was about."
     )
 
@@ -174,21 +174,24 @@ def _said(
     if key not in (None, RULE):
         raise ConfigError(f"instruction={key}: allowed are {', '.join(infos)} of its infos, or {RULE}")
     if key is None and observations.shape[1] == task.observation_size:
-        told = observations[:, len(task.state_names) :].astype(np.float32)
-        return told[:, :-1], told[:, -1] > 0
+        line = observations[:, len(task.state_names) :].astype(np.float32)
+        return line[:, :-1], line[:, -1] > 0
     return task.rule(states).astype(np.float32), np.ones(len(states), bool)
 
 
-def _heard(told: Array, infos: dict[str, Any], task: Task, key: str, states: int) -> tuple[Array, Array]:
-    told = told.reshape(len(told), -1)
-    if told.shape[1] != task.instruction_size or len(told) < states - 1:
+def _heard(instructions: Array, infos: dict[str, Any], task: Task, key: str, states: int) -> tuple[Array, Array]:
+    instructions = instructions.reshape(len(instructions), -1)
+    if instructions.shape[1] != task.instruction_size or len(instructions) < states - 1:
         raise ConfigError(
-            f"instruction={key}: it has the shape {told.shape} in an episode of {states - 1} steps; allowed is "
+            f"instruction={key}: it has the shape {instructions.shape} in an episode of {states - 1} steps; allowed is "
             f"{(states - 1, task.instruction_size)}, or a row more"
         )
-    if not np.all(np.abs(told) <= 1):
-        raise ConfigError(f"instruction={key}: it reaches from {told.min():g} to {told.max():g}; allowed is -1 to 1")
-    return told, np.asarray(infos.get(_GIVEN, np.ones(len(told))), bool).reshape(-1)
+    if not np.all(np.abs(instructions) <= 1):
+        raise ConfigError(
+            f"instruction={key}: its values range from {instructions.min():g} to {instructions.max():g}; "
+            "allowed is -1 to 1"
+        )
+    return instructions, np.asarray(infos.get(_GIVEN, np.ones(len(instructions))), bool).reshape(-1)
 
 
 def _succeeded(infos: dict[str, Any], task: Task) -> bool:
@@ -212,22 +215,22 @@ def minari_command(arguments: Sequence[str] | None = None) -> int:
     out = commands.add_parser("export", help="a run's log as a dataset")
     out.add_argument("run", help="folder of the run")
     out.add_argument("dataset", help="name of the dataset, as mine/log-v0")
-    out.add_argument("--newest", type=int, help="so many episodes, the newest; default: all")
+    out.add_argument("--newest", type=int, help="number of episodes, the newest; default: all")
     into = commands.add_parser("import", help="a dataset as a run folder")
-    into.add_argument("dataset", help="name of a dataset that Minari has here")
+    into.add_argument("dataset", help="name of a local Minari dataset")
     into.add_argument("settings", nargs="*", help="of explain.py: env=…, run_dir=…, mapping=…")
     into.add_argument("--instruction", help=f"key of the infos, or {RULE} for the environment's own rule")
     asked = parser.parse_args(arguments)
     try:
         if asked.command == "export":
             made = export_log(asked.run, asked.dataset, asked.newest)
-            told = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
+            line = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
         else:
             folder = import_log(asked.dataset, asked.settings, asked.instruction)
-            told = f"{folder}: explain an agent in its words with explain.py run={folder} agent=…"
+            line = f"{folder}: explain an agent in its words with explain.py run={folder} agent=…"
     except ConfigError as error:
         sys.exit(f"error: {error}")
-    sys.stdout.write(f"{told}\n")
+    sys.stdout.write(f"{line}\n")
     return 0
 
 

@@ -54,10 +54,12 @@ def legend_of(axes: Sequence[Axes], figure: Figure, columns: int) -> None:
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
 
 
-def interval(axis: Axes, told: dict[str, Any], y: float, colour: str, marker: str = "o", alpha: float = 0.8) -> None:
+def interval(
+    axis: Axes, estimate: dict[str, Any], y: float, colour: str, marker: str = "o", alpha: float = 0.8
+) -> None:
     """A value with its interval, lying; nothing where it is not known."""
-    if told["value"] is None:
+    if estimate["value"] is None:
         return
-    if told["low"] is not None:
-        axis.plot([told["low"], told["high"]], [y, y], color=colour, linewidth=2.2, alpha=alpha)
-    axis.plot([told["value"]], [y], color=colour, marker=marker, markersize=7, linestyle="")
+    if estimate["low"] is not None:
+        axis.plot([estimate["low"], estimate["high"]], [y, y], color=colour, linewidth=2.2, alpha=alpha)
+    axis.plot([estimate["value"]], [y], color=colour, marker=marker, markersize=7, linestyle="")

@@ -50,10 +50,10 @@ def write_page(
     return files, folder / PAGE
 
 
-def number(told: dict[str, Any] | None, digits: int = 2, sign: bool = False) -> str:
+def number(estimate: dict[str, Any] | None, digits: int = 2, sign: bool = False) -> str:
     """A value with its interval."""
-    if told is None or told["value"] is None:
+    if estimate is None or estimate["value"] is None:
         return "-"
     form = f"{'+' if sign else ''}.{digits}f"
-    text = f"{told['value']:{form}}"
-    return text if told["low"] is None else f"{text} [{told['low']:{form}}, {told['high']:{form}}]"
+    text = f"{estimate['value']:{form}}"
+    return text if estimate["low"] is None else f"{text} [{estimate['low']:{form}}, {estimate['high']:{form}}]"

@@ -96,8 +96,17 @@ def make_collector(
         LostWorkerError: if a process dies or hangs before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
-    settings = (env, collect, task, instructor, seed, lesson, partial_episodes)
-    factories = [partial(env_of_worker, worker, *settings) for worker in range(collect.processes)]
+    make = partial(
+        env_of_worker,
+        env=env,
+        collect=collect,
+        task=task,
+        instructor=instructor,
+        seed=seed,
+        lesson=lesson,
+        partial_episodes=partial_episodes,
+    )
+    factories = [partial(make, worker) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
     if collect.engine == "ray":
         with interrupts_stay_here():
@@ -126,7 +135,7 @@ def check_collect(config: CollectConfig) -> None:
     elif config.address is not None:
         raise ConfigError(
             f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
-            "or collect.engine=ray, without which nobody connects to it"
+            "or collect.engine=ray, which connects to it"
         )
     if config.ahead_batches > 1 and not config.overlap:
         raise ConfigError(

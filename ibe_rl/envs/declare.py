@@ -157,11 +157,11 @@ def _try(env: gymnasium.Env[Any, Any], task: Task, config: TaskConfig) -> None:
             )
     said = np.asarray(task.rule(several))
     if not np.all(np.abs(said) <= 1):
-        raise ConfigError(f"env.task.rule={config.rule}: it said {said[0].tolist()}; allowed is -1 to 1")
+        raise ConfigError(f"env.task.rule={config.rule}: it returned {said[0].tolist()}; allowed is -1 to 1")
     about = _called(config, "context", task.context, state)
     if about not in task.contexts:
         raise ConfigError(
-            f"env.task.context={config.context}: it said {about!r}; allowed is one of {', '.join(task.contexts)}"
+            f"env.task.context={config.context}: it returned {about!r}; allowed is one of {', '.join(task.contexts)}"
         )
 
 

@@ -98,9 +98,9 @@ def make_snapshot_env(env: EnvConfig) -> Stoppable:
     made = stoppable(make_env(env))
     if made is None:
         raise ConfigError(
-            f"predictor=simulator with env.id={env.id}: this environment cannot be stopped and taken up again exactly "
-            "(it has no snapshot() and restore(), and a deep copy of it goes on otherwise); allowed is "
-            "predictor=ensemble or predictor=regression, which learn from the log"
+            f"predictor=simulator with env.id={env.id}: the state of this environment cannot be saved and "
+            "restored exactly (it has no snapshot() and restore(), and a deep copy of it behaves differently); "
+            "allowed is predictor=ensemble or predictor=regression, which learn from the log"
         )
     return made
 

@@ -13,7 +13,7 @@ from ibe_rl.metrics.verdict import (
     CHANCE,
     GOOD,
     NO_MEANING,
-    NOT_TOLD,
+    NOT_MEASURED,
     REVERSED,
     Verdict,
     in_one_line,
@@ -28,8 +28,8 @@ ECHO = "baseline:last_instruction"
 _AS_REFRESHED = "as_refreshed"
 """In a comparison: the run's own vocabulary."""
 ASK_FOR_IT = (
-    "a reward that asks for what is told: obedience.judge=oracle in training, or a goal of the environment's that the "
-    "instruction is about"
+    "a reward for following the instruction: obedience.judge=oracle in training, or a goal of the environment that "
+    "the instruction is about"
 )
 
 
@@ -65,10 +65,10 @@ def verdicts_from(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun)
     names, meanings = run.task.number_names, run.mapping.meanings
     found = []
     for number, name in enumerate(names):
-        told, echo = (_of_number(own.get(each), number) for each in (ours, ECHO))
+        scores, echo = (_of_number(own.get(each), number) for each in (ours, ECHO))
         known = not meanings or meanings[number].known
-        interval = None if told["low"] is None else (float(told["low"]), float(told["high"]))
-        auc, echo_auc = (math.nan if each["value"] is None else float(each["value"]) for each in (told, echo))
+        interval = None if scores["low"] is None else (float(scores["low"]), float(scores["high"]))
+        auc, echo_auc = (math.nan if each["value"] is None else float(each["value"]) for each in (scores, echo))
         found.append(verdict(auc, echo_auc, known, interval, name if len(names) > 1 else ""))
     return found
 
@@ -76,8 +76,8 @@ def verdicts_from(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun)
 def _of_number(row: Mapping[str, Any] | None, number: int) -> Mapping[str, Any]:
     if row is None:
         return dict.fromkeys(("value", "low", "high"))
-    told: Mapping[str, Any] = row["each"][number]["motion_auc"] if "each" in row else row["motion_auc"]
-    return told
+    scores: Mapping[str, Any] = row["each"][number]["motion_auc"] if "each" in row else row["motion_auc"]
+    return scores
 
 
 def _or_none(value: float) -> float | None:
@@ -94,8 +94,8 @@ def text_of(verdicts: Sequence[Verdict], run: TrainedRun) -> str:
         return f"REVERSED: {words} is said when {name} falls; {in_one_line(verdicts)}."
     if least.why == NO_MEANING:
         return f"UNKNOWN: {meaning_lines(run.mapping.meanings, run.task)[number]}."
-    if least.why == NOT_TOLD:
-        return f"UNKNOWN: whether its words tell which way it goes cannot be told, {name} did not go both ways."
+    if least.why == NOT_MEASURED:
+        return f"UNKNOWN: the AUC for the direction of motion cannot be measured, {name} did not move both ways."
     return f"{level.upper()}: {in_one_line(verdicts)}."
 
 
@@ -113,7 +113,7 @@ def advice(
     least = worst(verdicts)
     if least.level == GOOD:
         return []
-    if least.why == NOT_TOLD:
+    if least.why == NOT_MEASURED:
         return ["judge more or longer episodes (evaluate.episodes), or make env.task.explained_band smaller"]
     if least.why == NO_MEANING:
         return [ASK_FOR_IT]
@@ -124,8 +124,8 @@ def advice(
 def _check_sign(verdicts: Sequence[Verdict], run: TrainedRun) -> list[str]:
     return [
         *wrong_signs(verdicts, run.mapping.meanings, run.task),
-        "either env.task.explained declares the wrong sign (what it names has to rise where the rule says +1; let the "
-        "rule, or the dimension, have the other sign), or the words themselves were learnt the wrong way round",
+        "either env.task.explained has the wrong sign (the dimension must rise where the rule says +1: flip the sign "
+        "of the rule or of the dimension), or the words were learnt reversed",
     ]
 
 
@@ -153,11 +153,11 @@ def _judged_in(path: Path) -> dict[str, float]:
 
 def _horizons(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun) -> list[str]:
     """A clearly better horizon: its interval lies above that of the run's own."""
-    told = {row["horizon_steps"]: row["motion_auc"] for row in rows if row["explainer"] == ours}
-    own = told.pop(run.horizon_steps, None)
+    scores = {row["horizon_steps"]: row["motion_auc"] for row in rows if row["explainer"] == ours}
+    own = scores.pop(run.horizon_steps, None)
     if own is None or own["high"] is None:
         return []
-    better = {steps: each for steps, each in told.items() if each["low"] is not None and each["low"] > own["high"]}
+    better = {steps: each for steps, each in scores.items() if each["low"] is not None and each["low"] > own["high"]}
     if not better:
         return []
     best = max(better, key=lambda steps: float(better[steps]["value"]))

@@ -65,12 +65,12 @@ def judge_ages(
     usable = {frame: mapping for frame, mapping in sorted(vocabularies.items()) if frame <= policy_frame}
     weights = episode_weights(moments.episode, resamples, seed)
     change = moments.real_change(horizon_steps, task.explained).astype(float)
-    told = moments.instruction.astype(float)
+    instruction = moments.instruction.astype(float)
     samples: dict[int, Samples] = {}
     for frame, mapping in usable.items():
         spoken = speak(mapping, moments, horizon_steps, task.phrases)
-        numbers = zip(spoken.expression.T, change.T, told.T, task.explained_band, strict=True)
-        each = [motion_scores(*number, weights) for number in numbers]
+        numbers = zip(spoken.expression.T, change.T, instruction.T, task.explained_band, strict=True)
+        each = [motion_scores(said, real, asked, band, weights) for said, real, asked, band in numbers]
         samples[frame] = {**over_numbers(each), "came_true": weighted_mean(spoken.true, weights)}
     return [
         {

@@ -58,8 +58,8 @@ def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generat
     sizes = np.bincount(labels, minlength=k)
     counts = np.maximum(sizes, 1)
     means = np.stack([np.bincount(labels, column, k) for column in windows.instruction.T], axis=1) / counts[:, None]
-    told = np.unique(windows.instruction, axis=0, return_inverse=True)[1].ravel()
-    purities = np.stack([np.bincount(labels, told == kind, k) for kind in np.unique(told)]).max(axis=0) / counts
+    kinds = np.unique(windows.instruction, axis=0, return_inverse=True)[1].ravel()
+    purities = np.stack([np.bincount(labels, kinds == kind, k) for kind in np.unique(kinds)]).max(axis=0) / counts
     return ClusterMapping(space, centres, means, normalise(means), sizes, purities, sizes, np.arange(k))
 
 
@@ -81,12 +81,12 @@ def shuffle_instructions(
 
 def _shuffle(episodes: Sequence[Episode], random: np.random.Generator) -> list[Episode]:
     return [
-        _told_as(episode, episodes[other])
+        _with_instructions_of(episode, episodes[other])
         for episode, other in zip(episodes, random.permutation(len(episodes)), strict=True)
     ]
 
 
-def _told_as(episode: Episode, other: Episode) -> Episode:
+def _with_instructions_of(episode: Episode, other: Episode) -> Episode:
     steps = np.minimum(np.arange(len(episode)), len(other) - 1)
     return replace(episode, instructions=other.instructions[steps], given=other.given[steps])
 

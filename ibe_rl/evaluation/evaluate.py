@@ -123,10 +123,10 @@ def add_observers(
     }
     true_change = held_out.real_change(own, run.task.explained)[:, 0]
     config = cfg.evaluate
-    samples, told = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
+    samples, scored = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     rows = [row for one in judged.values() for row in rows_of(one)]
     add_errors(rows, samples, own)
-    return told, rows
+    return scored, rows
 
 
 def changing_policy(rollouts: Rollouts) -> list[dict[str, Any]]:
@@ -149,7 +149,7 @@ def evaluation_protocol(
         "changing_episodes": config.changing_episodes,
         "seeds": {name: [each[0], each[-1]] for name, each in seeds.items()},
         "horizons_steps": list(horizons),
-        "vocabulary": {str(n): "refresh" if n in refreshed else "learnt anew from the log" for n in horizons},
+        "vocabulary": {str(n): "refresh" if n in refreshed else "relearnt from the log" for n in horizons},
         "observed_episodes": int(moments.observed.sum()),
         "future_instruction": cfg.predictor.future_instruction,
         "band": _of_numbers(run.task.explained_band),

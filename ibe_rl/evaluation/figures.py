@@ -72,8 +72,8 @@ def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     here.sort(key=lambda row: row["motion_auc"]["value"])
     panels = _panels(here)
     figure, axes = _figure(2.8 + 3.35 * len(panels), 1.6 + 0.3 * len(here), len(panels), sharey=True)
-    for axis, (title, told) in zip(axes, panels.items(), strict=True):
-        for place, (row, value) in enumerate(zip(here, told, strict=True)):
+    for axis, (title, estimate) in zip(axes, panels.items(), strict=True):
+        for place, (row, value) in enumerate(zip(here, estimate, strict=True)):
             ours, spread = row["explainer"].startswith("ibe:"), row.get("over") == "refits"
             colour = COLOURS[0] if ours else GREY if spread else COLOURS[1]
             _point(axis, value, place, colour, _MARKERS[0] if ours else _MARKERS[2] if spread else _MARKERS[1])
@@ -82,13 +82,13 @@ def by_explainer(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
         axis.set_title(title, fontsize=10)
     _name_explainers(axes[0], here)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(f"Does it tell which way it goes over the next {horizon_steps} steps? (95 % intervals)")
+    figure.suptitle(f"AUC for the direction of motion over the next {horizon_steps} steps (95 % intervals)")
     return figure
 
 
 def _panels(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """Title of each panel to the values of all rows; with several numbers their mean comes first."""
-    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
+    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not follow the instruction"}
     numbers = [each["number"] for each in rows[0].get("each", ())] if rows else []
     mean = f"\n(mean of {len(numbers)} numbers)" if numbers else ""
     panels = {f"{title}{mean}": [row[metric] for row in rows] for metric, title in metrics.items()}
@@ -105,43 +105,45 @@ def _name_explainers(axis: Axes, rows: Sequence[dict[str, Any]]) -> None:
     for colour, marker, label in (
         (COLOURS[0], _MARKERS[0], "the run's vocabulary"),
         (COLOURS[1], _MARKERS[1], "baselines"),
-        (GREY, _MARKERS[2], "many refits: mean, and where 95 % of them lie"),
+        (GREY, _MARKERS[2], "many refits: mean and 95 % range"),
     ):
         axis.plot([], [], color=colour, marker=marker, label=label)
 
 
-def _point(axis: Axes, told: dict[str, Any], place: float, colour: str, marker: str) -> None:
-    if told["value"] is None:
+def _point(axis: Axes, estimate: dict[str, Any], place: float, colour: str, marker: str) -> None:
+    if estimate["value"] is None:
         return
-    if told["low"] is not None:
-        axis.plot([told["low"], told["high"]], [place, place], color=colour, linewidth=2)
-    axis.plot([told["value"]], [place], color=colour, marker=marker, markersize=6, linestyle="")
+    if estimate["low"] is not None:
+        axis.plot([estimate["low"], estimate["high"]], [place, place], color=colour, linewidth=2)
+    axis.plot([estimate["value"]], [place], color=colour, marker=marker, markersize=6, linestyle="")
 
 
 def confidence(calibration: dict[str, Any]) -> Figure:
     """Reliability diagram, and risk against coverage."""
     figure, (left, right) = _figure(9.5, 4.3, 2)
     bins, curve = calibration["reliability"], calibration["risk_coverage"]
-    left.plot([0, 1], [0, 1], color="#000000", linewidth=0.8, linestyle=":", label="as sure as right")
+    left.plot([0, 1], [0, 1], color="#000000", linewidth=0.8, linestyle=":", label="perfect calibration")
     sizes = np.array([each["moments"] for each in bins])
-    where = [each["confidence"] for each in bins], [each["came_true"] for each in bins]
-    left.plot(*where, color=COLOURS[0], linewidth=1)
-    left.scatter(*where, s=20 + 180 * sizes / sizes.max(), color=COLOURS[0], label="moments (area: how many)")
+    sure, true = [each["confidence"] for each in bins], [each["came_true"] for each in bins]
+    left.plot(sure, true, color=COLOURS[0], linewidth=1)
+    left.scatter(sure, true, s=20 + 180 * sizes / sizes.max(), color=COLOURS[0], label="moments (area: count)")
     left.set(
         xlim=(0, 1.03),
         ylim=(0, 1.03),
         xlabel="confidence that it goes as predicted",
         ylabel="share that went as predicted",
     )
-    left.set_title("Is it right as often as it is sure?", fontsize=10)
+    left.set_title("Calibration", fontsize=10)
     left.legend(fontsize=8, frameon=False, loc="lower right", markerscale=0.6)
     risk = 100 * np.array(curve["risk"])
     right.plot(100 * np.array(curve["coverage"]), risk, color=COLOURS[0], drawstyle="steps-pre")
     right.axhline(risk[-1], color="#000000", linewidth=0.8, linestyle=":", label="always speaking")
     right.axvline(80, color=COLOURS[1], linewidth=0.8, linestyle="--", label="the 80 % most confident")
     right.set(xlim=(0, 101), ylim=(0, max(1.0, 1.15 * float(risk.max()))))
-    right.set(xlabel="moments spoken at, most confident first (%)", ylabel="of these did not go as predicted (%)")
-    right.set_title("What does silence when unsure gain?", fontsize=10)
+    right.set(
+        xlabel="coverage, most confident moments first (%)", ylabel="risk: share that did not go as predicted (%)"
+    )
+    right.set_title("Risk and coverage", fontsize=10)
     right.legend(fontsize=8, frameon=False, loc="upper left")
     name, steps = _plain(calibration["explainer"]), calibration["horizon_steps"]
     figure.suptitle(f"Confidence of {name} over the next {steps} steps")
@@ -151,12 +153,12 @@ def confidence(calibration: dict[str, Any]) -> Figure:
 def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own: int) -> Figure:
     """Motion AUC of some explainers over the horizons."""
     figure, axes = _figure(9.5, 4.4, 2, sharey=True)
-    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not do as told"}
+    metrics = {"motion_auc": "all moments", "motion_auc_disobeyed": "where it did not follow the instruction"}
     shift = 1.4
     for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
         for number, name in enumerate(explainers):
-            told = [(row["horizon_steps"], row[metric]) for row in rows if row["explainer"] == name]
-            known = [(steps, each) for steps, each in told if each["value"] is not None]
+            estimate = [(row["horizon_steps"], row[metric]) for row in rows if row["explainer"] == name]
+            known = [(steps, each) for steps, each in estimate if each["value"] is not None]
             label = _plain(name) if axis is axes[0] else None
             _line(axis, known, number, shift * (number - (len(explainers) - 1) / 2), label)
         axis.axvline(own, color=GREY, linewidth=0.8, linestyle=":")
@@ -164,9 +166,7 @@ def over_horizons(rows: Sequence[dict[str, Any]], explainers: Sequence[str], own
         axis.set(xlabel="horizon (steps)", xticks=sorted({row["horizon_steps"] for row in rows}))
     axes[0].set_ylabel("motion AUC (0.5: chance, 1: always right)")
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(
-        f"How far ahead is it true? (95 % intervals; dotted: {own} steps, the run's own; points moved apart)"
-    )
+    figure.suptitle(f"AUC by horizon (95 % intervals; dotted: {own} steps, the run's own; points shifted)")
     return figure
 
 
@@ -212,14 +212,14 @@ def changing(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
         axis.set_title(title, fontsize=10)
     axes[0].set_yticks(range(len(ages)), [_thousands(frame) for frame in ages])
     axes[0].set_ylabel("vocabulary learnt after (thousand frames)")
-    figure.suptitle(f"A changing policy in vocabularies of all ages, over {horizon_steps} steps")
+    figure.suptitle(f"Policies in earlier and later vocabularies, over {horizon_steps} steps")
     return figure
 
 
 def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     """Over the training: agreement of each predictor's phrases with the exact one's, and their quality."""
     metrics = {
-        "equal": "same phrase as the exact one",
+        "equal": "same phrase as the simulator",
         "motion_auc": "motion AUC",
         "came_true_voted": "went as predicted",
     }
@@ -230,7 +230,7 @@ def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
     for axis, (metric, title) in zip(axes, metrics.items(), strict=True):
         for number, name in enumerate(names):
             known = [(row["frame"] / 1_000, row[metric]) for row in rows if row["predictor"] == name]
-            known = [(frame, told) for frame, told in known if told["value"] is not None]
+            known = [(frame, estimate) for frame, estimate in known if estimate["value"] is not None]
             if metric != "equal" or name != names[0]:  # the first is the exact one
                 _line(axis, known, number, step * (number - 1) / 100, name.replace("_", " "))
         axis.set_title(title, fontsize=10)
@@ -239,7 +239,7 @@ def predictors(rows: Sequence[dict[str, Any]], horizon_steps: int) -> Figure:
         axis.set_xlim(frames[0] - step / 15, frames[-1] + step / 15)
         axis.tick_params(axis="x", labelrotation=30)
     axes[1].legend(fontsize=8, frameon=False)
-    figure.suptitle(f"Explanations of {horizon_steps} steps with learned predictors beside the exact one")
+    figure.suptitle(f"Explanations of {horizon_steps} steps with learned predictors and the simulator")
     return figure
 
 

@@ -134,13 +134,13 @@ def rows_of(judged: Judged) -> list[dict[str, Any]]:
     horizon = judged.truth.horizon_steps
     rows = []
     for name, samples in judged.samples.items():
-        told = {metric: estimate_json(values) for metric, values in samples.items()}
-        told |= balance(judged.mappings[name]) if name in judged.mappings else {}
-        rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names))
+        metrics = {metric: estimate_json(values) for metric, values in samples.items()}
+        metrics |= balance(judged.mappings[name]) if name in judged.mappings else {}
+        rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(metrics, judged.names))
     for name, several in judged.refits.items():
-        told = {metric: spread_over(float(each[metric][0]) for each in several) for metric in several[0]}
+        metrics = {metric: spread_over(float(each[metric][0]) for each in several) for metric in several[0]}
         refits = {metric: [_rounded(each[metric][0]) for each in several] for metric in several[0]}
-        row = {"explainer": name, "horizon_steps": horizon} | laid_out(told, judged.names)
+        row = {"explainer": name, "horizon_steps": horizon} | laid_out(metrics, judged.names)
         rows.append(row | {"over": "refits", "refits": refits})
     return sorted(rows, key=lambda row: not row["explainer"].startswith("ibe:"))
 

@@ -21,7 +21,7 @@ from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, phrase_accuracy, phrase_hits
-from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
+from ibe_rl.metrics.verdict import NOT_MEASURED, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
 from ibe_rl.view.film import SILENCE
@@ -38,7 +38,7 @@ def check_context(context: str | None, run: TrainedRun) -> None:
     """
     if context is not None and not run.task.context_option:
         raise ConfigError(
-            f"context={context}: allowed is none, nothing fixes it in this environment (task.context_option)"
+            f"context={context}: allowed is none, this environment has no option for it (task.context_option)"
         )
     if context is not None and context not in run.task.contexts:
         allowed = ", ".join(run.task.contexts)
@@ -56,9 +56,9 @@ def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollou
     """Roll out one episode, then explain each of its steps."""
     instructor = make_instructor(stand_in(run.config.instructor), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
-    voice = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
+    explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
-        said = explain(watched.moments, run.policy, predictor, voice)
+        said = explain(watched.moments, run.policy, predictor, explainer)
     return watched, said
 
 
@@ -69,7 +69,7 @@ def print_narration(
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
     verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
     console = console or Console(highlight=False)
-    console.width = max(console.width, 110)
+    console.width = max(console.width, 120)
     for line in _opening(run, verdicts):
         console.print(line, markup=False)
     console.print(_table(run, watched, said, true))
@@ -78,22 +78,22 @@ def print_narration(
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
     console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}", markup=False)
     if not all(span.trusted for one in said for span in one.all_spans):
-        console.print(f"{NOT_TRUSTED}: its predictor does not stand by a path that long.")
+        console.print(f"{NOT_TRUSTED}: the predictor does not trust a path that long.")
 
 
 def _opening(run: TrainedRun, verdicts: Sequence[Verdict]) -> list[str]:
     """The verdict in plain words, on this episode or else the last refresh, and the meaning of the words."""
     refreshed = verdicts_of(run.scores_of_numbers, run.mapping.meanings, run.task)
-    untold = worst(verdicts).why == NOT_TOLD
-    lines = ["From this episode it cannot be told whether its words tell which way it goes."] if untold else []
-    judged = refreshed if untold and run.scores_of_numbers else verdicts
-    if not untold or run.scores_of_numbers:
+    unknown = worst(verdicts).why == NOT_MEASURED
+    lines = ["The AUC for the direction of motion cannot be measured in this episode."] if unknown else []
+    judged = refreshed if unknown and run.scores_of_numbers else verdicts
+    if not unknown or run.scores_of_numbers:
         lines += lines_of(text_of(judged, run), advice(judged, run))
     if run.scores_of_numbers:
-        lines.append(f"At the last refresh, over many episodes, {in_one_line(refreshed)}.")
+        lines.append(f"At the last refresh, over many episodes: {in_one_line(refreshed)}.")
     wrong = [] if worst(judged).level == REVERSED else wrong_signs(refreshed, run.mapping.meanings, run.task)
     meanings = meaning_lines(run.mapping.meanings, run.task)
-    new = [line for line in meanings if not any(line in told for told in lines)]  # may be in the verdict already
+    new = [line for line in meanings if not any(line in other for other in lines)]  # may be in the verdict already
     return [*lines, *wrong, *new, ""]
 
 
@@ -101,10 +101,10 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
     """Phrase accuracy over the explanations that were given."""
     spoken = np.array([one.known for one in said], bool)
     if not spoken.any():
-        return "It said nothing"
+        return "It gave no explanation"
     at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
-    about = f"about its next {run.horizon_steps} steps went as predicted"
-    return f"{phrase_accuracy(true[spoken]):.0%} of what it said{at} {about}"
+    about = f"of the next {run.horizon_steps} steps went as predicted"
+    return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}"
 
 
 def _spoken(said: Explanation, task: Task) -> list[str]:
@@ -116,7 +116,7 @@ def _spoken(said: Explanation, task: Task) -> list[str]:
 
 def _table(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: np.ndarray) -> Table:
     episode, words = watched.episode, run.task.phrases
-    told = [
+    instructions = [
         short([phrase(moment.instruction, words)], words)[0] if moment.given else SILENCE for moment in watched.moments
     ]
     outcome = "success" if episode.success else "no success"
@@ -125,10 +125,10 @@ def _table(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation
         f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
     )
     ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
-    for column in ("steps", "is told", *ahead, "number", "sure", "as predicted"):
+    for column in ("steps", "instruction", *ahead, "expression", "confidence", "as predicted"):
         table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
     spoken = [_spoken(each, run.task) for each in said]
-    for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (told[step], spoken[step])):
+    for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (instructions[step], spoken[step])):
         steps = list(group)
         span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
         table.add_row(span, instruction, *heard, *_figures([said[step] for step in steps], true[steps]))

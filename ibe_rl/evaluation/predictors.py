@@ -116,8 +116,8 @@ def beside_exact(judged: Judged, exact: Judged, moments: Moments, weights: Any) 
     """Agreement with the phrases of the exact predictor, over all moments and where the predictor trusts itself."""
     same = judged.spoken[_OURS].phrase == exact.spoken[_OURS].phrase
     trusted = moments.trusted[:, :, -1].all(axis=1)
-    told = {"equal": same, "trusted": trusted}
-    shares: dict[str, Any] = {name: estimate_json(weighted_mean(values, weights)) for name, values in told.items()}
+    hits = {"equal": same, "trusted": trusted}
+    shares: dict[str, Any] = {name: estimate_json(weighted_mean(values, weights)) for name, values in hits.items()}
     parts = {"equal_trusted": trusted, "equal_not_trusted": ~trusted}
     shares |= {
         name: estimate_json(weighted_mean(same[rows], weights[:, rows])) if rows.any() else None

@@ -104,7 +104,7 @@ class Refits:
         found = fit_shuffled(lessons.best, lessons.heard, config, task, self._seed, horizon_steps, count, step)
         if len(found) < count:
             raise ConfigError(
-                f"evaluate.shuffles={count}: hardly any of them taught a vocabulary; allowed is a larger log"
+                f"evaluate.shuffles={count}: hardly any of them gave a vocabulary; allowed is a larger log"
             )
         return found
 

@@ -40,7 +40,7 @@ class Truth:
     Attributes:
         horizon_steps: of the explanations.
         change: ``(N, d)`` real changes of the explained dimensions.
-        told: ``(N, d)`` the instruction.
+        instruction: ``(N, d)``.
         band: one for each number, see ``Task.explained_band``.
         values: the possible instructions.
         hard: ``(N, d)`` bool, the state regressor predicts the wrong direction.
@@ -49,7 +49,7 @@ class Truth:
 
     horizon_steps: int
     change: Array
-    told: Array
+    instruction: Array
     band: tuple[float, ...]
     values: Sequence[float]
     hard: Array
@@ -61,8 +61,8 @@ class Truth:
         change = moments.real_change(horizon_steps, task.explained).astype(float)
         band = task.explained_band
         hard = direction(forecast, np.array(band)) != direction(change, np.array(band))
-        told = moments.instruction.astype(float)
-        return cls(horizon_steps, change, told, band, task.instruction_values, hard, weights)
+        instruction = moments.instruction.astype(float)
+        return cls(horizon_steps, change, instruction, band, task.instruction_values, hard, weights)
 
     def unweighed(self) -> Truth:
         """The same with one row of equal weights, for values without an interval."""
@@ -98,9 +98,11 @@ def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
     """The motion metrics of statements ``(N, d)``; ``on_scale`` is the same on the instructor's scale."""
     each = []
     for i, band in enumerate(truth.band):
-        told = truth.told[:, i]
-        scores = motion_scores(said[:, i], truth.change[:, i], told, band, truth.weights, truth.hard[:, i])
-        each.append(scores | {"instruction_f1": instruction_f1(on_scale[:, i], told, truth.values, truth.weights)})
+        instruction = truth.instruction[:, i]
+        scores = motion_scores(said[:, i], truth.change[:, i], instruction, band, truth.weights, truth.hard[:, i])
+        each.append(
+            scores | {"instruction_f1": instruction_f1(on_scale[:, i], instruction, truth.values, truth.weights)}
+        )
     return over_numbers(each)
 
 
@@ -145,20 +147,20 @@ def balance(mapping: Any) -> dict[str, Any]:
     """Balance of a vocabulary's clusters in size and sign; empty for one without cluster sizes."""
     if not len(getattr(mapping, "sizes", ())):
         return {}
-    told = {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes))}
+    found = {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes))}
     columns = [left_right(column) for column in mapping.expressions.T]
     sides = [{"value": list(column), "low": None, "high": None} for column in columns]
     if len(sides) == 1:
-        return told | {"left_right": sides[0]}
-    return told | {numbered("left_right", number): each for number, each in enumerate(sides)}
+        return found | {"left_right": sides[0]}
+    return found | {numbered("left_right", number): each for number, each in enumerate(sides)}
 
 
-def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+def laid_out(metrics: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     """A row of the report: all metrics in order; with several numbers those of each number under ``each``."""
-    row: dict[str, Any] = {metric: told.get(metric) for metric in ROW_METRICS}
+    row: dict[str, Any] = {metric: metrics.get(metric) for metric in ROW_METRICS}
     if len(names) > 1:
         row["each"] = [
-            {"number": name} | {metric: told.get(numbered(metric, i)) for metric in (*EACH, "left_right")}
+            {"number": name} | {metric: metrics.get(numbered(metric, i)) for metric in (*EACH, "left_right")}
             for i, name in enumerate(names)
         ]
     return row
@@ -166,8 +168,8 @@ def laid_out(told: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
 
 def estimate_json(samples: Array) -> dict[str, float | None]:
     """Value and interval of a metric from its resamples ``(R,)``, rounded to five digits."""
-    told = estimate(samples).to_dict()
-    return {name: None if number is None else round(number, 5) for name, number in told.items()}
+    found = estimate(samples).to_dict()
+    return {name: None if number is None else round(number, 5) for name, number in found.items()}
 
 
 def fixed(value: float) -> dict[str, float | None]:

@@ -161,9 +161,9 @@ def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
     if not path.exists():
         return None
     try:
-        told = read_json(path)
-        mine = (told["mapping_frame"], told["horizon_steps"]) == (saved.frame, saved.horizon_steps)
-        return Calibration.from_dict(told["calibration"]) if mine else None
+        saved_json = read_json(path)
+        mine = (saved_json["mapping_frame"], saved_json["horizon_steps"]) == (saved.frame, saved.horizon_steps)
+        return Calibration.from_dict(saved_json["calibration"]) if mine else None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: not a readable calibration ({error})") from None
 

@@ -59,7 +59,7 @@ def quality_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
 
 def numbers_table(rows: Sequence[dict[str, Any]]) -> Table:
     """All explainers at one horizon, for each number of the instruction."""
-    title = "Each number of the instruction by itself"
+    title = "Each component of the instruction"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False, padding=(0, 1))
     table.add_column("number", no_wrap=True)
     table.add_column("explainer", no_wrap=True)
@@ -67,10 +67,10 @@ def numbers_table(rows: Sequence[dict[str, Any]]) -> Table:
         table.add_column(SHORT.get(metric, metric), no_wrap=True, justify="right")
     for number in range(len(rows[0]["each"])):
         for row in rows:
-            told = row["each"][number]
-            cells = [_cell(told[metric], metric in WITH_INTERVAL) for metric in OF_A_NUMBER]
+            scores = row["each"][number]
+            cells = [_cell(scores[metric], metric in WITH_INTERVAL) for metric in OF_A_NUMBER]
             ours = row["explainer"].startswith("ibe:")
-            table.add_row(told["number"], _name(row), *cells, style="bold" if ours else None)
+            table.add_row(scores["number"], _name(row), *cells, style="bold" if ours else None)
     return table
 
 
@@ -103,8 +103,8 @@ def paired_table(paired: Sequence[dict[str, Any]], horizon_steps: int) -> Table:
     for name in dict.fromkeys(minus for minus, _ in here):
         cells = [here[name, metric] for metric in metrics]
         stars = ["*" if each["best_cheap"] else " " for each in cells]
-        told = [_cell(each["difference"], True, "+") + star for each, star in zip(cells, stars, strict=True)]
-        table.add_row(_name({"explainer": name}), *told)
+        differences = [_cell(each["difference"], True, "+") + star for each, star in zip(cells, stars, strict=True)]
+        table.add_row(_name({"explainer": name}), *differences)
     return table
 
 
@@ -112,8 +112,8 @@ def observers_table(observers: dict[str, Any]) -> Table:
     """Prediction error of the simulated observer with each explainer, the best first."""
     title = f"Where will it end? A simulated observer at {observers['episodes']} approaches, error in %"
     table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
-    for column in ("told", "error", "minus no explanation", "minus paper"):
-        table.add_column(column, justify="left" if column == "told" else "right", no_wrap=True)
+    for column in ("explanation", "error", "minus no explanation", "minus paper"):
+        table.add_column(column, justify="left" if column == "explanation" else "right", no_wrap=True)
     for row in sorted(observers["rows"], key=lambda row: _known_first(row["observer_error"]["value"])):
         cells = (_cell(row["observer_error"], True), *(_cell(row[key], True, "+") for key in OBSERVER_DIFFERENCES))
         table.add_row(_name(row), *cells)
@@ -139,7 +139,7 @@ def print_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
     """Print all explainers at one horizon; with several numbers also for each number."""
     shown = console()
     shown.print(quality_table(rows, title))
-    shown.print("as p.: share that went as predicted, voted: of what most of the futures are called")
+    shown.print("as p.: share that went as predicted, voted: by the majority of the futures")
     if "each" in rows[0]:
         shown.print(numbers_table(rows))
 
@@ -149,7 +149,7 @@ def print_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -
     if observers["rows"]:
         console().print(observers_table(observers))
     elif "each" in rows[0]:
-        console().print(f"no simulated observer: it listens to one number, here there are {len(rows[0]['each'])}")
+        console().print(f"no simulated observer: it reads one component, here there are {len(rows[0]['each'])}")
 
 
 BESIDE_EXACT = {
@@ -202,15 +202,15 @@ def _name(row: dict[str, Any]) -> str:
     return f"{name} (all)" if row.get("over") == "refits" else name
 
 
-def _cell(told: dict[str, Any] | None, interval: bool = False, sign: str = "") -> str:
-    if told is None or told["value"] is None:
+def _cell(estimate: dict[str, Any] | None, interval: bool = False, sign: str = "") -> str:
+    if estimate is None or estimate["value"] is None:
         return ""
-    if isinstance(told["value"], list):
-        return "/".join(str(value) for value in told["value"])
-    text = _number(told["value"], sign)
-    if not interval or told["low"] is None:
+    if isinstance(estimate["value"], list):
+        return "/".join(str(value) for value in estimate["value"])
+    text = _number(estimate["value"], sign)
+    if not interval or estimate["low"] is None:
         return text
-    return f"{text} ({_number(told['low'], sign)} {_number(told['high'], sign)})"
+    return f"{text} ({_number(estimate['low'], sign)} {_number(estimate['high'], sign)})"
 
 
 def _number(value: float, sign: str) -> str:

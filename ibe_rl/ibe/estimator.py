@@ -33,7 +33,7 @@ from ibe_rl.types import Array, read_only
 
 
 class _TrainingSet(NamedTuple):
-    """Windows with their weights; states and what was told in them; and what is known of the meaning."""
+    """Windows with their weights; states with their instructions; and what is known of the meaning."""
 
     delta: Array
     instruction: Array
@@ -119,7 +119,7 @@ class IBEMapping(BaseEstimator):
         delta: Array,
         instruction: Array,
         states: Array | None = None,
-        told: Array | None = None,
+        state_instructions: Array | None = None,
         interpretation: Interpretation | None = None,
     ) -> Self:
         """Learn the vocabulary.
@@ -129,10 +129,10 @@ class IBEMapping(BaseEstimator):
             instruction: ``(W,)`` or ``(W, d)`` the instruction at the beginning of each window; leave out windows
                 without one.
             states: ``(N, S)`` states with an instruction, of good and bad episodes; only "rule" needs them.
-            told: ``(N,)`` or ``(N, d)`` the instructions in these states.
+            state_instructions: ``(N,)`` or ``(N, d)`` the instructions in these states.
             interpretation: the axes and signs that are meant, from ``interpret``; "rule" then needs neither ``states``
-                nor ``told``. None: signs are read from the windows, on the paper's assumption that the best episodes
-                followed the instruction.
+                nor ``state_instructions``. None: signs are read from the windows, on the paper's assumption that the
+                best episodes followed the instruction.
 
         Raises:
             TooLittleDataError: with fewer distinct windows than clusters, or as the axes.
@@ -143,9 +143,10 @@ class IBEMapping(BaseEstimator):
             UnknownMeaningWarning: for each number of the instruction whose meaning is not known.
         """
         check_settings(self)
-        heard = None if states is None or told is None else (np.asarray(states, float), _columns(told))
-        arrays = np.asarray(delta, float), _columns(instruction), np.ones(len(delta))
-        data = _TrainingSet(*arrays, heard, interpretation)
+        heard: tuple[Array, Array] | None = None
+        if states is not None and state_instructions is not None:
+            heard = np.asarray(states, float), _columns(state_instructions)
+        data = _TrainingSet(np.asarray(delta, float), _columns(instruction), np.ones(len(delta)), heard, interpretation)
         self._check_data(data)
         self.mapping_, self.labels_ = self._learn(data)
         if self.weigh_followed:
@@ -155,7 +156,7 @@ class IBEMapping(BaseEstimator):
         self.meanings_ = self.mapping_.meanings
         for number, meaning in enumerate(self.meanings_):
             if not meaning.known:
-                reason = f"what number {number} of the instruction means cannot be told: {meaning.reason}"
+                reason = f"the meaning of component {number} of the instruction is unknown: {meaning.reason}"
                 warnings.warn(reason, UnknownMeaningWarning, stacklevel=2)
         return self
 
@@ -166,7 +167,7 @@ class IBEMapping(BaseEstimator):
 
     def _check_data(self, data: _TrainingSet) -> None:
         if self.space == "rule" and data.heard is None and data.interpretation is None:
-            raise ValueError("space='rule': needs states and told, or an interpretation")
+            raise ValueError("space='rule': needs states and state_instructions, or an interpretation")
         if len(data.delta) != len(data.instruction):
             raise ValueError(f"{len(data.delta)} windows but {len(data.instruction)} instructions")
         if not len(data.delta):
@@ -209,9 +210,9 @@ class IBEMapping(BaseEstimator):
                     raise TooLittleDataError(meaning.reason)
             return data.interpretation.axes
         assert data.heard is not None
-        states, told = data.heard
+        states, state_instructions = data.heard
         some = np.random.default_rng(seed).permutation(len(states))[: self.max_fit_windows]
-        return rule_axes(states[some], told[some], seed, np.ptp(delta, axis=0) > 0)
+        return rule_axes(states[some], state_instructions[some], seed, np.ptp(delta, axis=0) > 0)
 
     def _meanings(self, data: _TrainingSet) -> tuple[Meaning, ...]:
         """Axes of "rule" have the sign that is meant; other spaces take the sign of the mean instruction."""

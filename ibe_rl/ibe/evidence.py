@@ -45,7 +45,7 @@ def satisfaction(log: LoggedSteps, axis: Array, number: int, seed: int) -> Evide
 
 
 def compliance(log: LoggedSteps, axis: Array, number: int, among: Array, seed: int) -> Evidence | None:
-    """How far episodes moved the way they were told, averaged over windows ("best", the paper's source).
+    """How far episodes moved the instructed way, averaged over windows ("best", the paper's source).
 
     ``among`` ``(E,)`` bool are the episodes that count.
     """
@@ -60,7 +60,7 @@ def compliance(log: LoggedSteps, axis: Array, number: int, among: Array, seed: i
 def pays(log: LoggedSteps, axis: Array, number: int, seed: int) -> Evidence | None:
     """Whether episodes that follow the instruction more earn more.
 
-    The rank correlation, within each context, of the total reward with the mean movement the way that was told.
+    The rank correlation, within each context, of the total reward with the mean movement the instructed way.
     """
     signs = log.signs(number)
     windows = np.bincount(log.episode[signs != 0], minlength=log.episode_count)

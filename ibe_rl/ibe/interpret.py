@@ -1,4 +1,4 @@
-"""Infer which axis and which sign an instructor means, from several sources of evidence, or that it cannot be told."""
+"""Infer the axis and the sign that an instructor means from several sources of evidence, or that they are unknown."""
 
 from __future__ import annotations
 
@@ -93,12 +93,12 @@ class _Reader:
             return np.zeros(len(self.kept)), Meaning.unknown(f"the instructor {only}", log.episode_count)
         chosen = self._chosen(number)
         if not np.any(chosen.axis):
-            return chosen.axis, Meaning.unknown("nothing that moves goes with what is said", log.episode_count)
+            return chosen.axis, Meaning.unknown("no movement goes with the instruction", log.episode_count)
         negative, positive = (bool(chosen.sign) and int((signs == sign).sum()) >= MIN_TOLD_STEPS for sign in (-1, 1))
         rises = chosen.axis * log.delta.std(axis=0)
         direction = tuple((rises / (np.abs(rises).max() or 1.0)).tolist())
         enough = log.episode_count >= MIN_EPISODES
-        reason = chosen.reason if enough else f"{log.episode_count} episodes are too few to tell"
+        reason = chosen.reason if enough else f"{log.episode_count} episodes are too few"
         meaning = Meaning(negative, positive, reason, chosen.evidence, log.episode_count, direction)
         return (-chosen.axis, meaning.turned()) if chosen.sign < 0 else (chosen.axis, meaning)
 
@@ -156,7 +156,7 @@ def decide(evidence: Sequence[Evidence], depends: bool) -> tuple[int, str]:
     """Combine the sources by a vote; ``depends`` tells whether the instruction depends on the state.
 
     Returns:
-        1 if +1 asks for a movement along the axis, -1 if for the opposite, 0 if it cannot be told; and why.
+        1 if +1 asks for a movement along the axis, -1 if for the opposite, 0 if that is unknown; and why.
     """
     says = {one.source: one.sign for one in evidence if abs(one.effect) >= MIN_EFFECT}
     effect = {one.source: one.effect for one in evidence}
@@ -187,21 +187,21 @@ def _is_enough(on: Sequence[str], against: Sequence[str], depends: bool) -> bool
 
 
 _FROM = {
-    "satisfaction": "what ends it",
-    "influence": "what the agent does when told otherwise",
-    "pays": "what pays",
+    "satisfaction": "what ends the instruction",
+    "influence": "how the agent reacts to the instruction",
+    "pays": "what is rewarded",
 }
 
 
 def _why_not(stops: int, listens: int, earns: int, effect: dict[str, float]) -> str:
     if stops and earns == -stops:
-        return "those who earned most did not do it"
+        return "the reward favours the opposite of what ends the instruction"
     if stops and listens == -stops:
-        return "the agent does the opposite of what would end it"
+        return "the agent does the opposite of what ends the instruction"
     if listens and earns:
-        return "what the agent does when told is not what pays"
+        return "the agent's reaction to the instruction is not what is rewarded"
     if listens or earns:
-        return f"it shows only in {_FROM['influence' if listens else 'pays']}"
+        return f"the only evidence is {_FROM['influence' if listens else 'pays']}"
     if effect.get("influence") == 0:
-        return "the agent did the same whatever it was told, and whether following pays is not clear"
-    return "neither what ends it, nor the agent, nor what pays shows it"
+        return "the agent did the same under every instruction, and whether following is rewarded is unclear"
+    return "neither the end of instructions, nor the agent's reaction, nor the reward shows it"

@@ -58,7 +58,7 @@ class Meaning:
     Attributes:
         negative: whether it is known which movement the instructions below 0 ask for.
         positive: the same of those above 0.
-        reason: one line: which sources it stands on, or why it cannot be told.
+        reason: one line: which sources it stands on, or why the meaning is unknown.
         evidence: of each source that could be evaluated.
         episodes: how many were read.
         direction: ``S`` numbers: how far +1 asks each state dimension to rise, in standard deviations of its movement,
@@ -91,7 +91,7 @@ class Meaning:
         best = self.effect_of("best")
         if not self.known or (best is not None and best.effect > 0):
             return self
-        reason = "the best episodes did the opposite" if best else "too few of the best episodes were told anything"
+        reason = "the best episodes did the opposite" if best else "too few of the best episodes have instructions"
         return replace(self, negative=False, positive=False, reason=reason)
 
     def turned(self) -> Meaning:
@@ -112,11 +112,17 @@ class Meaning:
         """The inverse of ``to_dict``; raises ValueError if a value is missing or not finite."""
         try:
             evidence = tuple(Evidence.from_dict(each) for each in values["evidence"])
-            signs = bool(values["negative"]), bool(values["positive"])
             direction = tuple(float(each) for each in values["direction"])
             if not np.isfinite(direction).all():
                 raise ValueError("not all of its numbers are finite")
-            return cls(*signs, str(values["reason"]), evidence, int(values["episodes"]), direction)
+            return cls(
+                negative=bool(values["negative"]),
+                positive=bool(values["positive"]),
+                reason=str(values["reason"]),
+                evidence=evidence,
+                episodes=int(values["episodes"]),
+                direction=direction,
+            )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the meaning is damaged: {error}") from None
 

@@ -9,8 +9,8 @@ from ibe_rl.task import Phrases, Task
 
 MIN_NAMED_SHARE = 0.4
 """Dimensions are named that +1 asks to move by at least this share of the largest."""
-PAYS = {1: "following pays", 0: "whether following pays is not clear", -1: "following does not pay"}
-NOBODY_ASKED = "nobody has looked into what its words mean"
+PAYS = {1: "following is rewarded", 0: "whether following is rewarded is unclear", -1: "following is not rewarded"}
+NOT_INFERRED = "the meaning of its words has not been inferred"
 
 
 def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
@@ -19,7 +19,7 @@ def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
     ``meanings`` are empty if the vocabulary was learnt without an interpretation.
     """
     if not meanings:
-        return [NOBODY_ASKED]
+        return [NOT_INFERRED]
     return [_line(meaning, words, task) for meaning, words in zip(meanings, task.phrases, strict=True)]
 
 
@@ -29,11 +29,11 @@ def _line(meaning: Meaning, words: Phrases, task: Task) -> str:
     if not known:
         because = f": {meaning.reason}" if meaning.reason else ""
         return f"I cannot tell what {_quoted(_plain(words.positive))} means{because}{_facts(meaning)}"
-    told = f"{' and '.join(map(_quoted, known))}: +1 asks {asked(meaning, task)}"
+    line = f"{' and '.join(map(_quoted, known))}: +1 asks {asked(meaning, task)}"
     unknown = [side for side, is_known in sides.items() if not is_known]
     but = f", but I cannot tell what {_quoted(unknown[0])} means" if unknown else ""
     because = f", {meaning.reason}" if meaning.reason else ""
-    return f"{told}{because}{but}{_facts(meaning)}"
+    return f"{line}{because}{but}{_facts(meaning)}"
 
 
 def asked(meaning: Meaning, task: Task) -> str:
@@ -56,7 +56,7 @@ def _facts(meaning: Meaning) -> str:
     best, pays = (meaning.effect_of(source) if has_sign else None for source in ("best", "pays"))
     parts = []
     if best is not None:
-        parts.append(f"the best episodes moved {best.effect:+.2f} standard deviations as told")
+        parts.append(f"the best episodes moved {best.effect:+.2f} standard deviations the instructed way")
     if pays is not None:
         parts.append(PAYS[pays.sign])
     if meaning.episodes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -68,9 +69,9 @@ def depends_on_state(log: LoggedSteps, number: int, seed: int) -> bool:
     if fitted is None:
         return False
     majority = np.unique(signs[rows], return_counts=True)[1].max() / len(rows)
-    halves = rows[fitted], rows[~fitted]
-    _, by_time = _classifier(log.step[:, None], signs, *halves)
-    model, by_state = _classifier(log.states, signs, *halves)
+    classify = partial(_classifier, signs=signs, fit_on=rows[fitted], score_on=rows[~fitted])
+    _, by_time = classify(log.step[:, None])
+    model, by_state = classify(log.states)
     if by_time > by_state + TIME_MARGIN or by_state < majority + MIN_GAIN * (1 - majority):
         return False
     onsets = log.onsets(number)[:MAX_RATE_STEPS]

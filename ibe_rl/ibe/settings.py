@@ -31,7 +31,10 @@ def check_settings(estimator: Any) -> None:
         (not has_axes and e.membership == "direct", f"membership=direct: allowed are hard, soft with space={e.space}"),
         (not has_axes and e.split == "quantile", f"split=quantile: allowed are kmeans, bisecting with space={e.space}"),
         (e.space == "network" and e.last is not None, "last: allowed is None with space=network, which has no centres"),
-        (e.split != "kmeans" and e.last is not None, f"last: allowed is None with split={e.split}, which starts anew"),
+        (
+            e.split != "kmeans" and e.last is not None,
+            f"last: allowed is None with split={e.split}, which starts from scratch",
+        ),
     ]
     for wrong, reason in refused:
         if wrong:

@@ -126,7 +126,7 @@ def along(axes: Array, power: float = 1.0) -> Space:
     return Space(np.zeros(len(axes)), (axes,), (np.zeros(axes.shape[1]),), power)
 
 
-def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None) -> Array:
+def rule_axes(states: Array, instruction: Array, seed: int, moving: Array | None = None) -> Array:
     """Along which axes of the state the instruction changes: a sparse logistic regression of it on the state.
 
     The instruction is about movements along this axis, however the state is scaled or rotated. The regression does not
@@ -134,7 +134,7 @@ def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None
 
     Args:
         states: ``(N, S)`` states with an instruction, of good and bad episodes.
-        told: ``(N, d)`` the instructions.
+        instruction: ``(N, d)``, in each state.
         seed: of the solver.
         moving: ``(S,)`` bool, dimensions that change at all; an axis needs one of them. None: all.
 
@@ -147,7 +147,7 @@ def rule_axes(states: Array, told: Array, seed: int, moving: Array | None = None
     scaler = StandardScaler().fit(states)
     standard = scaler.transform(states)
     can_move = np.ones(states.shape[1], bool) if moving is None else moving
-    axes = [_gradient(standard, column, can_move, seed) for column in told.T]
+    axes = [_gradient(standard, column, can_move, seed) for column in instruction.T]
     return np.stack(axes, axis=1) / scaler.scale_[:, None]
 
 
@@ -162,21 +162,21 @@ def consequences(axes: Array, delta: Array, instruction: Array) -> Array:
     kept = np.array(axes)
     if len(kept.T) == 1:
         return kept
-    for axis, told in zip(kept.T, instruction.T, strict=True):
-        if (told > 0).any() and (told < 0).any():
-            both_ways = delta[told > 0].mean(axis=0) * delta[told < 0].mean(axis=0) < 0
+    for axis, column in zip(kept.T, instruction.T, strict=True):
+        if (column > 0).any() and (column < 0).any():
+            both_ways = delta[column > 0].mean(axis=0) * delta[column < 0].mean(axis=0) < 0
             if np.any(axis * both_ways):
                 axis[:] = np.where(both_ways | (np.ptp(delta, axis=0) == 0), axis, 0)
     return kept
 
 
-def _gradient(standard: Array, told: Array, moving: Array, seed: int) -> Array:
+def _gradient(standard: Array, instruction: Array, moving: Array, seed: int) -> Array:
     """The direction ``(S,)`` in which one number of the instruction rises, over as few dimensions as predict it."""
-    values, kinds = np.unique(told, return_inverse=True)
+    values, kinds = np.unique(instruction, return_inverse=True)
     if len(values) < 2:
         raise TooLittleDataError(f"the instructor has only ever said {', '.join(f'{value:g}' for value in values)}")
     if len(values) > MAX_CLASSES:
-        direction: Array = Ridge().fit(standard, told).coef_
+        direction: Array = Ridge().fit(standard, instruction).coef_
         return direction
     # hardly regularised: shrinkage would spread the rule over correlated dimensions that it does not read
     model = LogisticRegression(C=1_000, max_iter=1_000, random_state=seed)
@@ -215,13 +215,13 @@ def information(delta: Array, instruction: Array, seed: int) -> Array:
     return total
 
 
-def _classes(told: Array) -> Array:
+def _classes(instruction: Array) -> Array:
     """Class labels, at most ``MAX_CLASSES``: the values themselves, or quantile bins."""
-    values, kinds = np.unique(told, return_inverse=True)
+    values, kinds = np.unique(instruction, return_inverse=True)
     if len(values) <= MAX_CLASSES:
         return kinds
-    inner = np.quantile(told, np.arange(1, MAX_CLASSES) / MAX_CLASSES)
-    return np.searchsorted(inner, told)
+    inner = np.quantile(instruction, np.arange(1, MAX_CLASSES) / MAX_CLASSES)
+    return np.searchsorted(inner, instruction)
 
 
 def network(delta: Array, instruction: Array, kept: Array, hidden: Sequence[int], seed: int) -> Space:
@@ -231,11 +231,11 @@ def network(delta: Array, instruction: Array, kept: Array, hidden: Sequence[int]
     """
     _check_enough(delta)
     scaler = StandardScaler().fit(delta)
-    told = instruction[:, 0] if instruction.shape[1] == 1 else instruction
+    target = instruction[:, 0] if instruction.shape[1] == 1 else instruction
     model = MLPRegressor(hidden_layer_sizes=tuple(hidden), early_stopping=True, max_iter=50, random_state=seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iter bounds the time
-        model.fit(scaler.transform(delta) * kept, told)
+        model.fit(scaler.transform(delta) * kept, target)
     first, *others = model.coefs_
     return Space(scaler.mean_, (first * (kept / scaler.scale_)[:, None], *others), tuple(model.intercepts_))
 
@@ -259,7 +259,7 @@ def movement_of_one(places: Array, instruction: Array, weight: Array, known: Arr
     squares = weight @ instruction**2
     moved = np.divide(weight @ (places * instruction), squares, out=np.zeros_like(squares), where=squares > 0)
     if not np.all(np.abs(moved) > 0):
-        raise TooLittleDataError("in the best episodes no instruction but 0 has moved anything yet")
-    told = weight[:, None] * (instruction != 0)
-    least = MIN_UNIT * (told * np.abs(places)).sum(axis=0) / told.sum(axis=0)
+        raise TooLittleDataError("nothing has moved under an instruction other than 0 in the best episodes")
+    share = weight[:, None] * (instruction != 0)
+    least = MIN_UNIT * (share * np.abs(places)).sum(axis=0) / share.sum(axis=0)
     return np.where(known, np.maximum(moved, least), moved)

@@ -35,5 +35,5 @@ class Human:
             ConfigError: if there is no person.
         """
         if person is None:
-            raise ConfigError("instructor=human: there is nobody at the page; allowed is any other instructor here")
+            raise ConfigError("instructor=human: nobody teaches here; allowed is any other instructor")
         return beside_others(person, config, task)

@@ -81,7 +81,8 @@ def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None
     """
     if collect.processes != 1:
         raise ConfigError(
-            f"collect.processes={collect.processes} with instructor={config.kind}: allowed is 1, one game is watched"
+            f"collect.processes={collect.processes} with instructor={config.kind}: allowed is 1, "
+            "one environment is watched"
         )
     if collect.engine == "ray":
         raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")

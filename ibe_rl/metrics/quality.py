@@ -215,13 +215,15 @@ def episode_scores(episode: Episode, said: Sequence[Explanation], task: Task) ->
     ]
 
 
-def _number_scores(said: Array, change: Array, told: Array, band: float, values: Sequence[float]) -> dict[str, float]:
+def _number_scores(
+    said: Array, change: Array, instruction: Array, band: float, values: Sequence[float]
+) -> dict[str, float]:
     """The scores of one number of the instruction, all arguments ``(W,)``."""
-    disobeyed = direction(change, band) != np.sign(told)
+    disobeyed = direction(change, band) != np.sign(instruction)
     return {
         "motion_auc": motion_auc(said, change, band),
         "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], band),
         "motion_spearman": motion_spearman(said, change),
-        "instruction_f1": float(instruction_f1(said, told, values, np.ones((1, len(said))))[0]),
-        "echo_auc": motion_auc(told, change, band),
+        "instruction_f1": float(instruction_f1(said, instruction, values, np.ones((1, len(said))))[0]),
+        "echo_auc": motion_auc(instruction, change, band),
     }

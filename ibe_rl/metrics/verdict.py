@@ -14,9 +14,9 @@ GOOD, WEAK, REVERSED, UNKNOWN = "good", "weak", "reversed", "unknown"
 WORST_FIRST = (REVERSED, UNKNOWN, WEAK, GOOD)
 CHANCE, GOOD_FROM, WEAK_FROM, REVERSED_BELOW = 0.5, 0.9, 0.6, 0.4
 NO_MEANING = "the meaning of its words is not known"
-NOT_TOLD = "cannot be told"
+NOT_MEASURED = "cannot be measured"
 NO_BETTER = "no better than chance"
-AN_ECHO = "no clearer than the last instruction echoed"
+AN_ECHO = "no better than repeating the last instruction"
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Verdict:
 
     Attributes:
         level: one of ``WORST_FIRST``.
-        why: the reason for the level: ``NO_MEANING``, ``NOT_TOLD``, ``NO_BETTER``, ``AN_ECHO`` or empty.
+        why: the reason for the level: ``NO_MEANING``, ``NOT_MEASURED``, ``NO_BETTER``, ``AN_ECHO`` or empty.
         motion_auc: of the words; NaN where undefined.
         echo_auc: of the last instruction in their place; NaN where undefined.
         interval: 95 % interval of ``motion_auc``, None without one.
@@ -41,13 +41,13 @@ class Verdict:
 
     @property
     def figures(self) -> str:
-        """The values in words: ".04, reversed (chance .50, the last instruction echoed .61)"."""
-        if self.why in (NO_MEANING, NOT_TOLD):
+        """The values in words: ".04, reversed (chance .50, repeating the last instruction .61)"."""
+        if self.why in (NO_MEANING, NOT_MEASURED):
             found = self.why
         else:
             low_high = "" if self.interval is None else f" [{', '.join(map(short_number, self.interval))}]"
             found = f"{short_number(self.motion_auc)}{low_high}, {self.why or self.level}"
-        echo = "" if math.isnan(self.echo_auc) else f", the last instruction echoed {short_number(self.echo_auc)}"
+        echo = "" if math.isnan(self.echo_auc) else f", repeating the last instruction {short_number(self.echo_auc)}"
         return f"{self.number + ' ' if self.number else ''}{found} (chance {short_number(CHANCE)}{echo})"
 
 
@@ -75,7 +75,7 @@ def _level(auc: float, echo_auc: float, known: bool, interval: tuple[float, floa
     if not known:
         return UNKNOWN, NO_MEANING
     if math.isnan(auc):
-        return UNKNOWN, NOT_TOLD
+        return UNKNOWN, NOT_MEASURED
     if REVERSED_BELOW <= auc < WEAK_FROM or low <= CHANCE <= high:
         return UNKNOWN, NO_BETTER
     if auc < CHANCE:
@@ -112,7 +112,7 @@ def verdicts_of(scores: Sequence[Mapping[str, float]], meanings: Sequence[Meanin
 
 def in_one_line(verdicts: Sequence[Verdict]) -> str:
     """The verdicts in one line, shown next to the phrase accuracy."""
-    return f"its words tell which way it goes: {'; '.join(one.figures for one in verdicts)}"
+    return f"AUC of its words for the direction of motion: {'; '.join(one.figures for one in verdicts)}"
 
 
 def wrong_signs(verdicts: Sequence[Verdict], meanings: Sequence[Meaning], task: Task) -> list[str]:

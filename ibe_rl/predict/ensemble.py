@@ -99,8 +99,15 @@ class Ensemble:
         steps = Steps.of(learnt, self._actions)
         self._scale = Scale.of(steps)
         updates = config.updates * (1 if self._times else FROM_NOTHING)
-        pace = updates, config.minibatch_size, config.learning_rate, seed
-        layers = train(self._layers, self._scale, steps, *pace)
+        layers = train(
+            self._layers,
+            self._scale,
+            steps,
+            updates=updates,
+            minibatch_size=config.minibatch_size,
+            learning_rate=config.learning_rate,
+            seed=seed,
+        )
         if not all(bool(values.isfinite().all()) for layer in layers for values in layer):
             raise FloatingPointError("the weights of the predictor are not finite numbers")
         self._layers = layers
@@ -114,7 +121,7 @@ class Ensemble:
             ValueError: before the first ``learn``.
         """
         if self._trust is None:
-            raise ValueError("the ensemble has learnt nothing yet")
+            raise ValueError("the ensemble has not been trained yet")
         states, instruction, given = columns_of(moments)
         rolled = self._roll(states, partial(self._follow, policy, instruction, given), horizon_steps)
         error = self._trust.expected_error(rolled.apart)

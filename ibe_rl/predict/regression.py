@@ -108,7 +108,7 @@ class Regression:
             ValueError: before the first ``learn``.
         """
         if self._weights is None:
-            raise ValueError("the regression has learnt nothing yet")
+            raise ValueError("the regression has not been trained yet")
         states, instruction, given = columns_of(moments)
         change = self._change(observe(states, instruction, given)).astype(np.float32)
         known = np.concatenate([np.zeros_like(change[:, :1]), change], axis=1)

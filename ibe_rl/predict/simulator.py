@@ -120,7 +120,8 @@ class _EnvCopies:
 
     def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; seed None repeats the original's noise."""
-        moments, copies = part[0], self._at(*part)
+        moments, noises = part
+        copies = self._at(moments, noises)
         states, instruction, given = columns_of(moments)
         paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
         running = np.arange(len(moments))

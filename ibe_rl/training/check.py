@@ -49,7 +49,5 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
         make_snapshot_env(cfg.env)  # to predict in
     notes = check_dimensions(cfg.mapping, task, env)
     if not task.judges_success:
-        notes.append(
-            f"note: nobody says whether an episode of {cfg.env.id} ended well, so that none counts as a success"
-        )
+        notes.append(f"note: {cfg.env.id} does not report success, so no episode counts as one")
     return notes

@@ -60,11 +60,11 @@ def resumable(run: Any) -> Iterator[None]:
         yield
     except LostWorkerError as error:
         if not run.log.frames:
-            raise LostWorkerError(f"{error}; nothing had been collected yet, start the run anew") from None
+            raise LostWorkerError(f"{error}; nothing had been collected yet, start the run again") from None
         save_state(run.folder, run.state_dict())
         command = f"{installed('python')} train.py {own_configs()}resume={run.folder}"
         raise LostWorkerError(
-            f"{error}; the run is kept as it was at {run.log.frames:,} frames, to go on: {command}"
+            f"{error}; the run is saved as of {run.log.frames:,} frames, to go on: {command}"
         ) from None
 
 
@@ -73,8 +73,8 @@ def how_to_go_on(folder: Path) -> str:
     try:
         frames = load(folder / CHECKPOINTS / LATEST)["frames"]
     except (ConfigError, KeyError, TypeError):
-        return "it has kept no state to go on from: train it anew"
-    return f"its state at {frames:,} frames is kept, go on from it: train.py {own_configs()}resume={folder}"
+        return "train again: no state was saved"
+    return f"resume its saved state of {frames:,} frames: train.py {own_configs()}resume={folder}"
 
 
 def _is_in(filename: object, folder: Path) -> bool:

@@ -75,8 +75,8 @@ class Listeners(Listener):
     def _dropped(self, listener: Listener, error: Exception) -> str:
         name, reason = type(listener).__name__, " ".join(str(error).split())[:200]
         return (
-            f"warning: {self._frames:,} frames: the listener {name} failed ({type(error).__name__}: {reason}): it is "
-            "told nothing any more, training goes on"
+            f"warning: {self._frames:,} frames: the listener {name} failed ({type(error).__name__}: {reason}): it "
+            "gets no more events, training goes on"
         )
 
 

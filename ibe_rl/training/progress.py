@@ -15,7 +15,7 @@ from rich.table import Table
 from ibe_rl.config.command_line import installed, own_configs
 from ibe_rl.view import sentences
 from ibe_rl.vocabulary.listener import Listener, Refreshed
-from ibe_rl.vocabulary.training_episodes import horizon_told
+from ibe_rl.vocabulary.training_episodes import horizon_line
 
 
 class TrainingProgress(Listener):
@@ -66,8 +66,8 @@ class TrainingProgress(Listener):
         refresh = event.refresh
         self._bar.update(self._task, phrase=event.said[-1].said)
         if refresh.horizon_found:
-            self.say(horizon_told(refresh.top.horizon_steps))
-        done = f"refresh {event.number}" if refresh.taken else f"refresh {event.number} stays"
+            self.say(horizon_line(refresh.top.horizon_steps))
+        done = f"refresh {event.number}" if refresh.taken else f"refresh {event.number} keeps the vocabulary"
         numbers = [" ".join(f"{value:+.2f}" for value in column) for column in refresh.standing.expressions.T]
         episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
@@ -88,8 +88,8 @@ class TrainingProgress(Listener):
 def as_predicted(share: float) -> str:
     """The phrase accuracy of a recorded episode, in words."""
     if math.isnan(share):
-        return "it could say nothing of the watched episode"
-    return f"{share:.0%} of what it said of the watched episode went as predicted"
+        return "it gave no explanation of the watched episode"
+    return f"{share:.0%} of its explanations of the watched episode went as predicted"
 
 
 def _counts(counts: Mapping[str, int]) -> str:

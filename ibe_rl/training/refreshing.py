@@ -22,7 +22,7 @@ from ibe_rl.task import RecordedRollout
 from ibe_rl.training.run import Run
 from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.listener import Refreshed
-from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
+from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.rule_reads import lead_on
 from ibe_rl.vocabulary.tracker import figures
@@ -69,7 +69,7 @@ def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
         return None
     first = ASKING_SEED + ASKED_AT * (run.counts.tried + run.counts.skipped)
     typical_steps, seeds = int(np.median(run.log.index["steps"][-200:])), range(first, first + ASKED_AT)
-    return ask_in_flight(
+    return ask_during_rollouts(
         run.evaluation_envs,
         run.agent.greedy,
         run.instructor,
@@ -95,12 +95,12 @@ def skip(run: Run, error: Exception) -> dict[str, float]:
 
 
 def judge_and_tell(
-    run: Run, refresh: Refresh, rollout: RecordedRollout, said: Sequence[Explanation], voice: ExplainerState
+    run: Run, refresh: Refresh, rollout: RecordedRollout, said: Sequence[Explanation], explainer: ExplainerState
 ) -> dict[str, float]:
     """Score the explanations of an episode and notify the listeners; returns columns of metrics.csv."""
     with timeit("explain"):
         row = figures(refresh) | run.vocabulary.judge(refresh, rollout.episode, said, run.cfg.explain_every_steps)
-        real = outcomes(rollout.episode, voice.horizon_steps, voice.mapping, voice.words)
+        real = outcomes(rollout.episode, explainer.horizon_steps, explainer.mapping, explainer.words)
     event = Refreshed(
         frames=run.log.frames,
         number=run.counts.refreshes,
@@ -108,7 +108,7 @@ def judge_and_tell(
         rollout=rollout,
         said=said,
         real=real,
-        voice=voice,
+        explainer=explainer,
         came_true=row["ibe/came_true"],
     )
     run.tell.refreshed(event)
@@ -124,5 +124,7 @@ def measured(run: Run, event: Refreshed) -> dict[str, float]:
             row |= {name: float(found[name]) for name in metric.columns}
         except Exception as error:  # user code may raise anything
             run.metrics.remove(metric)
-            run.say(f"warning: the metric {type(metric).__name__} failed ({raised(error)}): it is not asked any more")
+            run.say(
+                f"warning: the metric {type(metric).__name__} failed ({raised(error)}): it is not computed any more"
+            )
     return row

@@ -54,7 +54,7 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     saved = load_config(folder / CONFIG, TrainConfig)
     if not is_resumable(saved.instructor):
         raise ConfigError(
-            f"resume={folder}: instructor={saved.instructor.kind} repeats a session from its beginning; train it anew"
+            f"resume={folder}: instructor={saved.instructor.kind} repeats a session from its beginning; train again"
         )
     going_on = replace(saved, stop_after_frames=None)  # it has already stopped there
     config = replace(changed(going_on, [*kept_settings(going_on), "experiment"]), run_dir=str(folder), resume=None)
@@ -62,7 +62,8 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:
         raise ConfigError(
-            f"resume={folder}: it has had its {config.total_frames:,} frames; allowed with it is a larger total_frames"
+            f"resume={folder}: it has trained its {config.total_frames:,} frames; "
+            "allowed with it is a larger total_frames"
         )
     return config, without_episodes(state) if is_live(config.instructor) else state
 
@@ -76,10 +77,10 @@ def read_state(folder: Path, name: str) -> State:
     path = folder / CHECKPOINTS / (LATEST if name == "latest" else BEST)
     if not path.is_file():
         raise ConfigError(
-            f"resume={folder}: it has no {CHECKPOINTS}/{path.name}, it ended before the first one; train it anew"
+            f"resume={folder}: it has no {CHECKPOINTS}/{path.name}, it ended before the first one; train again"
         )
     other = folder / CHECKPOINTS / BEST
-    allowed = f"allowed is resume_from=best ({other.name})" if name == "latest" and other.is_file() else "train it anew"
+    allowed = f"allowed is resume_from=best ({other.name})" if name == "latest" and other.is_file() else "train again"
     try:
         state = load(path)
     except ConfigError as error:
@@ -108,7 +109,7 @@ def must_fit(folder: Path) -> Iterator[None]:
         first = str(error).splitlines()[0][:200] if str(error) else ""
         raise ConfigError(
             f"resume={folder}: its state does not fit this version of ibe_rl or its own settings "
-            f"({type(error).__name__}: {first}); train it anew"
+            f"({type(error).__name__}: {first}); train again"
         ) from None
 
 
@@ -138,7 +139,7 @@ def clear_way(folder: Path, state: State) -> str:
     except OSError as error:
         raise ConfigError(f"resume={folder}: allowed is a folder that can be written to ({error.strerror})") from None
     moved = f"; what it had logged after that is in {aside}" if aside else ""
-    return f"going on at {state['frames']:,} frames{moved}"
+    return f"resuming at {state['frames']:,} frames{moved}"
 
 
 def _frames(path: Path) -> int | None:

@@ -27,9 +27,9 @@ from ibe_rl.vocabulary.training_episodes import (
     TrainingEpisodes,
     best_windows,
     horizon_of,
+    instructed_states,
+    instructed_windows,
     read_training_episodes,
-    said_in,
-    told_windows,
 )
 
 
@@ -73,7 +73,7 @@ def fit_windows(
 ) -> ClusterMapping:
     """Learn a vocabulary from windows; otherwise as ``fit_mapping``."""
     estimator = _estimator(config, task, seed, last)
-    states, instructions = said_in(heard, seed)
+    states, instructions = instructed_states(heard, seed)
     with warnings.catch_warnings():  # the mapping records it, and explainers report it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
         mapping = estimator.fit(windows.delta, windows.instruction, states, instructions, interpretation).mapping_
@@ -152,7 +152,7 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
         raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
     refreshed = config.memory is not None  # then each refresh starts from the previous one
     if config.failed_ends == "drop" and not task.judges_success:
-        raise ConfigError("mapping.failed_ends=drop: allowed is keep where nobody says whether an episode ended well")
+        raise ConfigError("mapping.failed_ends=drop: allowed is keep where the environment does not report success")
     try:
         estimator = _estimator(config, task, 0, None)
         if isinstance(estimator, IBEMapping):
@@ -205,7 +205,7 @@ def learn_vocabulary(
     top = best_windows(lessons.best, config, steps)
     meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
     mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
-    others = told_windows(lessons.others, config, steps)
+    others = instructed_windows(lessons.others, config, steps)
     contexts = np.array([episode.context for episode in lessons.best])
     return Refresh(
         frame=log.frames,

@@ -23,7 +23,7 @@ class Refreshed:
         rollout: the episode, ``T`` steps.
         said: ``T`` explanations.
         real: ``T`` realised phrases.
-        voice: what the agent explains with from now on.
+        explainer: what the agent explains with from now on.
         came_true: phrase accuracy of ``said``; nan if nothing was said.
     """
 
@@ -33,7 +33,7 @@ class Refreshed:
     rollout: RecordedRollout
     said: Sequence[Explanation]
     real: Sequence[str]
-    voice: ExplainerState
+    explainer: ExplainerState
     came_true: float
 
 

@@ -42,7 +42,7 @@ def ask(moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon
     return Reactions(up, down)
 
 
-def ask_in_flight(
+def ask_during_rollouts(
     envs: Sequence[gymnasium.Env[Any, Any]],
     policy: Policy,
     instructor: Instructor,
@@ -66,7 +66,7 @@ def ask_in_flight(
     return ask(moments_at(envs, policy, instructor, seeds, steps), policy, predictor, horizon_steps)
 
 
-def told_throughout(policy: Policy, instruction: Array, observations: Array) -> Array:
+def act_under(policy: Policy, instruction: Array, observations: Array) -> Array:
     """Actions at observations ``(N, O)`` with the instruction ``(d,)`` put into all of them."""
     states = observations[:, : -len(instruction) - 1]
     count = len(states)
@@ -75,7 +75,7 @@ def told_throughout(policy: Policy, instruction: Array, observations: Array) -> 
 
 def _listens(moments: Sequence[Moment], policy: Policy, instructions: Sequence[Array]) -> bool:
     observations = observe(*columns_of(moments))
-    first, *others = (told_throughout(policy, one, observations) for one in instructions)
+    first, *others = (act_under(policy, one, observations) for one in instructions)
     return any(not np.array_equal(first, other) for other in others)
 
 
@@ -83,5 +83,5 @@ def _changes(
     moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon_steps: int, instruction: Array
 ) -> Array:
     asked = [replace(moment, instruction=instruction, given=True) for moment in moments]
-    paths = predictor.rollout(asked, partial(told_throughout, policy, instruction), horizon_steps).paths
+    paths = predictor.rollout(asked, partial(act_under, policy, instruction), horizon_steps).paths
     return paths[:, -1] - paths[:, 0]

@@ -117,7 +117,7 @@ def lead_on(config: MappingConfig, skipped: int) -> str:
         return ""
     ways: Sequence[str] = [
         *(["leave mapping.dimensions empty"] if config.dimensions else []),
-        *(["take mapping=lasso, which goes by what moved and not by the rule"] if config.space == "rule" else []),
+        *(["use mapping=lasso, which uses the movements and not the rule"] if config.space == "rule" else []),
         "let the rule say -1 and 1 in states that good episodes reach",
     ]
     return f"; {skipped} refreshes were skipped so far and there are no words yet: train longer, {', or '.join(ways)}"

@@ -187,7 +187,7 @@ class VocabularyTracker:
         """The current vocabulary of a span; None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
 
-    def voice(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
+    def explainer_state(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
         """The current state of the explainer, after the first refresh."""
         assert self.mapping is not None
         steps, words = horizon_of(self._config), self._task.phrases
@@ -266,7 +266,7 @@ def check_refreshing(config: TrainConfig, task: Task) -> None:
     if config.refresh_when_stale is not None and config.refresh_every_frames is None:
         raise ConfigError(
             f"refresh_when_stale={config.refresh_when_stale:g}: allowed is null with refresh_every_frames=null, "
-            "when no vocabulary is looked at"
+            "which never refreshes"
         )
 
 

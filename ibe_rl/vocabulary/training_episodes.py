@@ -18,7 +18,7 @@ from ibe_rl.types import Array, Episode
 OTHER_EPISODES = 300
 """Most episodes outside the best that are read, for comparison and for their instructions."""
 HEARD_STATES = 5_000
-FLOWN, HEARD_AXIS_STATES = 100, 2_000
+AXIS_EPISODES, HEARD_AXIS_STATES = 100, 2_000
 """Episodes and states used to find the horizon."""
 
 
@@ -92,7 +92,7 @@ def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
     return replace(config, horizon_steps=found_steps, spans_steps=shorter)
 
 
-def horizon_told(steps: int) -> str:
+def horizon_line(steps: int) -> str:
     """One line for a user who did not set n."""
     return f"explains the next {steps} steps, as long as movements last here; mapping.horizon_steps sets it"
 
@@ -109,8 +109,8 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
         return config.horizon_steps
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
-    best = log.read(random.permutation(counted[is_best])[:FLOWN])
-    heard = log.read(random.permutation(counted)[:FLOWN])
+    best = log.read(random.permutation(counted[is_best])[:AXIS_EPISODES])
+    heard = log.read(random.permutation(counted)[:AXIS_EPISODES])
     states = [episode.states for episode in best]
     kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
     steps = find_horizon(states, _instruction_axes(heard, seed, kept, leading_change(states, kept)))
@@ -120,7 +120,7 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
 def _instruction_axes(heard: Sequence[Episode], seed: int, kept: Array, otherwise: Array) -> Array:
     """The axes ``(S, d)`` of the instructions in the ``kept`` dimensions; ``otherwise`` if there are none."""
     try:
-        states, instructions = (some[:HEARD_AXIS_STATES] for some in said_in(heard, seed))
+        states, instructions = (some[:HEARD_AXIS_STATES] for some in instructed_states(heard, seed))
         axes = rule_axes(states, instructions, seed) * kept[:, None] if len(states) else otherwise
     except TooLittleDataError:
         return otherwise
@@ -128,7 +128,7 @@ def _instruction_axes(heard: Sequence[Episode], seed: int, kept: Array, otherwis
     return axes[:, reached] if reached.any() else otherwise
 
 
-def told_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows | None:
+def instructed_windows(episodes: Sequence[Episode], config: MappingConfig, horizon_steps: int) -> Windows | None:
     """Windows that begin with an instruction, without failed ends if these are dropped; None without episodes."""
     if not episodes:
         return None
@@ -147,7 +147,7 @@ def best_windows(best: Sequence[Episode], config: MappingConfig, horizon_steps: 
     Raises:
         TooLittleDataError: if there are none.
     """
-    windows = told_windows(best, config, horizon_steps)
+    windows = instructed_windows(best, config, horizon_steps)
     if not windows:
         longest = max((len(episode) for episode in best), default=0)
         raise TooLittleDataError(
@@ -157,7 +157,7 @@ def best_windows(best: Sequence[Episode], config: MappingConfig, horizon_steps: 
     return windows
 
 
-def said_in(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
+def instructed_states(heard: Sequence[Episode], seed: int) -> tuple[Array, Array]:
     """A sample of states ``(N, S)`` with an instruction, and these instructions ``(N, d)``."""
     given = np.concatenate([episode.given for episode in heard]).astype(bool)
     states = np.concatenate([episode.states[:-1] for episode in heard])[given]

@@ -21,7 +21,7 @@ class Loud:
     def __init__(self, n_clusters, loudness, random_state):
         self.inner, self.loudness = IBEMapping(n_clusters, random_state=random_state), loudness
 
-    def fit(self, delta, instruction, states=None, told=None, interpretation=None):
+    def fit(self, delta, instruction, states=None, state_instructions=None, interpretation=None):
         found = self.inner.fit(delta, instruction).mapping_
         self.mapping_ = replace(found, expressions=np.clip(self.loudness * found.expressions, -1, 1))
         return self

@@ -1,16 +1,15 @@
 """Every file in configs/ composes, every limit holds, and no setting is there for nothing."""
 
 import ast
-import math
-from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
+from dataclasses import asdict, fields, replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import pytest
+from every_setting import CHOICES, LIMITS, ROOT, SCHEMAS
 from hydra import compose, initialize_config_dir
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
@@ -21,7 +20,6 @@ from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config import settings as schemas
 from ibe_rl.config.kinds import GROUPS, ROOMS, SEVERAL, check_config, implementation, register, settings_of
-from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
     CODE_SETTINGS,
     CollectConfig,
@@ -39,25 +37,10 @@ from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.fitting import check_mapping
 from ibe_rl.vocabulary.tracker import check_refreshing
 
-ROOT = Path(__file__).parents[2]
-CHOICES = sorted((path.parent.name, path.stem) for path in (ROOT / "configs").glob("*/*.yaml"))
 NEEDED = {"recorded": ["instructor.recording=a_run"]}
 """What a choice cannot do without."""
 SWEPT = {"horizon": "horizon_steps", "clusters": "n_clusters", "mappings": "mapping", "agents": "agent"}
 """What a sweep varies, where it is not called just so."""
-KINDS = {"guest"} | {name for group, name in CHOICES if group in ROOMS}
-"""Those that have a module of their own."""
-OF_KINDS = {
-    settings_of(group, path.stem)
-    for group, room in ROOMS.items()
-    for path in (ROOT / room.replace(".", "/")).glob("*.py")
-    if path.stem in KINDS
-}
-SCHEMAS = sorted(
-    {item for item in vars(schemas).values() if is_dataclass(item) and isinstance(item, type)} | OF_KINDS,
-    key=lambda item: item.__name__,
-)
-LIMITS = {"low", "high", "choices"}
 
 
 def composed(root: str, *overrides: str) -> Any:
@@ -81,9 +64,9 @@ def test_every_root_composes(root: str):
 @pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] not in ("experiment", "sweep")])
 def test_every_choice_composes(group: str, name: str):
     chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
-    told = getattr(chosen, "kind", getattr(chosen, "mode", None))
+    own = getattr(chosen, "kind", getattr(chosen, "mode", None))
     if group != "env":
-        assert told in (name, None)
+        assert own in (name, None)
     if group in ("predictor", "viewer"):
         assert getattr(composed("explain", f"{group}={name}"), group) == chosen
 
@@ -175,84 +158,6 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     explain = composed("explain")
     assert explain.predictor == PredictorConfig()
     assert (explain.run, explain.seed, explain.context) == (None, 0, None)
-
-
-def default(schema: type) -> Any:
-    """An instance with every part of it; what has no default stays missing."""
-    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": MappingConfig}
-    parts |= {"predictor": PredictorConfig, "viewer": ViewerConfig}
-    names = {item.name for item in fields(schema)}
-    return schema(**{name: part() for name, part in parts.items() if name in names})
-
-
-def neighbour(limit: float, whole: bool, towards: float) -> float:
-    return limit + math.copysign(1, towards) if whole else math.nextafter(limit, towards)
-
-
-def outside(item: Field[Any]) -> Iterator[Any]:
-    limits, whole = item.metadata, "int" in str(item.type)
-    if limits["choices"]:
-        yield from ("nonsense", "", limits["choices"][0].upper())
-    for limit, towards in ((limits["low"], -math.inf), (limits["high"], math.inf)):
-        if limit is not None:
-            yield from (neighbour(limit, whole, towards), towards)
-    if not limits["choices"]:
-        yield math.nan
-
-
-def inside(item: Field[Any]) -> Iterator[Any]:
-    limits, whole = item.metadata, "int" in str(item.type)
-    yield from limits["choices"]
-    for limit, towards in ((limits["low"], math.inf), (limits["high"], -math.inf)):
-        if limit is not None:
-            yield from (limit, neighbour(limit, whole, towards))
-    if "None" in str(item.type):
-        yield None
-
-
-LIMITED = [
-    (schema, item)
-    for schema in SCHEMAS
-    for item in fields(schema)
-    if any(item.metadata.get(name) not in (None, ()) for name in LIMITS)
-]
-EVERY_LIMIT = pytest.mark.parametrize(("schema", "item"), LIMITED, ids=[f"{s.__name__}.{i.name}" for s, i in LIMITED])
-
-
-@EVERY_LIMIT
-def test_a_value_just_inside_its_limits_passes(schema: type, item: Field[Any]):
-    assert item.default is not MISSING
-    values = [item.default, *inside(item)]
-    for value in values:
-        config = default(schema)
-        setattr(config, item.name, value)
-        check(config)
-
-
-@EVERY_LIMIT
-def test_a_value_just_outside_its_limits_is_refused(schema: type, item: Field[Any]):
-    for value in outside(item):
-        config = default(schema)
-        setattr(config, item.name, value)
-        with pytest.raises(ConfigError, match=rf"^{item.name}=.*: allowed is \S+"):
-            check(config)
-
-
-def test_the_message_names_the_whole_key_the_value_and_what_is_allowed():
-    config = default(TrainConfig)
-    config.collect.processes = 0
-    with pytest.raises(ConfigError, match=r"^collect\.processes=0: allowed is at least 1 and at most 64$"):
-        check(config)
-    config = default(TrainConfig)
-    config.viewer.mode = "loud"
-    with pytest.raises(ConfigError, match=r"^viewer\.mode=loud: allowed is one of live, file, off$"):
-        check(config)
-
-
-def test_every_number_has_a_limit():
-    for schema in SCHEMAS:
-        for item in fields(schema):
-            assert item.metadata or not any(number in str(item.type).split("[")[0] for number in ("int", "float"))
 
 
 def test_a_setting_that_is_none_is_refused():

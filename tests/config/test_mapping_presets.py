@@ -28,17 +28,17 @@ HORIZON_STEPS = 5
 
 @cache
 def episodes() -> tuple[Episode, ...]:
-    """Forty flights of a lift that is told to rise or fall towards height 0, and mostly does, at its own speed."""
+    """Forty episodes of a lift that is instructed to go to height 0, and mostly does, at its own speed."""
     random, made = np.random.default_rng(0), []
     for number in range(40):
-        heights, told = [random.uniform(-12, 12)], []
+        heights, instruction = [random.uniform(-12, 12)], []
         speed = random.uniform(0.3, 1.5)
         for _ in range(30):
-            told.append(-np.sign(heights[-1]) * (abs(heights[-1]) > 1))
-            heights.append(heights[-1] + told[-1] * speed + random.normal(0, 0.05))
+            instruction.append(-np.sign(heights[-1]) * (abs(heights[-1]) > 1))
+            heights.append(heights[-1] + instruction[-1] * speed + random.normal(0, 0.05))
         states = np.column_stack([heights, random.normal(0, 5, 31), np.full(31, number % 2)])
         given = random.random(30) < 0.9
-        instructions = (np.array(told) * given)[:, None]
+        instructions = (np.array(instruction) * given)[:, None]
         context = TASK.contexts[number % 2]
         made.append(Episode(states, np.zeros(30), np.zeros(30), instructions, given, True, True, context))
     return tuple(made)
@@ -119,7 +119,7 @@ def test_the_same_seed_learns_the_same(preset: str):
 
 @EVERY_PRESET
 def test_it_goes_on_from_itself(preset: str):
-    """As at the next refresh; those that start anew learn the same again."""
+    """As at the next refresh; those that start from scratch learn the same again."""
     config, first = settings(preset), learn(preset)
     second = fit_mapping(episodes(), episodes(), config, TASK, 0, first)
     assert second.sizes.sum() == first.sizes.sum()

@@ -149,27 +149,27 @@ def test_motion_is_the_change_of_x_in_one_step(episodes: Any):
 
 
 def test_a_restored_game_repeats_the_original_to_the_last_bit(episodes: Any):
-    flown, copy = make().unwrapped, make().unwrapped
+    rolled_out, copy = make().unwrapped, make().unwrapped
     copy.reset(seed=99)
     for seed, (states, steps, actions) in enumerate(episodes[:6]):
-        flown.reset(seed=seed)
+        rolled_out.reset(seed=seed)
         for step, action in enumerate(actions):
             if step % 50 == 0:
-                copy.restore(flown.snapshot())
+                copy.restore(rolled_out.snapshot())
                 for ahead in range(step, min(step + 120, len(actions))):
                     state, reward, fallen, _, info = copy.step(actions[ahead])
                     np.testing.assert_array_equal(state, states[ahead + 1])
                     assert (reward, fallen, info) == (steps[ahead][0], steps[ahead][1], steps[ahead][3])
-            flown.step(action)
+            rolled_out.step(action)
 
 
 def test_another_generator_moves_the_target_otherwise():
-    flown, copy = make().unwrapped, make().unwrapped
-    state, _ = flown.reset(seed=0, options={"target": "center"})
+    rolled_out, copy = make().unwrapped, make().unwrapped
+    state, _ = rolled_out.reset(seed=0, options={"target": "center"})
     copy.reset(seed=1)
     for _ in range(MOVES_FROM - 1):
-        state = flown.step(pilot(state))[0]
-    before = flown.snapshot()
+        state = rolled_out.step(pilot(state))[0]
+    before = rolled_out.snapshot()
 
     def moves(noise: np.random.Generator | None) -> tuple[int, str]:
         copy.restore(before, noise)
@@ -186,14 +186,14 @@ def test_another_generator_moves_the_target_otherwise():
 
 
 def test_a_snapshot_changes_nothing_and_does_not_change():
-    flown, untouched = make(), make()
-    for env in (flown, untouched):
+    rolled_out, untouched = make(), make()
+    for env in (rolled_out, untouched):
         env.reset(seed=0)
-    before = flown.unwrapped.snapshot()
+    before = rolled_out.unwrapped.snapshot()
     kept = before.state.copy()
     for step in range(20):
-        np.testing.assert_array_equal(flown.step(step % 2)[0], untouched.step(step % 2)[0])
-        flown.unwrapped.snapshot()
+        np.testing.assert_array_equal(rolled_out.step(step % 2)[0], untouched.step(step % 2)[0])
+        rolled_out.unwrapped.snapshot()
     np.testing.assert_array_equal(before.state, kept)
 
 

@@ -323,18 +323,18 @@ def touching(env: Any) -> bool:
 
 def replays(episodes: range, **kwargs: Any) -> list[Replay]:
     """Replay from every seventh step of some landings, in another copy of the game."""
-    flown, copy = make(**kwargs), make(**kwargs).unwrapped
+    rolled_out, copy = make(**kwargs), make(**kwargs).unwrapped
     copy.reset(seed=12345)
     found = []
     for seed in episodes:
-        state, _ = flown.reset(seed=seed)
+        state, _ = rolled_out.reset(seed=seed)
         snapshots, actions, states, ground, ended = [], [], [state], [False], False
         while not ended:
-            snapshots.append(flown.unwrapped.snapshot())
-            actions.append(aimed()(flown, state))
-            state, _, ended, _, _ = flown.step(actions[-1])
+            snapshots.append(rolled_out.unwrapped.snapshot())
+            actions.append(aimed()(rolled_out, state))
+            state, _, ended, _, _ = rolled_out.step(actions[-1])
             states.append(state)
-            ground.append(touching(flown))
+            ground.append(touching(rolled_out))
         for start in range(0, len(actions) - 60, 7):
             copy.restore(snapshots[start])
             again = np.array([copy.step(action)[0] for action in actions[start : start + 60]])
@@ -377,41 +377,41 @@ def test_a_restored_game_has_the_same_wind():
 
 
 def test_a_leg_that_leaves_the_ground_after_a_restore_is_in_the_air():
-    flown, copy = make().unwrapped, make().unwrapped
+    rolled_out, copy = make().unwrapped, make().unwrapped
     copy.reset(seed=1)
     found = []
     for seed in range(7):
-        state, _ = flown.reset(seed=seed, options={"pad": "center"})
+        state, _ = rolled_out.reset(seed=seed, options={"pad": "center"})
         while not state[6:8].all():  # until it stands, then take off
-            state = flown.step(aimed()(flown, state))[0]
-        while touching(flown):
-            copy.restore(flown.snapshot())
-            legs = flown.step(2)[0][6:8]
+            state = rolled_out.step(aimed()(rolled_out, state))[0]
+        while touching(rolled_out):
+            copy.restore(rolled_out.snapshot())
+            legs = rolled_out.step(2)[0][6:8]
             found.append((legs == copy.step(2)[0][6:8]).all())
     assert len(found) > 20
     assert np.mean(found) > 0.9
 
 
 def test_a_restored_game_goes_on_with_reward_and_pad_of_the_original():
-    flown, copy = make(), make()
+    rolled_out, copy = make(), make()
     copy.reset(seed=9, options={"pad": "right"})
-    flown.reset(seed=0, options={"pad": "left"})
+    rolled_out.reset(seed=0, options={"pad": "left"})
     for _ in range(10):
-        flown.step(2)
-    copy.unwrapped.restore(flown.unwrapped.snapshot())
+        rolled_out.step(2)
+    copy.unwrapped.restore(rolled_out.unwrapped.snapshot())
     assert copy.unwrapped.pad == "left"
-    np.testing.assert_array_equal(ground(copy), ground(flown))
+    np.testing.assert_array_equal(ground(copy), ground(rolled_out))
     for _ in range(20):
-        (state, reward, *_), (expected, expected_reward, *_) = copy.step(2), flown.step(2)
+        (state, reward, *_), (expected, expected_reward, *_) = copy.step(2), rolled_out.step(2)
         np.testing.assert_allclose(state, expected, atol=1e-5)
         assert reward == pytest.approx(expected_reward, abs=1e-2)
 
 
 def test_another_generator_gives_another_future():
-    flown, copy = make().unwrapped, make().unwrapped
-    flown.reset(seed=0)
+    rolled_out, copy = make().unwrapped, make().unwrapped
+    rolled_out.reset(seed=0)
     copy.reset(seed=1)
-    before = flown.snapshot()
+    before = rolled_out.snapshot()
 
     def future(noise: np.random.Generator | None) -> Array:
         copy.restore(before, noise)
@@ -424,14 +424,14 @@ def test_another_generator_gives_another_future():
 
 
 def test_a_snapshot_changes_nothing_and_does_not_change():
-    flown, untouched = make(), make()
-    for env in (flown, untouched):
+    rolled_out, untouched = make(), make()
+    for env in (rolled_out, untouched):
         env.reset(seed=0)
-    before = flown.unwrapped.snapshot()
+    before = rolled_out.unwrapped.snapshot()
     bodies = before.bodies.copy()
     for _ in range(30):
-        np.testing.assert_array_equal(flown.step(3)[0], untouched.step(3)[0])
-        flown.unwrapped.snapshot()
+        np.testing.assert_array_equal(rolled_out.step(3)[0], untouched.step(3)[0])
+        rolled_out.unwrapped.snapshot()
     np.testing.assert_array_equal(before.bodies, bodies)
 
 

@@ -16,7 +16,7 @@ def state(x: float = 0.0, y: float = 0.0, vy: float = 0.0, goal: float = 0.0) ->
 
 
 @pytest.mark.parametrize(
-    ("where", "told"),
+    ("where", "instruction"),
     [
         (state(), [0, 0]),  # it has landed
         (state(x=0.5, y=1, vy=-0.68), [-1, 0]),
@@ -27,8 +27,8 @@ def state(x: float = 0.0, y: float = 0.0, vy: float = 0.0, goal: float = 0.0) ->
         (state(y=-0.3, vy=-0.2), [0, 1]),  # in a valley as on the pad
     ],
 )
-def test_both_numbers_follow_from_the_state(where: np.ndarray, told: list[float]):
-    assert LANDER_SPEED_TASK.rule(where).tolist() == told
+def test_both_numbers_follow_from_the_state(where: np.ndarray, instruction: list[float]):
+    assert LANDER_SPEED_TASK.rule(where).tolist() == instruction
     assert LANDER_SPEED_TASK.rule(np.stack([where, where])).dtype == np.float32
     assert LANDER_SPEED_TASK.rule(where)[:1] == LANDER_TASK.rule(where)
 

@@ -37,7 +37,7 @@ def pilot(tensordict: TensorDictBase) -> TensorDictBase:
 
 
 @pytest.fixture(scope="module")
-def flown() -> TensorDictBase:
+def rolled_out() -> TensorDictBase:
     return make().rollout(STEPS, pilot, break_when_any_done=False)
 
 
@@ -46,13 +46,13 @@ def test_torchrls_checker_passes():
     check_env_specs(make())
 
 
-def test_every_row_equals_the_game_played_alone(flown: TensorDictBase):
+def test_every_row_equals_the_game_played_alone(rolled_out: TensorDictBase):
     """Also the last state of an episode, which is neither zeros nor the first one of the next."""
     for row in range(ROWS):
         game, begun = make_gym(LANDER_ID, {}), count()
         state, _ = game.reset(seed=episode_seed(SEED + row, next(begun)))
         for t in range(STEPS):
-            step = flown[row, t]
+            step = rolled_out[row, t]
             np.testing.assert_array_equal(step["state"], state)
             state, reward, terminated, truncated, info = game.step(int(step["action"]))
             after = step["next"]
@@ -69,31 +69,31 @@ def test_every_row_equals_the_game_played_alone(flown: TensorDictBase):
                 state, _ = game.reset(seed=episode_seed(SEED + row, next(begun)))
 
 
-def test_a_step_begins_where_the_one_before_ended(flown: TensorDictBase):
-    done = flown["next", "done"][:, :-1, 0]
+def test_a_step_begins_where_the_one_before_ended(rolled_out: TensorDictBase):
+    done = rolled_out["next", "done"][:, :-1, 0]
     assert done.sum(dim=1).min() > 0  # every row
     for key in ("state", "instruction", "instruction_given", "observation"):
-        root, after = flown[key][:, 1:], flown["next", key][:, :-1]
+        root, after = rolled_out[key][:, 1:], rolled_out["next", key][:, :-1]
         assert torch.equal(root[~done], after[~done])
-    assert not (flown["state"][:, 1:] == flown["next", "state"][:, :-1])[done].all(dim=-1).any()
-    assert (flown["next", "state"][:, :-1][done][:, 1] < 0.5).all()  # ended on the ground
-    assert (flown["state"][:, 1:][done][:, 1] > 1.0).all()  # began in the sky
+    assert not (rolled_out["state"][:, 1:] == rolled_out["next", "state"][:, :-1])[done].all(dim=-1).any()
+    assert (rolled_out["next", "state"][:, :-1][done][:, 1] < 0.5).all()  # ended on the ground
+    assert (rolled_out["state"][:, 1:][done][:, 1] > 1.0).all()  # began in the sky
 
 
-def test_some_rows_land_and_some_crash(flown: TensorDictBase):
+def test_some_rows_land_and_some_crash(rolled_out: TensorDictBase):
     """Otherwise the tests above would show less than they say."""
-    done = flown["next", "done"].squeeze(-1)
-    assert flown["next", "success"][done].any()
-    assert not flown["next", "success"][done].all()
-    assert not flown["next", "success"][~done].any()
+    done = rolled_out["next", "done"].squeeze(-1)
+    assert rolled_out["next", "success"][done].any()
+    assert not rolled_out["next", "success"][done].all()
+    assert not rolled_out["next", "success"][~done].any()
     assert (done.sum(dim=0) == 1).any()  # a partial reset
 
 
-def test_the_instruction_is_the_rule_of_its_own_state(flown: TensorDictBase):
-    for part in (flown, flown["next"]):
+def test_the_instruction_is_the_rule_of_its_own_state(rolled_out: TensorDictBase):
+    for part in (rolled_out, rolled_out["next"]):
         np.testing.assert_array_equal(part["instruction"], LANDER_TASK.rule(part["state"].numpy()))
         assert (part["instruction_given"] == 1).all()
-    assert set(flown["instruction"].unique().tolist()) == {-1.0, 0.0, 1.0}
+    assert set(rolled_out["instruction"].unique().tolist()) == {-1.0, 0.0, 1.0}
 
 
 @pytest.mark.parametrize("kind", ["oracle", "silent"])
@@ -131,7 +131,7 @@ class Noting:
         return count.astype(np.float32), np.ones((len(states), 1), np.float32)
 
 
-def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
+def test_the_instructor_is_reset_in_the_rows_that_are_reset():
     instructor = Noting()
     env = make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     instructor.resets.clear()
@@ -145,7 +145,7 @@ def test_the_instructor_is_reset_in_the_rows_that_begin_anew():
 
 
 def test_each_row_is_asked_once_for_each_of_its_steps():
-    """Neither again because another row begins anew, nor where the game is over."""
+    """Neither again because another row is reset, nor where the game is over."""
     instructor = Noting()
     env = make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED)
     torch.manual_seed(0)
@@ -169,7 +169,7 @@ def test_a_step_leaves_what_was_returned_before_alone():
         assert (returned == copy).all()
 
 
-def test_the_same_seed_flies_the_same():
+def test_the_same_seed_rolls_out_the_same():
     def fly() -> TensorDictBase:
         torch.manual_seed(0)
         return make().rollout(100, break_when_any_done=False)
@@ -185,17 +185,17 @@ def test_every_episode_has_a_seed_of_its_own_below_those_of_evaluations():
 
 
 STOP = 130
-"""Steps of ``flown`` after which it is taken up again."""
+"""Steps of ``rolled_out`` after which it is taken up again."""
 
 
-def standing(flown: TensorDictBase) -> list[PartialEpisode]:
+def standing(rolled_out: TensorDictBase) -> list[PartialEpisode]:
     """Where the rows stood after ``STOP`` steps."""
     found = []
     for row in range(ROWS):
-        ends = flown["next", "done"][row, :STOP, 0].nonzero().flatten().tolist()
+        ends = rolled_out["next", "done"][row, :STOP, 0].nonzero().flatten().tolist()
         begin = ends[-1] + 1 if ends else 0
-        state = flown["next", "state"][row, STOP - 1].numpy() if begin < STOP else None
-        found.append(PartialEpisode(len(ends), flown["action"][row, begin:STOP].numpy(), state))
+        state = rolled_out["next", "state"][row, STOP - 1].numpy() if begin < STOP else None
+        found.append(PartialEpisode(len(ends), rolled_out["action"][row, begin:STOP].numpy(), state))
     return found
 
 
@@ -204,11 +204,11 @@ def take_up(rows: list[PartialEpisode], instructor: Any = None) -> Any:
     return make_vector_env([make_gym(LANDER_ID, {}) for _ in range(ROWS)], instructor, SEED, rows)
 
 
-def test_episodes_under_way_go_on_to_the_last_bit(flown: TensorDictBase):
-    rows = standing(flown)
+def test_episodes_under_way_go_on_to_the_last_bit(rolled_out: TensorDictBase):
+    rows = standing(rolled_out)
     assert any(one.ended for one in rows)
     assert all(len(one.actions) > 10 for one in rows)
-    again, whole = take_up(rows).rollout(300, pilot, break_when_any_done=False), flown[:, STOP : STOP + 300]
+    again, whole = take_up(rows).rollout(300, pilot, break_when_any_done=False), rolled_out[:, STOP : STOP + 300]
     assert whole["next", "done"].any()
     for name in ("state", "action", "instruction", ("next", "reward"), ("next", "done"), ("next", "state")):
         assert torch.equal(again[name], whole[name]), name
@@ -240,18 +240,20 @@ def test_episodes_under_way_with_continuous_actions_go_on_to_the_last_bit():
         assert torch.equal(data[name], whole[name][:, STOP:]), name
 
 
-def test_a_row_between_two_episodes_begins_its_next_one(flown: TensorDictBase):
-    rows = [PartialEpisode(7, np.zeros(0, np.int64), None), *standing(flown)[1:]]
+def test_a_row_between_two_episodes_begins_its_next_one(rolled_out: TensorDictBase):
+    rows = [PartialEpisode(7, np.zeros(0, np.int64), None), *standing(rolled_out)[1:]]
     state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 7))[0]
     states = take_up(rows).reset()["state"]
     np.testing.assert_array_equal(states[0], state)
-    assert torch.equal(states[1:], flown["state"][1:, STOP])
+    assert torch.equal(states[1:], rolled_out["state"][1:, STOP])
 
 
 @pytest.mark.parametrize("actions", [[0, 1, 2], [0] * 600])
-def test_an_episode_that_comes_out_otherwise_is_left_and_the_next_one_begun(flown: TensorDictBase, actions: list[int]):
+def test_an_episode_that_comes_out_otherwise_is_left_and_the_next_one_begun(
+    rolled_out: TensorDictBase, actions: list[int]
+):
     """Another machine or library may calculate otherwise: then the state is another one, or the game is over."""
-    rows = [PartialEpisode(2, np.array(actions), np.ones(9, np.float32)), *standing(flown)[1:]]
+    rows = [PartialEpisode(2, np.array(actions), np.ones(9, np.float32)), *standing(rolled_out)[1:]]
     instructor = Noting()
     state = make_gym(LANDER_ID, {}).reset(seed=episode_seed(SEED, 3))[0]
     np.testing.assert_array_equal(take_up(rows, instructor).reset()["state"][0], state)

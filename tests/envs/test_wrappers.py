@@ -10,14 +10,14 @@ from ibe_rl.types import ConfigError
 
 
 def test_the_instruction_stands_behind_the_state() -> None:
-    plain, told = gymnasium.make(LANDER_ID), Instructed(gymnasium.make(LANDER_ID))
+    plain, instructed = gymnasium.make(LANDER_ID), Instructed(gymnasium.make(LANDER_ID))
     state, _ = plain.reset(seed=1, options={"pad": "right"})
-    seen, info = told.reset(seed=1, options={"pad": "right"})
+    seen, info = instructed.reset(seed=1, options={"pad": "right"})
     for action in [0, 2, 3, 1] * 10:
         np.testing.assert_array_equal(seen, [*state, *LANDER_TASK.rule(state), 1.0])
         assert seen.dtype == np.float32
         state, reward, *ends, _ = plain.step(action)
-        seen, *after, info = told.step(action)
+        seen, *after, info = instructed.step(action)
         assert after == [reward, *ends]
     assert info == {"landed": False}
 

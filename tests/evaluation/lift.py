@@ -35,7 +35,7 @@ def words(centres: Sequence[float] = (-2, 0, 2), expressions: Sequence[float] = 
 def moments(
     realised: Sequence[float],
     predicted: Sequence[Sequence[float]],
-    told: Sequence[float],
+    instruction: Sequence[float],
     episode: Sequence[int],
     speed: Sequence[float] | None = None,
     observed: Sequence[bool] | None = None,
@@ -49,7 +49,7 @@ def moments(
         seed=np.array(episode) + 100,
         step=np.arange(count),
         state=state,
-        instruction=np.array(told, float)[:, None],
+        instruction=np.array(instruction, float)[:, None],
         given=np.ones(count, bool),
         regular=np.ones(count, bool),
         observed=np.zeros(count, bool) if observed is None else np.array(observed),

@@ -26,14 +26,16 @@ def run(tmp_path: Path) -> TrainedRun:
     return TrainedRun(tmp_path, TrainConfig(), TASK, lambda seen: seen, 9, words(), 9, 5, {}, None)
 
 
-def told(value: float, spread: float = 0.01) -> dict[str, Any]:
+def estimate(value: float, spread: float = 0.01) -> dict[str, Any]:
     return {"value": value, "low": value - spread, "high": value + spread}
 
 
 def rows(auc: Any, echo: float = 0.61, others: dict[int, float] | None = None) -> list[dict[str, Any]]:
-    found = {5: auc if isinstance(auc, dict) else told(auc)} | {n: told(each) for n, each in (others or {}).items()}
+    found = {5: auc if isinstance(auc, dict) else estimate(auc)} | {
+        n: estimate(each) for n, each in (others or {}).items()
+    }
     mine = [{"explainer": OURS, "horizon_steps": n, "motion_auc": each} for n, each in found.items()]
-    return [*mine, {"explainer": ECHO, "horizon_steps": 5, "motion_auc": told(echo)}]
+    return [*mine, {"explainer": ECHO, "horizon_steps": 5, "motion_auc": estimate(echo)}]
 
 
 def meaning(run: TrainedRun, **known: Any) -> TrainedRun:
@@ -44,8 +46,8 @@ def test_good_words_need_nothing(run: TrainedRun) -> None:
     found = verdict_of(rows(0.97), OURS, run)
     assert found == {
         "level": "good",
-        "text": "GOOD: its words tell which way it goes: .97 [.96, .98], good "
-        "(chance .50, the last instruction echoed .61).",
+        "text": "GOOD: AUC of its words for the direction of motion: .97 [.96, .98], good "
+        "(chance .50, repeating the last instruction .61).",
         "motion_auc": {"value": 0.97, "low": pytest.approx(0.96), "high": pytest.approx(0.98)},
         "chance": 0.5,
         "echo": 0.61,
@@ -56,15 +58,17 @@ def test_good_words_need_nothing(run: TrainedRun) -> None:
 def test_reversed_words_are_named_and_the_sign_is_looked_at_first(run: TrainedRun) -> None:
     found = verdict_of(rows(0.04), OURS, meaning(run))
     assert found["level"] == "reversed"
-    assert found["text"].startswith("REVERSED: “going up” is said when height falls; its words tell")
+    assert found["text"].startswith(
+        "REVERSED: “going up” is said when height falls; AUC of its words for the direction of motion: .04"
+    )
     first, second, *rest = found["advice"]
     assert first.startswith("env.task.explained=[height] says that height rises with +1, but")
-    assert "has to rise where the rule says +1" in second
+    assert "must rise where the rule says +1" in second
     assert rest == [COMPARE, ASK_FOR_IT]
     assert verdict_of(rows(0.04), OURS, run)["advice"] == [second, *rest]  # nobody has asked what the words mean
 
 
-def test_weak_words_are_told_where_better_ones_are(run: TrainedRun) -> None:
+def test_weak_words_come_with_advice_where_better_ones_are(run: TrainedRun) -> None:
     assert verdict_of(rows(0.75), OURS, run)["advice"] == [COMPARE, ASK_FOR_IT]
     judged = [("ibe:as_refreshed", 0.99), ("ibe:bisecting", 0.93), ("ibe:none", None), ("baseline:paper", 0.8)]
     table = [{"explainer": name, "motion_auc": NONE | {"value": value}} for name, value in judged]
@@ -82,12 +86,12 @@ def test_weak_words_are_told_where_better_ones_are(run: TrainedRun) -> None:
 
 
 def test_no_better_than_chance(run: TrainedRun) -> None:
-    found = verdict_of(rows(told(0.62, 0.2)), OURS, run)
+    found = verdict_of(rows(estimate(0.62, 0.2)), OURS, run)
     assert (found["level"], "no better than chance" in found["text"]) == ("unknown", True)
     assert found["advice"] == [COMPARE, ASK_FOR_IT]
 
 
-def test_an_unknown_meaning_is_told_with_its_reason(run: TrainedRun) -> None:
+def test_an_unknown_meaning_is_reported_with_its_reason(run: TrainedRun) -> None:
     found = verdict_of(rows(0.97), OURS, meaning(run, negative=False, positive=False, reason="nobody did it"))
     assert (found["level"], found["text"]) == (
         "unknown",
@@ -99,7 +103,7 @@ def test_an_unknown_meaning_is_told_with_its_reason(run: TrainedRun) -> None:
 def test_what_cannot_be_computed(run: TrainedRun) -> None:
     found = verdict_of([{"explainer": OURS, "horizon_steps": 5, "motion_auc": NONE}], OURS, run)
     assert (found["level"], found["motion_auc"], found["echo"]) == ("unknown", NONE, None)
-    assert "height did not go both ways" in found["text"]
+    assert "height did not move both ways" in found["text"]
     assert "explained_band" in found["advice"][0]
 
 
@@ -108,8 +112,11 @@ def test_a_reversed_number_is_not_hidden_by_a_mean(run: TrainedRun) -> None:
         TASK, phrases=TASK.phrases * 2, explained=(0, 1), explained_band=(0.5, 0.5), explained_range=(), motion=None
     )
     both = replace(run, task=two)
-    each = {name: [{"motion_auc": told(0.99)}, {"motion_auc": told(auc)}] for name, auc in ((OURS, 0.2), (ECHO, 0.6))}
-    table = [{"explainer": n, "horizon_steps": 5, "motion_auc": told(0.6), "each": of} for n, of in each.items()]
+    each = {
+        name: [{"motion_auc": estimate(0.99)}, {"motion_auc": estimate(auc)}]
+        for name, auc in ((OURS, 0.2), (ECHO, 0.6))
+    }
+    table = [{"explainer": n, "horizon_steps": 5, "motion_auc": estimate(0.6), "each": of} for n, of in each.items()]
     found = verdict_of(table, OURS, both)
     assert (found["level"], found["number"], found["motion_auc"]["value"]) == ("reversed", "speed", 0.2)
     assert found["text"].startswith("REVERSED: “going up” is said when speed falls; ")

@@ -15,7 +15,7 @@ class Zero:
 
 
 REGRESSORS = [StateRegressor("ridge", Zero(), {})]
-HERE = moments([1, -1], [[1], [1]], told=[1, -1], episode=[0, 1], speed=[3, -4])
+HERE = moments([1, -1], [[1], [1]], instruction=[1, -1], episode=[0, 1], speed=[3, -4])
 
 
 def test_what_can_be_said_without_a_simulator():

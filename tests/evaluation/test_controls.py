@@ -30,7 +30,7 @@ def windows() -> Windows:
     return Windows(heights(change), np.sign(change)[:, None], ones.astype(bool), ones, ones, 5)
 
 
-def test_random_clusters_are_windows_with_the_mean_of_what_was_told():
+def test_random_clusters_are_windows_with_the_mean_of_the_instructions():
     drawn = random_clusters(windows(), 3, np.random.default_rng(0))
     assert sorted(drawn.sizes.tolist()) == [4, 4, 4]
     assert sorted(drawn.ids.tolist()) == [0, 1, 2]
@@ -40,7 +40,7 @@ def test_random_clusters_are_windows_with_the_mean_of_what_was_told():
     assert len(two) > 3
 
 
-def test_random_clusters_are_as_pure_as_what_was_told_in_them():
+def test_random_clusters_are_as_pure_as_the_instructions_in_them():
     """One cluster of four windows told down, four told nothing and four told up; its mean is nothing."""
     one = random_clusters(windows(), 1, np.random.default_rng(0))
     assert (one.purities.tolist(), one.mean_instructions.tolist(), one.expressions.tolist()) == ([1 / 3], [[0]], [[0]])
@@ -48,7 +48,7 @@ def test_random_clusters_are_as_pure_as_what_was_told_in_them():
 
 
 @pytest.mark.parametrize("membership", ["hard", "soft"])
-def test_names_are_dealt_out_anew_and_the_clusters_stay(membership: str):
+def test_names_are_dealt_out_again_and_the_clusters_stay(membership: str):
     ours, orders = replace(words(), membership=membership), set()
     for seed in range(30):
         others = dealt(ours, np.random.default_rng(seed))
@@ -61,9 +61,9 @@ def test_names_are_dealt_out_anew_and_the_clusters_stay(membership: str):
 
 
 def episode(number: int, steps: int) -> Episode:
-    told = np.full((steps, 1), number) + np.arange(steps)[:, None] / 100
+    instruction = np.full((steps, 1), number) + np.arange(steps)[:, None] / 100
     states = np.full((steps + 1, 3), number)
-    return Episode(states, np.zeros(steps), np.zeros(steps), told, np.ones(steps, bool), True, True, "lower")
+    return Episode(states, np.zeros(steps), np.zeros(steps), instruction, np.ones(steps, bool), True, True, "lower")
 
 
 def test_instructions_are_shuffled_by_whole_episodes():
@@ -83,7 +83,7 @@ def test_instructions_are_shuffled_by_whole_episodes():
 
 def test_a_moment_is_given_the_future_of_another_episode():
     episodes = [0, 0, 0, 2, 2, 5, 5, 5, 5, 9]
-    here = moments([0] * 10, [[number] for number in episodes], told=[0] * 10, episode=episodes)
+    here = moments([0] * 10, [[number] for number in episodes], instruction=[0] * 10, episode=episodes)
     other = of_another_moment(here, np.random.default_rng(0))
     givers = other.predicted[:, 0, 0, 0]
     assert (givers != episodes).all()
@@ -93,4 +93,4 @@ def test_a_moment_is_given_the_future_of_another_episode():
 
 def test_one_episode_has_no_other():
     with pytest.raises(ValueError, match="at least two episodes"):
-        of_another_moment(moments([0, 1], [[0], [1]], told=[0, 0], episode=[3, 3]), np.random.default_rng(0))
+        of_another_moment(moments([0, 1], [[0], [1]], instruction=[0, 0], episode=[3, 3]), np.random.default_rng(0))

@@ -12,7 +12,7 @@ from ibe_rl.evaluation.figures import by_explainer, changing, confidence, draw_a
 OURS = "ibe:axis"
 
 
-def told(value: float | None) -> dict[str, float | None]:
+def estimate(value: float | None) -> dict[str, float | None]:
     return {
         "value": value,
         "low": None if value is None else value - 0.1,
@@ -24,8 +24,8 @@ def row(name: str, horizon: int, auc: float | None, **more: Any) -> dict[str, An
     return {
         "explainer": name,
         "horizon_steps": horizon,
-        "motion_auc": told(auc),
-        "motion_auc_disobeyed": told(None),
+        "motion_auc": estimate(auc),
+        "motion_auc_disobeyed": estimate(None),
         **more,
     }
 
@@ -36,7 +36,7 @@ AGES = [
     {
         "policy_frame": policy,
         "vocabulary_frame": age,
-        **dict.fromkeys(("motion_auc", "motion_spearman", "came_true"), told(v)),
+        **dict.fromkeys(("motion_auc", "motion_spearman", "came_true"), estimate(v)),
     }
     for policy, age, v in ((100_000, 50_000, 0.5), (200_000, 50_000, 0.6), (200_000, 150_000, None))
 ]
@@ -65,7 +65,7 @@ def test_confidence_is_drawn_in_percent():
     assert figure.axes[1].lines[0].get_ydata() == pytest.approx([0, 25])
     assert [axis.get_xlabel() for axis in figure.axes] == [
         "confidence that it goes as predicted",
-        "moments spoken at, most confident first (%)",
+        "coverage, most confident moments first (%)",
     ]
 
 
@@ -81,7 +81,7 @@ def test_ages_that_no_policy_had_stay_empty():
 
 
 def test_a_metric_that_nobody_could_tell_is_an_empty_picture():
-    nothing = [each | {"motion_spearman": told(None)} for each in AGES]
+    nothing = [each | {"motion_spearman": estimate(None)} for each in AGES]
     assert np.ma.getmaskarray(changing(nothing, 60).axes[1].images[0].get_array()).all()
 
 

@@ -30,8 +30,8 @@ def flights(seed: int) -> Moments:
     change = random.permutation(np.repeat([-3.0, -1.5, 0, 1.5, 3], EPISODES))
     other = random.permutation(change)
     futures = np.column_stack([change, other, other])
-    told = random.integers(-1, 2, len(change))
-    return moments(change, futures, told, np.repeat(np.arange(EPISODES), 5), speed=-change)
+    found = random.integers(-1, 2, len(change))
+    return moments(change, futures, found, np.repeat(np.arange(EPISODES), 5), speed=-change)
 
 
 @pytest.fixture(scope="module")
@@ -127,11 +127,11 @@ def test_confidence_against_always_saying_the_share(judged: Judged):
     assert 0.2 < share < 0.8
     assert values(judged, OURS, "came_true_voted") == pytest.approx(share, abs=1e-5)
     np.testing.assert_array_equal(judged.spoken[OURS].agreement == 1, judged.spoken[OURS].voted_true)
-    told = confidence_of(judged, OURS)
-    assert told["base_rate"]["value"] == pytest.approx(share, abs=1e-5)
-    assert told["risk_at_80_minus_risk_all"]["value"] == pytest.approx((0.8 - share) / 0.8 - (1 - share), abs=1e-5)
+    found = confidence_of(judged, OURS)
+    assert found["base_rate"]["value"] == pytest.approx(share, abs=1e-5)
+    assert found["risk_at_80_minus_risk_all"]["value"] == pytest.approx((0.8 - share) / 0.8 - (1 - share), abs=1e-5)
     expected = values(judged, OURS, "brier") - share * (1 - share)
-    assert told["brier_minus_base_rate"]["value"] == pytest.approx(expected, abs=2e-5)
+    assert found["brier_minus_base_rate"]["value"] == pytest.approx(expected, abs=2e-5)
     assert expected < -0.1
 
 

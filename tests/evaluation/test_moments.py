@@ -37,7 +37,7 @@ def policy() -> Any:
     return agent.greedy
 
 
-def flown(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
+def rolled_out(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
     run: Any = SimpleNamespace(
         make_env=make, task=LANDER_TASK, config=SimpleNamespace(instructor=InstructorConfig(kind))
     )
@@ -47,7 +47,7 @@ def flown(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
 
 @pytest.fixture(scope="module")
 def moments(policy: Any) -> Moments:
-    return flown(policy)
+    return rolled_out(policy)
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +79,8 @@ def test_every_so_many_steps_and_once_for_the_observer(moments: Moments, episode
 
 
 def test_who_lands_too_early_is_not_observed(policy: Any):
-    assert not flown(policy, Plan(50, 1, (5,), observer_steps=900)).observed.any()
-    assert not flown(policy, Plan(50, 1, (5,))).observed.any()
+    assert not rolled_out(policy, Plan(50, 1, (5,), observer_steps=900)).observed.any()
+    assert not rolled_out(policy, Plan(50, 1, (5,))).observed.any()
 
 
 def test_futures_are_near_what_came_and_differ(moments: Moments):
@@ -93,14 +93,14 @@ def test_futures_are_near_what_came_and_differ(moments: Moments):
 
 
 def test_a_short_horizon_is_the_beginning_of_a_long_one(policy: Any, moments: Moments):
-    alone = flown(policy, Plan(20, 2, (30,), observer_steps=30))
+    alone = rolled_out(policy, Plan(20, 2, (30,), observer_steps=30))
     np.testing.assert_allclose(alone.predicted[:, :, 0], moments.predicted[:, :, 1], atol=1e-3)
     np.testing.assert_array_equal(alone.realised[:, 0], moments.realised[:, 1])
 
 
 def test_only_moments_on_the_stride_with_an_instruction_are_judged(policy: Any, moments: Moments):
     assert len(moments.judged()) == moments.regular.sum() < len(moments)
-    assert len(flown(policy, Plan(50, 1, (5,)), "silent").judged()) == 0
+    assert len(rolled_out(policy, Plan(50, 1, (5,)), "silent").judged()) == 0
 
 
 def test_the_first_future_alone(moments: Moments):

@@ -36,14 +36,16 @@ def says(*expressions: float, **meaning: object) -> ClusterMapping:
 def watched(heights: np.ndarray = HEIGHTS) -> RecordedRollout:
     states = np.column_stack([heights, np.zeros((len(heights), 2))])
     steps = len(heights) - 1
-    told = np.ones((steps, 1))
-    episode = Episode(states, np.zeros(steps), np.zeros(steps), told, np.ones(steps, bool), True, True, "lower")
-    return RecordedRollout(episode, [Moment(states[t], told[t], True) for t in range(steps)], [], [[]] * (steps + 1))
+    instruction = np.ones((steps, 1))
+    episode = Episode(states, np.zeros(steps), np.zeros(steps), instruction, np.ones(steps, bool), True, True, "lower")
+    return RecordedRollout(
+        episode, [Moment(states[t], instruction[t], True) for t in range(steps)], [], [[]] * (steps + 1)
+    )
 
 
-def said_in(run: TrainedRun, flown: RecordedRollout) -> list[Explanation]:
+def explained(run: TrainedRun, rolled_out: RecordedRollout) -> list[Explanation]:
     """What is said if the next two steps are foreseen rightly."""
-    states = flown.episode.states
+    states = rolled_out.episode.states
     ahead = np.minimum(np.arange(len(states) - 1)[:, None] + np.arange(3), len(states) - 1)
     return put_in_words(
         states[ahead][:, None], ExplainerState(run.mapping, 2, TASK.phrases, calibration=run.calibration)
@@ -54,18 +56,20 @@ def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | Non
     return TrainedRun(folder, TrainConfig(), TASK, lambda seen: seen, 9, mapping, 9, 2, {}, calibration)
 
 
-def printed(run: TrainedRun, flown: RecordedRollout, said: list[Explanation] | None = None) -> list[str]:
+def printed(run: TrainedRun, rolled_out: RecordedRollout, said: list[Explanation] | None = None) -> list[str]:
     stream = io.StringIO()
-    print_narration(run, flown, said or said_in(run, flown), Console(file=stream, highlight=False, width=250))
+    print_narration(
+        run, rolled_out, said or explained(run, rolled_out), Console(file=stream, highlight=False, width=250)
+    )
     return stream.getvalue().splitlines()
 
 
 def test_it_begins_with_the_verdict_and_ends_with_both_figures(tmp_path: Path) -> None:
     lines = printed(run_of(says(-1, 0, 1), tmp_path), watched())
-    found = "its words tell which way it goes: .97, good (chance .50, the last instruction echoed .50)."
+    found = "AUC of its words for the direction of motion: .97, good (chance .50, repeating the last instruction .50)."
     assert lines[0] == f"GOOD: {found}"  # where it rises by one it may say so or not
     assert found in lines[-1]
-    assert lines[-1].startswith("100% of what it said about its next 2 steps went as predicted; its words tell which ")
+    assert lines[-1].startswith("100% of its explanations of the next 2 steps went as predicted; AUC of its words for ")
     assert any(line.split()[-2:] == ["as", "predicted"] for line in lines)
 
 
@@ -74,20 +78,25 @@ def test_reversed_words_are_not_praised(tmp_path: Path) -> None:
     lines = printed(run_of(says(1, 0, -1, reason="seen"), tmp_path), watched())
     assert lines[0].startswith("REVERSED: “going up” is said when height falls; ")
     assert lines[1].startswith("  what to do: env.task.explained=[height] says that height rises with +1, but ")
-    assert lines[-1].startswith("100% of what it said")
+    assert lines[-1].startswith("100% of its explanations")
     assert ".03, reversed (chance .50" in lines[-1]
 
 
 def test_of_an_episode_that_went_one_way_only_the_last_refresh_tells(tmp_path: Path) -> None:
-    flown = watched(np.arange(STEPS + 1.0))
+    rolled_out = watched(np.arange(STEPS + 1.0))
     run = run_of(says(-1, 0, 1), tmp_path)
-    lines = printed(run, flown)
-    assert lines[0] == "From this episode it cannot be told whether its words tell which way it goes."
-    assert "cannot be told (chance .50)" in lines[-1]
+    lines = printed(run, rolled_out)
+    assert lines[0] == "The AUC for the direction of motion cannot be measured in this episode."
+    assert "cannot be measured (chance .50)" in lines[-1]
     scored = replace(run, scores_of_numbers=[{"motion_auc": 0.044, "echo_auc": 0.61}])
-    text = "\n".join(printed(scored, flown))
-    assert "REVERSED: “going up” is said when height falls; its words tell which way it goes: .04, reversed" in text
-    assert "At the last refresh, over many episodes, its words tell which way it goes: .04, reversed" in text
+    text = "\n".join(printed(scored, rolled_out))
+    assert (
+        "REVERSED: “going up” is said when height falls; AUC of its words for the direction of motion: .04, reversed"
+        in text
+    )
+    assert (
+        "At the last refresh, over many episodes: AUC of its words for the direction of motion: .04, reversed" in text
+    )
 
 
 def test_a_wrong_sign_in_the_log_is_named_whatever_the_episode_says(tmp_path: Path) -> None:
@@ -104,17 +113,19 @@ def test_words_without_a_known_meaning_are_not_said(tmp_path: Path) -> None:
     assert "“going down”: +1 asks for a movement, nobody did it, but I cannot tell what “going up” means" in lines
     [row] = [line.split() for line in lines if CANNOT_TELL in line and line.split()[0].startswith("0")]
     assert row[-3:] == ["-", "-", "-"]  # number, sure, as predicted
-    assert "% of what it said (at 78% of the moments) about" in lines[-1]
+    assert "% of its explanations (at 78% of the moments) of the next" in lines[-1]
     rows = [line for line in lines if re.match(r" *\d+(-\d+)?  ", line)]
     assert {line.count("up") for line in rows} == {1}  # that is what it was told
 
 
-def test_of_nothing_said_no_share_is_told(tmp_path: Path) -> None:
+def test_of_nothing_said_no_share_is_reported(tmp_path: Path) -> None:
     unknown = says(-1, 0, 1, negative=False, positive=False, reason="nobody did it")
     lines = printed(run_of(unknown, tmp_path), watched())
     assert lines[0] == "UNKNOWN: I cannot tell what “going up” means: nobody did it."
     assert sum("nobody did it" in line for line in lines) == 1
-    assert lines[-1].startswith("It said nothing; its words tell which way it goes: the meaning of its words is not ")
+    assert lines[-1].startswith(
+        "It gave no explanation; AUC of its words for the direction of motion: the meaning of its words is not "
+    )
 
 
 @pytest.mark.parametrize("calibration", [SURE, None])

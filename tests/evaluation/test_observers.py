@@ -13,7 +13,7 @@ OURS = "ibe:lift"
 HERE = moments(
     realised=[2, -2, 9],
     predicted=[[3], [-2], [9]],
-    told=[0, 0, 0],
+    instruction=[0, 0, 0],
     episode=[0, 1, 1],
     speed=[2, 2, 2],
     observed=[True, True, False],
@@ -24,16 +24,16 @@ TRUE_CHANGE = np.array([2.0, -2, 2, 0.1, 0])  # typically two metres, if it move
 def test_errors_are_in_percent_of_the_range():
     vocabularies = {OURS: [words()], "baseline:flipped": [Flipped(words())], "both": [words(), Flipped(words())]}
     samples, report = observe_all(HERE, TRUE_CHANGE, 5, TASK, vocabularies, 50, 0)
-    told = {row["explainer"]: row["observer_error"]["value"] for row in report["rows"]}
+    found = {row["explainer"]: row["observer_error"]["value"] for row in report["rows"]}
     assert report["episodes"] == 2
     assert report["typical"] == 2
-    assert told[OURS] == told["baseline:true_future"] == 0  # +1 is read as two metres up
-    assert told["baseline:flipped"] == pytest.approx(100 * 4 / 20)
-    assert told["both"] == pytest.approx(100 * 2 / 20)
-    assert told[NO_EXPLANATION] == pytest.approx(100 * (1 + 3) / 2 / 20)  # goes on for one metre up
-    assert told["baseline:predicted_change"] == pytest.approx(100 * 1 / 2 / 20)
+    assert found[OURS] == found["baseline:true_future"] == 0  # +1 is read as two metres up
+    assert found["baseline:flipped"] == pytest.approx(100 * 4 / 20)
+    assert found["both"] == pytest.approx(100 * 2 / 20)
+    assert found[NO_EXPLANATION] == pytest.approx(100 * (1 + 3) / 2 / 20)  # goes on for one metre up
+    assert found["baseline:predicted_change"] == pytest.approx(100 * 1 / 2 / 20)
     less = next(row["minus_no_explanation"] for row in report["rows"] if row["explainer"] == OURS)
-    assert less["value"] == -told[NO_EXPLANATION]
+    assert less["value"] == -found[NO_EXPLANATION]
     assert less["low"] <= less["value"] <= less["high"] < 0
     assert samples[OURS]["observer_error"].shape == (51,)
 
@@ -48,9 +48,9 @@ def test_errors_are_held_against_the_papers_if_it_was_heard():
 def test_an_observer_that_never_saw_a_movement_reads_nothing():
     report = observe_all(HERE, 0 * TRUE_CHANGE, 5, TASK, {OURS: [words()]}, 20, 0)[1]
     assert report["typical"] is None
-    told = {row["explainer"]: row["observer_error"]["value"] for row in report["rows"]}
-    assert told[OURS] is None
-    assert told["baseline:true_future"] == 0
+    found = {row["explainer"]: row["observer_error"]["value"] for row in report["rows"]}
+    assert found[OURS] is None
+    assert found["baseline:true_future"] == 0
 
 
 def test_errors_go_into_the_rows_of_their_horizon():

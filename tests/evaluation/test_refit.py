@@ -1,4 +1,4 @@
-"""Vocabularies learnt anew from a log made by hand."""
+"""Vocabularies relearnt from a log made by hand."""
 
 import re
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Run = Callable[..., Any]
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """A lift that did what it was told, so many times."""
+    """A lift that followed the instruction, so many times."""
 
     def make(times: int, **changes: Any) -> Any:
         log = TrajectoryLog(tmp_path / "trajectories", 2_000, TASK.contexts)
@@ -66,7 +66,7 @@ def test_a_shuffle_that_teaches_nothing_is_drawn_again_but_not_for_ever(run: Run
     assert len(drawn) == 6
     monkeypatch.setattr(module, "MOST_REDRAWN", 2)
     drawn.clear()
-    with pytest.raises(ConfigError, match=r"^evaluate\.shuffles=2: hardly any of them taught a vocabulary; allowed is"):
+    with pytest.raises(ConfigError, match=r"^evaluate\.shuffles=2: hardly any of them gave a vocabulary; allowed is"):
         refits.shuffled(config(), 5, 2, lambda: None)
     assert len(drawn) == 4
 
@@ -84,9 +84,9 @@ def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Pa
     monkeypatch.setattr(module, "fit_mapping", heard)
     several = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3, lambda: steps.append(1))
     assert len(several) == len(steps) == 3
-    told = [[float(episode.instructions[0, 0]) for episode in episodes] for episodes in (episodes, *taught)]
-    assert all(sorted(each) == sorted(told[0]) for each in told)
-    assert len({tuple(each) for each in told}) == len(told)
+    instruction = [[float(episode.instructions[0, 0]) for episode in episodes] for episodes in (episodes, *taught)]
+    assert all(sorted(each) == sorted(instruction[0]) for each in instruction)
+    assert len({tuple(each) for each in instruction}) == len(instruction)
     for shuffled in taught:
         for one, other in zip(shuffled, episodes, strict=True):
             np.testing.assert_array_equal(one.states, other.states)

@@ -17,7 +17,7 @@ from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.types import ConfigError
 
 OURS = "ibe:lift"
-HERE = moments([2, -2], [[2, 2, 2], [1.5, -3, -2]], told=[1, -1], episode=[0, 1], speed=[3, 4])
+HERE = moments([2, -2], [[2, 2, 2], [1.5, -3, -2]], instruction=[1, -1], episode=[0, 1], speed=[3, 4])
 
 
 def judged() -> Judged:
@@ -51,10 +51,10 @@ def test_reliability_is_counted_in_bins():
 
 
 def test_the_calibration_can_be_read_back():
-    told = calibration_report(judged(), OURS, mapping_frame=950)
-    assert Calibration.from_dict(told["calibration"]).names == ("agreement", "purity")
-    assert told["risk_coverage"] == {"coverage": [0.5, 1.0], "risk": [0.0, 0.0]}
-    assert (told["mapping_frame"], told["horizon_steps"]) == (950, 5)  # the vocabulary that it is of
+    found = calibration_report(judged(), OURS, mapping_frame=950)
+    assert Calibration.from_dict(found["calibration"]).names == ("agreement", "purity")
+    assert found["risk_coverage"] == {"coverage": [0.5, 1.0], "risk": [0.0, 0.0]}
+    assert (found["mapping_frame"], found["horizon_steps"]) == (950, 5)  # the vocabulary that it is of
 
 
 def test_folders_are_made_or_refused_before_any_work(tmp_path: Path):

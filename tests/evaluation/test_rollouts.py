@@ -1,4 +1,4 @@
-"""Which episodes are flown for what, and how far ahead is looked."""
+"""Which seeds the episodes of each purpose have, and how far ahead is looked."""
 
 from itertools import pairwise
 from types import SimpleNamespace

@@ -134,7 +134,7 @@ def test_the_vocabularies_of_other_spans_come_with_it(folder: Path):
     assert {n: each.expressions[0, 0] for n, each in run.spans.items()} == {20: -0.5, 120: -0.6}
 
 
-def test_what_its_agent_did_when_told_otherwise_comes_with_it(folder: Path):
+def test_what_its_agent_did_when_instructed_otherwise_comes_with_it(folder: Path):
     assert load_run(folder).reactions is None
     asked = Reactions(np.ones((12, 1, 9)), np.zeros((12, 1, 9)))
     write_mapping(folder, 960, mapping_of(-0.4), reactions=asked)
@@ -219,15 +219,15 @@ def test_a_damaged_calibration_is_refused(folder: Path, damage: dict[str, Any] |
 def test_a_run_speaks_with_all_that_it_learnt(folder: Path):
     write_mapping(folder, 950, mapping_of(-0.2), sure(1), n20=mapping_of(-0.5))
     run = load_run(folder)
-    voice = explainer_state(run)
-    assert (voice.mapping, voice.horizon_steps, voice.words, voice.spans) == (
+    explainer = explainer_state(run)
+    assert (explainer.mapping, explainer.horizon_steps, explainer.words, explainer.spans) == (
         run.mapping,
         40,
         run.task.phrases,
         run.spans,
     )
-    assert voice.calibration is run.calibration
-    assert list(voice.spans) == [20]
+    assert explainer.calibration is run.calibration
+    assert list(explainer.spans) == [20]
 
 
 def test_a_run_without_a_policy_says_so(folder: Path):

@@ -20,8 +20,8 @@ from ibe_rl.evaluation.tables import (
 SOME = {"value": -0.98765, "low": -0.99999, "high": -0.91234}
 
 
-def row(name: str, horizon: int = 60, **told: Any) -> dict[str, Any]:
-    return {"explainer": name, "horizon_steps": horizon, **dict.fromkeys(ROW_METRICS, SOME), **told}
+def row(name: str, horizon: int = 60, **found: Any) -> dict[str, Any]:
+    return {"explainer": name, "horizon_steps": horizon, **dict.fromkeys(ROW_METRICS, SOME), **found}
 
 
 def printed(table: Table) -> str:
@@ -84,14 +84,14 @@ def test_own_vocabulary_against_the_first():
 
 def test_who_helps_the_observer_most_comes_first():
     def observed(name: str, error: float | None) -> dict[str, Any]:
-        told = dict(SOME, value=error)
-        return {"explainer": name, "observer_error": told, "minus_no_explanation": SOME, "minus_paper": None}
+        found = dict(SOME, value=error)
+        return {"explainer": name, "observer_error": found, "minus_no_explanation": SOME, "minus_paper": None}
 
     rows = [observed("nobody", None), observed("no_explanation", 7.0), observed("ibe:x", 2.0)]
     lines = printed(observers_table({"episodes": 9, "rows": rows})).splitlines()
     assert "9 approaches" in lines[0]
-    told = [line.split()[0] for line in lines if line.strip()]
-    assert told[-3:] == ["ibe:x", "no_explanation", "nobody"]
+    found = [line.split()[0] for line in lines if line.strip()]
+    assert found[-3:] == ["ibe:x", "no_explanation", "nobody"]
 
 
 def test_the_console_is_wide_enough_without_a_terminal():

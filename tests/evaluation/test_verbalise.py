@@ -10,7 +10,7 @@ UP, DOWN, STAY = "going up", "going down", "staying"
 HERE = moments(
     realised=[2, -2, 0, 2],
     predicted=[[2, 2, 2], [2, -2, -2], [0, 2, -2], [-2, 0, 0]],
-    told=[1, -1, 0, 1],
+    instruction=[1, -1, 0, 1],
     episode=[0, 0, 1, 1],
 )
 
@@ -31,7 +31,7 @@ def test_the_first_future_is_put_into_words_and_the_others_vote():
 def test_who_agrees_on_a_phrase_may_mean_different_movements():
     """What is said is the first of the futures that are called so, not their mean."""
     small = words((-2, 0, 1, 2), (-1, 0, 0.8, 1))
-    spoken = speak(small, moments([2], [[-2, 1, 2]], told=[0], episode=[0]), 5, [WORDS])
+    spoken = speak(small, moments([2], [[-2, 1, 2]], instruction=[0], episode=[0]), 5, [WORDS])
     assert (spoken.phrase.tolist(), spoken.which.tolist(), spoken.said.tolist()) == ([UP], [1], [[0.8]])
     assert (spoken.true.tolist(), spoken.voted_true.tolist()) == ([False], [True])
 
@@ -49,7 +49,7 @@ def test_who_agrees_with_itself_may_be_surer():
     count = 200
     sure = np.arange(count) % 2 == 0
     futures = np.where(sure[:, None], [[2, 2]], [[2, -2]])
-    here = moments(np.where(sure, 2, -2), futures, told=[0] * count, episode=np.arange(count))
+    here = moments(np.where(sure, 2, -2), futures, instruction=[0] * count, episode=np.arange(count))
     spoken = speak(words(), here, 5, [WORDS])
     probability = calibrate(spoken).probability(spoken.features)
     assert probability[sure].min() > 0.9

@@ -14,9 +14,9 @@ def groups() -> tuple[Array, Array]:
     """Four windows to the left, six straight down, two to the right, with what had been said before each."""
     near = np.random.default_rng(0).normal(0, 0.05, (12, 2))
     delta = np.array([LEFT] * 4 + [DOWN] * 6 + [RIGHT] * 2) + near
-    told = np.array([-1, -1, -1, 0, 0, 0, 0, 0, 1, -1, 1, 1], float)
+    instruction = np.array([-1, -1, -1, 0, 0, 0, 0, 0, 1, -1, 1, 1], float)
     order = np.random.default_rng(1).permutation(12)
-    return delta[order], told[order]
+    return delta[order], instruction[order]
 
 
 def fit(**settings: Any) -> IBEMapping:

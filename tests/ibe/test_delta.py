@@ -9,10 +9,10 @@ from ibe_rl.types import Array, Episode
 SQUARES = np.array([[0, 0], [1, 10], [4, 20], [9, 30], [16, 40]], float)  # four steps
 
 
-def episode(states: Array, told: list[float], given: list[bool] | None = None) -> Episode:
-    steps = len(told)
+def episode(states: Array, instruction: list[float], given: list[bool] | None = None) -> Episode:
+    steps = len(instruction)
     heard = np.ones(steps, bool) if given is None else np.array(given)
-    return Episode(states, np.zeros(steps), np.zeros(steps), np.array(told)[:, None], heard, True, True, "here")
+    return Episode(states, np.zeros(steps), np.zeros(steps), np.array(instruction)[:, None], heard, True, True, "here")
 
 
 @pytest.mark.parametrize(

@@ -33,10 +33,10 @@ def test_expressions_are_normalised_as_asked():
 
 
 def test_changes_are_standardised_before_they_are_clustered(mapping: ClusterMapping):
-    delta, told = groups()
+    delta, instruction = groups()
     np.testing.assert_allclose(mapping.space.mean, delta.mean(axis=0))
     np.testing.assert_allclose(weight(mapping), 1 / delta.std(axis=0))
-    stretched = IBEMapping(3, random_state=0).fit(delta * [1, 1000], told).mapping_
+    stretched = IBEMapping(3, random_state=0).fit(delta * [1, 1000], instruction).mapping_
     np.testing.assert_allclose(stretched.sizes, mapping.sizes)
     np.testing.assert_allclose(stretched.express(delta * [1, 1000]), mapping.express(delta))
 
@@ -56,16 +56,16 @@ def test_a_dimension_left_out_changes_nothing():
 
 
 def test_a_dimension_that_never_changes_does_no_harm():
-    delta, told = groups()
+    delta, instruction = groups()
     still = np.column_stack([delta, np.full(12, 0.5)])
-    mapping = IBEMapping(3, random_state=0).fit(still, told).mapping_
+    mapping = IBEMapping(3, random_state=0).fit(still, instruction).mapping_
     assert np.isfinite(weight(mapping)).all()
     assert mapping.sizes.tolist() == [4, 6, 2]
 
 
 def test_instructions_of_several_numbers_are_averaged_each():
-    delta, told = groups()
-    mapping = IBEMapping(3, random_state=0).fit(delta, np.column_stack([told, -told])).mapping_
+    delta, instruction = groups()
+    mapping = IBEMapping(3, random_state=0).fit(delta, np.column_stack([instruction, -instruction])).mapping_
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75, 0.75], [0, 0], [1, -1]], atol=1e-12)
     np.testing.assert_allclose(mapping.expressions[:, 1], -mapping.expressions[:, 0])
 
@@ -76,14 +76,14 @@ def test_equal_means_are_expressed_as_nothing():
 
 
 def test_sizes_and_means_are_of_all_windows_however_few_are_clustered():
-    delta, told = groups()
+    delta, instruction = groups()
     many = np.tile(delta, (50, 1)) + np.random.default_rng(2).normal(0, 0.02, (600, 2))
-    mapping = IBEMapping(3, max_fit_windows=120, random_state=0).fit(many, np.tile(told, 50)).mapping_
+    mapping = IBEMapping(3, max_fit_windows=120, random_state=0).fit(many, np.tile(instruction, 50)).mapping_
     assert mapping.sizes.tolist() == [200, 300, 100]
     np.testing.assert_allclose(mapping.mean_instructions, [[-0.75], [0.0], [1.0]], atol=1e-12)
 
 
-def test_a_cluster_without_a_window_says_what_all_were_told(monkeypatch: pytest.MonkeyPatch):
+def test_a_cluster_without_a_window_says_what_all_were_instructed(monkeypatch: pytest.MonkeyPatch):
     class OneTooMany(KMeans):
         def fit(self, X: Array, sample_weight: Array) -> "OneTooMany":
             super().fit(X, sample_weight=sample_weight)
@@ -99,10 +99,12 @@ def test_a_cluster_without_a_window_says_what_all_were_told(monkeypatch: pytest.
 
 def test_the_same_seed_learns_the_same():
     random = np.random.default_rng(0)
-    delta, told = random.normal(size=(300, 4)), random.integers(-1, 2, 300)
+    delta, instruction = random.normal(size=(300, 4)), random.integers(-1, 2, 300)
 
     def learn(seed: int) -> dict[str, Any]:
-        return IBEMapping(8, n_init=1, max_fit_windows=200, random_state=seed).fit(delta, told).mapping_.to_dict()
+        return (
+            IBEMapping(8, n_init=1, max_fit_windows=200, random_state=seed).fit(delta, instruction).mapping_.to_dict()
+        )
 
     assert learn(3) == learn(3)
     assert learn(3) != learn(4)

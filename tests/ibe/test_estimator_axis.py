@@ -34,9 +34,9 @@ def windows(unit: float = 2.0, repeat: int = 20) -> tuple[Array, Array]:
 
     That is, -1 is told where it shall fall, so told 1 it rises by ``unit`` on average.
     """
-    told = np.repeat([-1.0, -1, -1, 0, 1, 1, 1], repeat)
+    instruction = np.repeat([-1.0, -1, -1, 0, 1, 1, 1], repeat)
     lengths = np.tile(np.repeat([-1.75, -1, -0.25, 0, 0.25, 1, 1.75], repeat), 1)
-    return moved(*(unit * lengths)), told
+    return moved(*(unit * lengths)), instruction
 
 
 def fit(unit: float = 2.0, **settings: Any) -> IBEMapping:
@@ -69,51 +69,53 @@ def test_clusters_come_in_opposite_pairs(k: int):
     """Of a sample that goes right three times as often as left; an odd one is at no movement."""
     random = np.random.default_rng(0)
     amounts = np.concatenate([random.normal(2, 0.7, 600), random.normal(-2, 0.7, 200), random.normal(0, 0.2, 200)])
-    told = np.repeat([1.0, -1, 0], [600, 200, 200])
-    estimator = IBEMapping(k, **LIKE_AXIS, random_state=0).fit(moved(*amounts), told, *heard())
+    instruction = np.repeat([1.0, -1, 0], [600, 200, 200])
+    estimator = IBEMapping(k, **LIKE_AXIS, random_state=0).fit(moved(*amounts), instruction, *heard())
     centres, expressions = estimator.mapping_.centres[:, 0], estimator.mapping_.expressions[:, 0]
     np.testing.assert_allclose(np.sort(centres), -np.sort(centres)[::-1], atol=1e-9)
     np.testing.assert_allclose(expressions, -expressions[::-1], atol=1e-9)
     assert (np.diff(expressions) >= 0).all()
     assert abs(said(estimator.mapping_, 0)[0]) < 0.1
     assert (0 in np.round(centres, 12)) == bool(k % 2)
-    lopsided = IBEMapping(k, **LIKE_AXIS | {"symmetric": False}, random_state=0).fit(moved(*amounts), told, *heard())
+    lopsided = IBEMapping(k, **LIKE_AXIS | {"symmetric": False}, random_state=0).fit(
+        moved(*amounts), instruction, *heard()
+    )
     assert np.abs(lopsided.mapping_.expressions + lopsided.mapping_.expressions[::-1]).max() > 0.01
 
 
 def test_a_thing_at_rest_is_called_so_where_nothing_ever_rested():
     """All movements are of half of what the instruction 1 brings about to one and a half times that."""
     random = np.random.default_rng(0)
-    told = random.choice([-1.0, 1], 2_000)
-    amounts = told * random.uniform(1, 3, 2_000)
+    instruction = random.choice([-1.0, 1], 2_000)
+    amounts = instruction * random.uniform(1, 3, 2_000)
     for power in (1 / 3, 1.0):
         settings = LIKE_AXIS | {"power": power}
-        mapping = IBEMapping(8, **settings, random_state=0).fit(moved(*amounts), told, *heard()).mapping_
+        mapping = IBEMapping(8, **settings, random_state=0).fit(moved(*amounts), instruction, *heard()).mapping_
         assert np.abs(said(mapping, 0.0)).max() < 0.0501
         assert np.abs(said(mapping, -3, -1, 1, 3)).min() > 0.3
         expressions = mapping.expressions[:, 0]
         np.testing.assert_allclose(expressions, -expressions[::-1], atol=1e-9)
         again = IBEMapping(8, **settings, random_state=0, last=mapping, memory=0.5)
-        assert np.abs(said(again.fit(moved(*amounts), told, *heard()).mapping_, 0.0)).max() < 0.0501
+        assert np.abs(said(again.fit(moved(*amounts), instruction, *heard()).mapping_, 0.0)).max() < 0.0501
         plain = IBEMapping(8, **settings | {"normalisation": "sign"}, random_state=0)
-        assert np.abs(plain.fit(moved(*amounts), told, *heard()).mapping_.centre_changes()[:, 0]).min() > 0.5
+        assert np.abs(plain.fit(moved(*amounts), instruction, *heard()).mapping_.centre_changes()[:, 0]).min() > 0.5
 
 
 def test_roots_give_small_movements_clusters_of_their_own():
     random = np.random.default_rng(0)
     amounts = random.choice([-1, 1], 2_000) * random.exponential(size=2_000) ** 2
-    told = np.sign(amounts)
+    instruction = np.sign(amounts)
 
     def second(power: float) -> float:
         """The innermost pair is at rest."""
         settings = LIKE_AXIS | {"power": power}
-        mapping = IBEMapping(8, **settings, random_state=0).fit(moved(*amounts), told, *heard()).mapping_
+        mapping = IBEMapping(8, **settings, random_state=0).fit(moved(*amounts), instruction, *heard()).mapping_
         return float(np.sort(np.abs(mapping.centre_changes()[:, 0]))[2])
 
     assert second(1 / 3) < second(1.0) / 2
 
 
-def test_which_way_is_told_by_the_windows_that_followed():
+def test_the_sign_comes_from_the_windows_that_followed():
     """The best went left when told 1: then left is 1."""
     against = fit(unit=-2).mapping_
     np.testing.assert_allclose(said(against, -2, 2, 0), [1, -1, 0], atol=0.03)
@@ -125,9 +127,9 @@ def test_movements_are_called_the_same_whatever_the_axes_of_the_state_are(seed: 
     """Turned, mixed and rescaled all at once."""
     random = np.random.default_rng(seed)
     mixing = random.normal(size=(4, 4)) * 10.0 ** random.uniform(-2, 2, 4)
-    (delta, told), (states, heard_told) = windows(), heard()
+    (delta, instruction), (states, heard_instructions) = windows(), heard()
     settings = {"n_clusters": 7, "n_init": 30, "random_state": 0} | LIKE_AXIS
-    mixed = IBEMapping(**settings).fit(delta @ mixing, told, states @ mixing, heard_told).mapping_
+    mixed = IBEMapping(**settings).fit(delta @ mixing, instruction, states @ mixing, heard_instructions).mapping_
     new = moved(-4, -2, -0.5, 0, 0.5, 2, 4)
     np.testing.assert_allclose(mixed.express(new @ mixing), fit().mapping_.express(new), atol=0.05)
 
@@ -136,12 +138,12 @@ def test_one_axis_for_each_number_of_the_instruction():
     """The first instruction moves the first number, the second the third."""
     random = np.random.default_rng(0)
     states = random.normal(size=(2_000, 4))
-    heard_told = np.sign(states[:, [1, 3]] - states[:, [0, 2]])
-    told = random.choice([-1.0, 0, 1], (1_000, 2))
+    heard_instructions = np.sign(states[:, [1, 3]] - states[:, [0, 2]])
+    instruction = random.choice([-1.0, 0, 1], (1_000, 2))
     delta = np.zeros((1_000, 4))
-    delta[:, [0, 2]] = told * [2, -3] + random.normal(0, 0.05, (1_000, 2))
+    delta[:, [0, 2]] = instruction * [2, -3] + random.normal(0, 0.05, (1_000, 2))
     settings = LIKE_AXIS | {"power": 1.0}
-    mapping = IBEMapping(9, **settings, random_state=0).fit(delta, told, states, heard_told).mapping_
+    mapping = IBEMapping(9, **settings, random_state=0).fit(delta, instruction, states, heard_instructions).mapping_
     assert mapping.expressions.shape == (9, 2)
     new = np.array([[2.0, 0, 3, 0], [-2, 0, 0, 0], [0, 0, -3, 0], [0, 0, 0, 0]])
     np.testing.assert_allclose(mapping.express(new), [[1, -1], [-1, 0], [0, 1], [0, 0]], atol=0.1)
@@ -177,13 +179,13 @@ def test_the_same_seed_learns_the_same():
 
 def test_windows_in_which_the_instruction_was_ignored_count_less():
     """Three in ten went the other way: the mean instruction of those to the right is 0.4, and nearer to 1 weighed."""
-    told = np.tile([1.0, -1], 500)
-    went = np.where(np.arange(1_000) // 2 % 10 < 3, -told, told)
+    instruction = np.tile([1.0, -1], 500)
+    went = np.where(np.arange(1_000) // 2 % 10 < 3, -instruction, instruction)
     delta = moved(*(went * 2 + np.random.default_rng(0).normal(0, 0.1, 1_000)))
     learnt = {}
     for weigh in (False, True):
         settings = LIKE_AXIS | {"normalisation": "sign", "weigh_followed": weigh}
-        learnt[weigh] = IBEMapping(2, **settings, random_state=0).fit(delta, told, *heard()).mapping_
+        learnt[weigh] = IBEMapping(2, **settings, random_state=0).fit(delta, instruction, *heard()).mapping_
     np.testing.assert_allclose(learnt[False].mean_instructions[:, 0], [-0.4, 0.4], atol=0.01)
     assert learnt[True].mean_instructions[0, 0] < -0.7
     assert learnt[True].mean_instructions[1, 0] > 0.7
@@ -193,11 +195,11 @@ def test_windows_in_which_the_instruction_was_ignored_count_less():
 
 def test_nobody_ignored_is_left_out():
     """Each counts at least a twentieth."""
-    told = np.repeat([1.0, -1], 50)
+    instruction = np.repeat([1.0, -1], 50)
     delta = moved(*np.repeat([2.0, -2], 50), *np.repeat([-2.0, 2], 5))
-    told = np.append(told, np.repeat([1.0, -1], 5))
+    instruction = np.append(instruction, np.repeat([1.0, -1], 5))
     settings = LIKE_AXIS | {"weigh_followed": True}
-    mapping = IBEMapping(2, **settings, random_state=0).fit(delta, told, *heard()).mapping_
+    mapping = IBEMapping(2, **settings, random_state=0).fit(delta, instruction, *heard()).mapping_
     followed = mapping.evidence.sum() - 0.05 * 10
     assert 95 < followed <= 100
 
@@ -205,9 +207,9 @@ def test_nobody_ignored_is_left_out():
 def test_a_network_without_clusters_learns_a_relation():
     random = np.random.default_rng(0)
     delta = random.normal(size=(3_000, 3)) * [1, 50, 1]
-    told = np.sign(delta[:, 0])
+    instruction = np.sign(delta[:, 0])
     settings = {"space": "network", "membership": "direct", "normalisation": "movement"}
-    mapping = IBEMapping(4, **settings, random_state=0).fit(delta, told).mapping_
+    mapping = IBEMapping(4, **settings, random_state=0).fit(delta, instruction).mapping_
     new = np.array([[-2.0, 30, 0], [2, -30, 0], [-2, 0, 1], [2, 0, -1]])
     np.testing.assert_allclose(mapping.express(new)[:, 0], [-1, 1, -1, 1], atol=0.15)
     rising = mapping.express(np.column_stack([np.linspace(-1, 1, 50), np.zeros((50, 2))]))[:, 0]
@@ -219,8 +221,8 @@ def test_a_network_without_clusters_learns_a_relation():
 @pytest.mark.parametrize("space", ["lasso", "information"])
 def test_other_spaces_find_what_the_instructions_are_about(space: str):
     """What the last two numbers do counts in the paper's space, and hardly in these."""
-    delta, told = windows()
-    mapping = IBEMapping(7, space=space, normalisation="sign", random_state=0).fit(delta, told).mapping_
+    delta, instruction = windows()
+    mapping = IBEMapping(7, space=space, normalisation="sign", random_state=0).fit(delta, instruction).mapping_
     far = moved(4, -4) + np.array([0, 0, 5, -5])
     np.testing.assert_allclose(np.sign(mapping.express(far)[:, 0]), [1, -1])
     scale = np.linalg.norm(mapping.space.weights[0], axis=1) * delta.std(axis=0)
@@ -236,23 +238,27 @@ def test_a_soft_vocabulary_is_as_wide_as_its_clusters_are_apart():
 
 
 def test_if_all_clusters_are_one_place_their_width_is_one():
-    delta, told = windows()
-    learnt = IBEMapping(7, membership="soft", random_state=0).fit(delta, told)
-    mapping, _ = learnt._name(_Plain(delta, told), np.zeros((len(delta), 4)), np.zeros((7, 4)), learnt.mapping_.space)
+    delta, instruction = windows()
+    learnt = IBEMapping(7, membership="soft", random_state=0).fit(delta, instruction)
+    mapping, _ = learnt._name(
+        _Plain(delta, instruction), np.zeros((len(delta), 4)), np.zeros((7, 4)), learnt.mapping_.space
+    )
     assert mapping.width == 1
 
 
 class _Plain(SimpleNamespace):
     """Lessons that all count alike."""
 
-    def __init__(self, delta: Array, told: Array):
-        super().__init__(delta=delta, instruction=told[:, None], weight=np.ones(len(delta)), interpretation=None)
+    def __init__(self, delta: Array, instructions: Array):
+        super().__init__(
+            delta=delta, instruction=instructions[:, None], weight=np.ones(len(delta)), interpretation=None
+        )
 
 
 def test_the_rule_needs_to_hear_the_instructor():
-    for states, told in ((None, None), (heard()[0], None), (None, heard()[1])):
-        with pytest.raises(ValueError, match="space='rule': needs states and told"):
-            IBEMapping(space="rule").fit(*windows(), states, told)
+    for states, instruction in ((None, None), (heard()[0], None), (None, heard()[1])):
+        with pytest.raises(ValueError, match="space='rule': needs states and state_instructions"):
+            IBEMapping(space="rule").fit(*windows(), states, instruction)
 
 
 def test_an_instructor_who_always_says_the_same_is_too_little():
@@ -261,16 +267,18 @@ def test_an_instructor_who_always_says_the_same_is_too_little():
         IBEMapping(space="rule").fit(*windows(), states, np.zeros(len(states)))
 
 
-def test_if_the_best_were_never_told_to_move_it_is_too_little():
-    delta, told = windows()
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything yet"):
-        IBEMapping(space="rule").fit(delta, 0 * told, *heard())
+def test_if_the_best_were_never_instructed_to_move_it_is_too_little():
+    delta, instruction = windows()
+    with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
+        IBEMapping(space="rule").fit(delta, 0 * instruction, *heard())
 
 
 def test_a_last_vocabulary_of_another_state_or_instruction_is_refused():
-    last, (delta, told), (states, heard_told) = fit().mapping_, windows(), heard()
+    last, (delta, instruction), (states, heard_instructions) = fit().mapping_, windows(), heard()
     with pytest.raises(ValueError, match=r"last\.space\.mean has shape \(4,\), expected \(3,\)"):
-        IBEMapping(7, **LIKE_AXIS, last=last).fit(delta[:, :3], told, states[:, :3], heard_told)
-    two = np.column_stack([told, told])
+        IBEMapping(7, **LIKE_AXIS, last=last).fit(delta[:, :3], instruction, states[:, :3], heard_instructions)
+    two = np.column_stack([instruction, instruction])
     with pytest.raises(ValueError, match=r"last has shape \(7, 1\), expected \(7, 2\)"):
-        IBEMapping(7, **LIKE_AXIS, last=last).fit(delta, two, states, np.column_stack([heard_told, heard_told]))
+        IBEMapping(7, **LIKE_AXIS, last=last).fit(
+            delta, two, states, np.column_stack([heard_instructions, heard_instructions])
+        )

@@ -59,11 +59,11 @@ def test_what_is_not_known_is_called_as_the_best_did() -> None:
 
 def test_where_the_best_followed_little_the_unit_is_half_of_their_mean_movement() -> None:
     """Five in eight go 2 as told, the others 2 the other way: a mean of 0.5 as told, of movements of 2."""
-    told = np.tile([1.0, -1], 400)
-    went = np.where(np.arange(800) // 2 % 8 < 5, told, -told) * 2
+    instruction = np.tile([1.0, -1], 400)
+    went = np.where(np.arange(800) // 2 % 8 < 5, instruction, -instruction) * 2
     delta = moved(*(went + np.random.default_rng(0).normal(0, 1e-3, 800)))
-    still = np.zeros_like(delta), 0 * told  # told nothing, these do not count
-    both = np.concatenate([delta, still[0]]), np.concatenate([told, still[1]])
+    still = np.zeros_like(delta), 0 * instruction  # told nothing, these do not count
+    both = np.concatenate([delta, still[0]]), np.concatenate([instruction, still[1]])
     units = {}
     for meaning in (KNOWN, UNKNOWN):
         with warnings.catch_warnings():
@@ -83,15 +83,17 @@ def test_one_known_word_is_enough_for_the_axis() -> None:
     assert estimator.mapping_.knows(moved(-2.0, 0.0, 2.0)).tolist() == [False, True, True]
 
 
-def test_a_warning_says_which_number_cannot_be_told_and_why() -> None:
+def test_a_warning_says_which_component_is_unknown_and_why() -> None:
     """Of two numbers, about the first and the third dimension."""
-    told = np.random.default_rng(0).choice([-1.0, 0, 1], (600, 2))
+    instruction = np.random.default_rng(0).choice([-1.0, 0, 1], (600, 2))
     delta = np.zeros((600, 4))
-    delta[:, [0, 2]] = told * 2 + np.random.default_rng(1).normal(0, 0.05, (600, 2))
+    delta[:, [0, 2]] = instruction * 2 + np.random.default_rng(1).normal(0, 0.05, (600, 2))
     interpretation = meant(KNOWN, UNKNOWN, axes=np.eye(4)[:, [0, 2]])
     with pytest.warns(UnknownMeaningWarning) as seen:
-        estimator = IBEMapping(9, **DIRECT, random_state=0).fit(delta, told, interpretation=interpretation)
-    assert [str(one.message) for one in seen] == ["what number 1 of the instruction means cannot be told: nobody moved"]
+        estimator = IBEMapping(9, **DIRECT, random_state=0).fit(delta, instruction, interpretation=interpretation)
+    assert [str(one.message) for one in seen] == [
+        "the meaning of component 1 of the instruction is unknown: nobody moved"
+    ]
     assert seen[0].filename == __file__
     assert estimator.meanings_ == (KNOWN, UNKNOWN)
     assert estimator.mapping_.knows(np.array([[2.0, 0, 0, 0]])).tolist() == [False]
@@ -108,7 +110,7 @@ def test_as_many_meanings_as_axes() -> None:
 
 
 def test_axes_of_dimensions_that_do_not_count_are_none() -> None:
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything"):
+    with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
         fit(meant(KNOWN), dimensions=[1])
 
 
@@ -117,7 +119,7 @@ def test_without_any_nothing_is_known_and_nobody_is_warned() -> None:
         warnings.simplefilter("error")
         estimator = IBEMapping(7, **DIRECT, random_state=0).fit(*windows(), *heard())
     assert estimator.meanings_ == estimator.mapping_.meanings == ()
-    with pytest.raises(ValueError, match="space='rule': needs states and told, or an interpretation"):
+    with pytest.raises(ValueError, match="space='rule': needs states and state_instructions, or an interpretation"):
         fit(None)
 
 
@@ -138,7 +140,7 @@ def test_other_spaces_name_as_the_best_did_and_know_their_words_if_these_followe
         warnings.simplefilter("error")
         estimator = IBEMapping(**settings).fit(*windows(), interpretation=meant(followed))
     assert estimator.meanings_ == (followed,)
-    with pytest.warns(UnknownMeaningWarning, match="cannot be told: the best episodes did the opposite"):
+    with pytest.warns(UnknownMeaningWarning, match="is unknown: the best episodes did the opposite"):
         opposite = IBEMapping(**settings).fit(*windows(), interpretation=meant(best(-0.5)))
     assert not opposite.meanings_[0].known
     for each in (estimator, opposite):  # the interpretation moves no word

@@ -9,22 +9,22 @@ from sklearn.cluster import KMeans
 from ibe_rl.ibe import IBEMapping
 
 
-def test_clusters_start_where_they_are_told():
+def test_clusters_start_where_asked():
     """Six groups in a row, three clusters: k-means stays in the grouping it is started in, or finds its own."""
     delta = np.repeat([0.0, 1.0, 10.0, 11.0, 20.0, 21.0], 5)[:, None]
-    told = np.repeat([-1.0, -1.0, 0.0, 0.0, 1.0, 1.0], 5)
+    instruction = np.repeat([-1.0, -1.0, 0.0, 0.0, 1.0, 1.0], 5)
     start = on_a_line([0.0, 1.0, 15.5])  # a poor grouping that no step of k-means leaves
-    learnt = IBEMapping(3, last=start, random_state=0).fit(delta, told).mapping_
+    learnt = IBEMapping(3, last=start, random_state=0).fit(delta, instruction).mapping_
     np.testing.assert_allclose(np.sort(learnt.centre_changes(), axis=0), start.centres, atol=1e-9)
-    free = IBEMapping(3, random_state=0).fit(delta, told).mapping_
+    free = IBEMapping(3, random_state=0).fit(delta, instruction).mapping_
     np.testing.assert_allclose(np.sort(free.centre_changes(), axis=0), [[0.5], [10.5], [20.5]], atol=1e-9)
 
 
 def remembering(memory: float) -> IBEMapping:
     """Ten old windows at -4 told -1 and twenty at 4 told 1; now five at -2 told 0 and ten at 6 told 1."""
     last = on_a_line([-4, 4], evidence=[10, 20])
-    delta, told = np.repeat([-2.0, 6.0], [5, 10])[:, None], np.repeat([0.0, 1.0], [5, 10])
-    return IBEMapping(2, last=last, memory=memory, random_state=0).fit(delta, told)
+    delta, instruction = np.repeat([-2.0, 6.0], [5, 10])[:, None], np.repeat([0.0, 1.0], [5, 10])
+    return IBEMapping(2, last=last, memory=memory, random_state=0).fit(delta, instruction)
 
 
 def test_earlier_windows_count_as_much_as_is_remembered_of_them():
@@ -60,9 +60,13 @@ def test_without_memory_the_last_vocabulary_is_a_start_only():
 @pytest.mark.parametrize("seed", range(5))
 def test_without_memory_it_is_k_means_from_the_last_centres(seed: int):
     random = np.random.default_rng(seed)
-    earlier, delta, told = random.normal(1, 3, (200, 2)), random.normal(size=(300, 2)), random.uniform(-1, 1, 300)
+    earlier, delta, instruction = (
+        random.normal(1, 3, (200, 2)),
+        random.normal(size=(300, 2)),
+        random.uniform(-1, 1, 300),
+    )
     last = IBEMapping(5, random_state=0).fit(earlier, np.ones(200)).mapping_
-    learnt = IBEMapping(5, last=last, random_state=0).fit(delta, told).mapping_
+    learnt = IBEMapping(5, last=last, random_state=0).fit(delta, instruction).mapping_
     scale = delta.std(axis=0)
     plain = KMeans(5, init=(last.centre_changes() - delta.mean(axis=0)) / scale, n_init=1)
     expected = plain.fit((delta - delta.mean(axis=0)) / scale).cluster_centers_ * scale + delta.mean(axis=0)
@@ -80,12 +84,12 @@ def test_evidence_fades_geometrically():
         np.testing.assert_allclose(evidence, np.array([4, 6, 2]) * (2 - 0.5**refresh))
 
 
-def test_what_was_told_long_ago_fades_with_it():
+def test_an_old_instruction_fades_with_it():
     """A cluster was told -1 once and 0 ever since; at one half its mean goes from -1 over -1/3 and -1/7 to 0."""
     delta, last, found = np.repeat([-4.0, 4.0], 8)[:, None], None, []
-    for told in (-1.0, 0.0, 0.0, 0.0):
-        told_all = np.repeat([told, 1.0], 8)
-        last = IBEMapping(2, last=last, memory=0.5, random_state=0).fit(delta, told_all).mapping_
+    for instruction in (-1.0, 0.0, 0.0, 0.0):
+        instructions = np.repeat([instruction, 1.0], 8)
+        last = IBEMapping(2, last=last, memory=0.5, random_state=0).fit(delta, instructions).mapping_
         found.append(last.mean_instructions[0, 0])
     np.testing.assert_allclose(found, [-1, -1 / 3, -1 / 7, -1 / 15])
 
@@ -104,8 +108,8 @@ def test_the_same_windows_again_leave_everything_where_it_was(memory: float):
 def test_clusters_that_became_one_remember_together():
     """Those at 3 and 5 end up in one; the third goes where the new windows are."""
     last = on_a_line([-4, 3, 5], [-1, 0, 1], evidence=[10, 10, 20])
-    delta, told = np.repeat([-4.0, 3.5, 20.0], 100)[:, None], np.repeat([-1.0, 0.5, 1.0], 100)
-    mapping = IBEMapping(3, last=last, memory=0.1, random_state=0).fit(delta, told).mapping_
+    delta, instruction = np.repeat([-4.0, 3.5, 20.0], 100)[:, None], np.repeat([-1.0, 0.5, 1.0], 100)
+    mapping = IBEMapping(3, last=last, memory=0.1, random_state=0).fit(delta, instruction).mapping_
     np.testing.assert_allclose(mapping.evidence, [101, 103, 100])
     np.testing.assert_allclose(mapping.centre_changes()[:, 0], [-4, (350 + 3 + 2 * 5) / 103, 20])
     np.testing.assert_allclose(mapping.mean_instructions[:, 0], [-1, (50 + 0 + 2 * 1) / 103, 1])
@@ -113,8 +117,8 @@ def test_clusters_that_became_one_remember_together():
 
 def test_a_cluster_without_a_new_window_lives_on_what_is_remembered():
     last = on_a_line([-4, 0, 30], [-1, 0, 0.5], evidence=[10, 10, 10])
-    delta, told = np.array([[-4.0], [-4.1], [0.0], [0.1]]), np.array([-1.0, -1, 1, 1])
-    mapping = IBEMapping(3, last=last, memory=0.9, random_state=0).fit(delta, told).mapping_
+    delta, instruction = np.array([[-4.0], [-4.1], [0.0], [0.1]]), np.array([-1.0, -1, 1, 1])
+    mapping = IBEMapping(3, last=last, memory=0.9, random_state=0).fit(delta, instruction).mapping_
     assert mapping.sizes.tolist() == [2, 2, 0]
     assert mapping.evidence.tolist() == [11, 11, 9]
     np.testing.assert_allclose(mapping.mean_instructions, [[-1], [2 / 11], [0.5]])

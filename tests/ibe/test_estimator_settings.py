@@ -26,7 +26,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "halving goes on": ({"split": "bisecting", "last": "some"}, "last: allowed is None with split=bisecting"),
     "quantiles go on": (
         {"space": "rule", "split": "quantile", "last": "some"},
-        "last: allowed is None with split=quantile, which starts anew",
+        "last: allowed is None with split=quantile, which starts from scratch",
     ),
     "another split": ({"split": "halves"}, "split='halves': choose one of kmeans, bisecting, quantile"),
     "another normalisation": ({"normalisation": "none"}, "normalisation='none': choose one of minmax, sign"),

@@ -37,7 +37,9 @@ def sure(evidence: Evidence | None) -> int:
     return evidence.sign
 
 
-def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], horizon_steps: int = 1) -> LoggedSteps:
+def by_hand(
+    places: Sequence[Sequence[float]], instruction: Sequence[Sequence[float]], horizon_steps: int = 1
+) -> LoggedSteps:
     """One number that moves."""
     like = fly(episodes=1, steps=1)[0]
     each = [
@@ -49,7 +51,7 @@ def by_hand(places: Sequence[Sequence[float]], told: Sequence[Sequence[float]], 
             instructions=np.array(said, float)[:, None],
             given=np.ones(len(said), bool),
         )
-        for path, said in zip(places, told, strict=True)
+        for path, said in zip(places, instruction, strict=True)
     ]
     return LoggedSteps.of(each, horizon_steps)
 
@@ -92,7 +94,7 @@ def test_who_says_what_is_happening_anyway_looks_the_other_way_round() -> None:
 
 
 def test_it_is_the_slope_of_movements_on_changes_of_the_instruction() -> None:
-    """All begin at 0, told +1. Four go on by 2 and are told 0 then; five stay and are told +1 still."""
+    """All begin at 0 with the instruction +1. Four go on by 2 and get 0 then; five stay and still get +1."""
     log = by_hand([[0, 2, 2]] * 8 + [[0, 0, 0]] * 8, [[1, 0]] * 8 + [[1, 1]] * 8)
     found = satisfaction(log, np.ones(1), 0, 0)
     assert found is not None
@@ -101,7 +103,7 @@ def test_it_is_the_slope_of_movements_on_changes_of_the_instruction() -> None:
 
 
 def test_only_windows_from_similar_places_are_compared() -> None:
-    """Far away all go 10 and are told +1 still; near the goal those who go 1 have arrived, and the others have not."""
+    """Far away all go 10 and are instructed +1 still; near the goal those who go 1 have arrived, others have not."""
     places = [[-100, -90, -90]] * 8 + [[0, 1, 1]] * 8 + [[0, 0, 0]] * 8
     log = by_hand(places, [[1, 1]] * 8 + [[1, 0]] * 8 + [[1, 1]] * 8)
     found = satisfaction(log, np.ones(1), 0, 0)
@@ -134,8 +136,8 @@ def test_only_those_that_count_do() -> None:
     assert compliance(log, RIGHT, 0, first & (np.arange(40) < 6), 0) is None  # too few
 
 
-def test_it_is_the_mean_movement_that_was_told() -> None:
-    """Told +1 it goes by 3, told -1 by -1, told nothing by 100, which does not count."""
+def test_it_is_the_mean_movement_that_was_instructed() -> None:
+    """Instructed +1 it goes by 3, instructed -1 by -1, without instruction by 100, which does not count."""
     log = by_hand([[0, 3, 2, 102]] * 8, [[1, -1, 0]] * 8)
     found = compliance(log, np.ones(1), 0, np.ones(8, bool), 0)
     assert found is not None
@@ -144,7 +146,7 @@ def test_it_is_the_mean_movement_that_was_told() -> None:
     assert found.episodes == 8
 
 
-def test_who_was_told_nothing_did_nothing() -> None:
+def test_who_was_not_instructed_did_nothing() -> None:
     assert compliance(record(obeys, lambda *_: 0.0), RIGHT, 0, ALL, 0) is None
     assert compliance(record(), RIGHT, 0, ~ALL, 0) is None
 
@@ -172,7 +174,7 @@ def test_what_could_be_expected_of_the_place_is_no_merit() -> None:
     Always told to go right, it moves as the place makes it, and not as told.
     """
 
-    def pulled(state: Array, _told: float, _chance: np.random.Generator) -> float:
+    def pulled(state: Array, _instruction: float, _chance: np.random.Generator) -> float:
         return float(-2 * state[0] - 3 * state[1])
 
     logged = [replace(one, rewards=one.states[:-1, 0]) for one in fly(pulled, lambda *_: 1.0)]
@@ -255,12 +257,14 @@ def test_too_few_windows_with_an_instruction_pay_nothing() -> None:
     assert pays_at_once(record(ignores, once, pays=1.0), RIGHT, 0, 0) is None
 
 
-def test_an_episode_that_was_hardly_told_anything_does_not_count() -> None:
+def test_an_episode_that_was_hardly_instructed_does_not_count() -> None:
     """Four windows an episode are too few where episodes are compared."""
     some = paid_at_the_end(ignores, 1.0)
     for windows, expected in ((4, False), (5, True)):
-        told = [replace(one, instructions=np.where(np.arange(len(one)) < windows, 1.0, 0)[:, None]) for one in some]
-        assert (pays(LoggedSteps.of(told, 5), RIGHT, 0, 0) is not None) == expected
+        instruction = [
+            replace(one, instructions=np.where(np.arange(len(one)) < windows, 1.0, 0)[:, None]) for one in some
+        ]
+        assert (pays(LoggedSteps.of(instruction, 5), RIGHT, 0, 0) is not None) == expected
 
 
 # ---- what the agent does

@@ -16,10 +16,12 @@ from ibe_rl.ibe.interpret import decide
 from ibe_rl.types import Array, Episode
 
 RIGHT = np.array([1.0, 0.0])
-ENDS, LISTENS, PAYS = "what ends it", "what the agent does when told otherwise", "what pays"
-OPPOSITE = "the agent does the opposite of what would end it"
-ALIKE = "the agent did the same whatever it was told, and whether following pays is not clear"
-NOTHING = "neither what ends it, nor the agent, nor what pays shows it"
+ENDS, LISTENS, PAYS = "what ends the instruction", "how the agent reacts to the instruction", "what is rewarded"
+PAID = "the reward favours the opposite of what ends the instruction"
+REACTS = "the agent's reaction to the instruction is not what is rewarded"
+OPPOSITE = "the agent does the opposite of what ends the instruction"
+ALIKE = "the agent did the same under every instruction, and whether following is rewarded is unclear"
+NOTHING = "neither the end of instructions, nor the agent's reaction, nor the reward shows it"
 
 
 # ---- the vote
@@ -40,9 +42,9 @@ TABLE: list[tuple[dict[str, float], bool, int, str]] = [
     ({"satisfaction": 1, "influence": -1}, True, 0, OPPOSITE),
     ({"satisfaction": 1, "influence": -1, "pays": 1}, True, 1, f"from {ENDS} and {PAYS}"),
     ({"best": -1, "satisfaction": 1, "influence": 1, "pays": -1}, True, 1, f"from {ENDS} and {LISTENS}"),
-    ({"best": -1, "satisfaction": 1, "pays": -1}, True, 0, "those who earned most did not do it"),
-    ({"best": -1, "satisfaction": 1, "influence": -1, "pays": -1}, True, 0, "those who earned most did not do it"),
-    # what pays at once, and those who earned most did not do, is something else
+    ({"best": -1, "satisfaction": 1, "pays": -1}, True, 0, PAID),
+    ({"best": -1, "satisfaction": 1, "influence": -1, "pays": -1}, True, 0, PAID),
+    # what is rewarded at once and was not done in the best episodes is something else
     ({"best": 1, "satisfaction": 1, "pays": -1}, True, 1, f"from {ENDS}"),
     ({"best": 0, "satisfaction": 1, "pays": -1}, True, 1, f"from {ENDS}"),
     ({"satisfaction": 1, "pays": -1}, True, 1, f"from {ENDS}"),
@@ -50,15 +52,15 @@ TABLE: list[tuple[dict[str, float], bool, int, str]] = [
     # the others are only enough together
     ({"influence": 1, "pays": 1}, True, 1, f"from {LISTENS} and {PAYS}"),
     ({"best": -1, "influence": 1, "pays": 1}, True, 1, f"from {LISTENS} and {PAYS}"),
-    ({"influence": 1, "pays": -1}, True, 0, "what the agent does when told is not what pays"),
-    ({"influence": 1, "pays": -1}, False, 0, "what the agent does when told is not what pays"),
-    ({"influence": 1}, True, 0, f"it shows only in {LISTENS}"),
-    ({"pays": 1}, True, 0, f"it shows only in {PAYS}"),
-    ({"pays": 1, "influence": 0}, True, 0, f"it shows only in {PAYS}"),
+    ({"influence": 1, "pays": -1}, True, 0, REACTS),
+    ({"influence": 1, "pays": -1}, False, 0, REACTS),
+    ({"influence": 1}, True, 0, f"the only evidence is {LISTENS}"),
+    ({"pays": 1}, True, 0, f"the only evidence is {PAYS}"),
+    ({"pays": 1, "influence": 0}, True, 0, f"the only evidence is {PAYS}"),
     # of a plan the answer of the agent is
     ({"influence": 1}, False, 1, f"from {LISTENS}"),
     ({"influence": 1, "pays": 1}, False, 1, f"from {LISTENS} and {PAYS}"),
-    ({"pays": 1}, False, 0, f"it shows only in {PAYS}"),
+    ({"pays": 1}, False, 0, f"the only evidence is {PAYS}"),
     # nothing
     ({"best": 1}, True, 0, NOTHING),
     ({"best": 1}, False, 0, NOTHING),
@@ -160,8 +162,8 @@ def test_what_ends_a_correction_is_what_it_asks_for_whoever_hears_it(agent: Agen
     assert (way, meaning.negative, meaning.positive) == (1, True, True)
     assert meaning.reason == f"from {ENDS}"
     assert meaning.episodes == 40
-    told = {one.source: one.sign for one in meaning.evidence}
-    assert told == {"best": {obeys: 1, ignores: 0, opposes: -1}[agent], "satisfaction": 1}
+    instruction = {one.source: one.sign for one in meaning.evidence}
+    assert instruction == {"best": {obeys: 1, ignores: 0, opposes: -1}[agent], "satisfaction": 1}
 
 
 @pytest.mark.parametrize("agent", [obeys, ignores, opposes])
@@ -204,8 +206,8 @@ def test_a_plan_is_followed_as_the_agent_reacts_if_it_was_asked() -> None:
     ("pays", "asked", "reason"),
     [
         (1.0, True, f"from {LISTENS} and {PAYS}"),
-        (0.0, True, f"it shows only in {LISTENS}"),
-        (1.0, False, f"it shows only in {PAYS}"),
+        (0.0, True, f"the only evidence is {LISTENS}"),
+        (1.0, False, f"the only evidence is {PAYS}"),
         (0.0, False, NOTHING),
     ],
 )
@@ -269,9 +271,9 @@ def test_a_word_that_was_hardly_said_is_not_known(times: int, known: bool) -> No
 
     def hardly_right(state: Array, step: int, episode: int) -> float:
         nonlocal left
-        told = to_the_middle(state, step, episode)
-        left += told > 0
-        return told if told < 0 or left <= times else 0.0
+        instruction = to_the_middle(state, step, episode)
+        left += instruction > 0
+        return instruction if instruction < 0 or left <= times else 0.0
 
     _, meaning = meant(interpret(fly(ignores, hardly_right), 5))
     assert (meaning.positive, meaning.negative) == (known, True)
@@ -284,7 +286,7 @@ def test_words_about_what_does_not_count_have_no_meaning() -> None:
     ]
     found = interpret(beside, 5, dimensions=[2])
     assert not found.axes.any()
-    assert found.meanings == (Meaning.unknown("nothing that moves goes with what is said", 40),)
+    assert found.meanings == (Meaning.unknown("no movement goes with the instruction", 40),)
     counts = interpret(beside, 5, dimensions=[0])
     assert counts.axes[0, 0] > 0
     assert not counts.axes[1:].any()
@@ -325,10 +327,10 @@ def two_at_once(one: Agent, other: Agent) -> list[Episode]:
 
 
 def test_each_number_has_its_own_meaning() -> None:
-    told = np.zeros((2, 12, 2, 4))
-    told[:, :, 0, 0] = np.array([1, -1])[:, None]  # obeys the first number
-    told[:, :, 1, 2] = np.array([1, -1])[:, None]  # told +1, which asks to the left, it goes to the right
-    found = interpret(two_at_once(ignores, ignores), 5, reactions=Reactions(*told))
+    responses = np.zeros((2, 12, 2, 4))
+    responses[:, :, 0, 0] = np.array([1, -1])[:, None]  # obeys the first number
+    responses[:, :, 1, 2] = np.array([1, -1])[:, None]  # instructed +1, which asks to the left, it goes to the right
+    found = interpret(two_at_once(ignores, ignores), 5, reactions=Reactions(*responses))
     first, second = found.axes.T
     assert first[0] > 5 * abs(first[2])
     assert -second[2] > 5 * abs(second[0])

@@ -73,7 +73,7 @@ def test_a_membership_that_is_none_is_refused(wrong: dict[str, Any]):
         replace(on_a_line([0, 1]), **wrong)
 
 
-def test_centres_are_told_as_changes_of_the_state():
+def test_centres_are_given_as_changes_of_the_state():
     mapping = fit(dimensions=[0]).mapping_
     np.testing.assert_allclose(mapping.centre_changes()[:, 0], [-3, 0, 3], atol=0.1)
     np.testing.assert_allclose(mapping.centre_changes()[:, 1], groups()[0][:, 1].mean())

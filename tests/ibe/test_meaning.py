@@ -37,7 +37,7 @@ def test_what_is_unknown_has_a_reason() -> None:
     assert Meaning.unknown("why", 7) == Meaning(False, False, "why", (), 7)
 
 
-def test_words_called_by_what_the_best_were_told_need_the_best_to_have_followed() -> None:
+def test_words_called_by_the_instructions_of_the_best_need_the_best_to_have_followed() -> None:
     followed = Meaning(True, False, "seen", (ENDS, BEST), 30)
     assert followed.as_the_best_did() is followed
     for others in ((ENDS, replace(BEST, effect=-0.5)), (ENDS, replace(BEST, effect=0.0))):
@@ -47,7 +47,7 @@ def test_words_called_by_what_the_best_were_told_need_the_best_to_have_followed(
 
 def test_too_few_of_the_best_say_nothing_of_them() -> None:
     found = Meaning(True, True, "seen", (ENDS,), 9).as_the_best_did()
-    assert found == Meaning(False, False, "too few of the best episodes were told anything", (ENDS,), 9)
+    assert found == Meaning(False, False, "too few of the best episodes have instructions", (ENDS,), 9)
 
 
 def test_what_is_unknown_anyway_keeps_its_reason() -> None:

@@ -8,9 +8,9 @@ import pytest
 from by_hand import TASK, WORDS
 
 from ibe_rl.ibe import Evidence, Meaning, meaning_lines, positive_phrase
-from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 
-WHY = "those who earned most did not do it"
+WHY = "the reward favours the opposite of what ends the instruction"
 UP, DOWN = "“going up”", "“going down”"
 RISES = (1.0, 0.1, -0.5)
 BEST, PAYS = Evidence("best", 1.234, 1.0, 1.5, 40), Evidence("pays", -0.3, -0.4, -0.2, 40)
@@ -22,18 +22,18 @@ STOPS = Evidence("satisfaction", 1.0, 0.5, 1.5, 40)
     [
         (Meaning(), f"{UP} and {DOWN}: +1 asks for a movement"),
         (
-            Meaning(reason="from what ends it", direction=RISES),
-            f"{UP} and {DOWN}: +1 asks height to rise and floor to fall, from what ends it",
+            Meaning(reason="from what ends the instruction", direction=RISES),
+            f"{UP} and {DOWN}: +1 asks height to rise and floor to fall, from what ends the instruction",
         ),
         (Meaning(False, False, WHY), f"I cannot tell what {UP} means: {WHY}"),
         (
             Meaning(False, False, WHY, (BEST, PAYS, STOPS), 412),
-            f"I cannot tell what {UP} means: {WHY} (the best episodes moved +1.23 standard deviations as told; "
-            "following does not pay; 412 episodes)",
+            f"I cannot tell what {UP} means: {WHY} (the best episodes moved +1.23 standard deviations the instructed "
+            "way; following is not rewarded; 412 episodes)",
         ),
         (  # which way would be followed?
-            Meaning(False, False, "it shows only in what pays", (BEST, PAYS), 412),
-            f"I cannot tell what {UP} means: it shows only in what pays (412 episodes)",
+            Meaning(False, False, "the only evidence is what is rewarded", (BEST, PAYS), 412),
+            f"I cannot tell what {UP} means: the only evidence is what is rewarded (412 episodes)",
         ),
         (Meaning(True, False), f"{DOWN}: +1 asks for a movement, but I cannot tell what {UP} means"),
         (Meaning(False, True), f"{UP}: +1 asks for a movement, but I cannot tell what {DOWN} means"),
@@ -44,12 +44,12 @@ def test_a_line_says_which_words_are_known_and_why(meaning: Meaning, line: str) 
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "told"),
-    [(0.1, 0.3, "following pays"), (-0.1, 0.1, "whether following pays is not clear")],
+    ("low", "high", "words"),
+    [(0.1, 0.3, "following is rewarded"), (-0.1, 0.1, "whether following is rewarded is unclear")],
 )
-def test_whether_following_pays_is_said(low: float, high: float, told: str) -> None:
+def test_whether_following_pays_is_said(low: float, high: float, words: str) -> None:
     [line] = meaning_lines((Meaning(evidence=(Evidence("pays", 0.0, low, high, 9),)),), TASK)
-    assert line.endswith(f" ({told})")
+    assert line.endswith(f" ({words})")
 
 
 def test_each_number_has_its_line() -> None:
@@ -58,7 +58,7 @@ def test_each_number_has_its_line() -> None:
 
 
 def test_that_nobody_has_asked_is_said() -> None:
-    assert meaning_lines((), TASK) == [NOBODY_ASKED]
+    assert meaning_lines((), TASK) == [NOT_INFERRED]
 
 
 def test_the_degree_is_left_out() -> None:

@@ -1,4 +1,4 @@
-"""Places, speeds and plans, told apart in what a hand-made log says."""
+"""Places, speeds and plans, distinguished in what a hand-made log says."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def same_plan(_state: Array, step: int, _episode: int) -> float:
     return float(np.sign(step - 20))
 
 
-def test_a_plan_that_is_always_the_same_is_told_by_the_step() -> None:
+def test_a_plan_that_is_always_the_same_is_recognised_by_the_step() -> None:
     assert not depends_on_state(record(obeys, same_plan), 0, 0)
 
 

@@ -21,7 +21,7 @@ from ibe_rl.ibe.space import (
 from ibe_rl.types import Array
 
 X, GOAL = 2, 4
-"""Of five dimensions of the state, where one is and where one is told to go."""
+"""Of five dimensions of the state, where one is and where one is instructed to go."""
 HIDDEN = np.zeros((5, 1))
 HIDDEN[[X, GOAL], 0] = 1, -1
 
@@ -56,18 +56,18 @@ def test_it_is_found_whatever_the_axes_of_the_state_are(seed: int):
     """Changes are then projected onto the same numbers, up to one factor."""
     seen, random = states(), np.random.default_rng(seed)
     mixing = random.normal(size=(5, 5))
-    told, delta = rule(seen), states(200, seed=9)
-    plain = (delta @ rule_axes(seen, told, 0))[:, 0]
-    mixed = (delta @ mixing @ rule_axes(seen @ mixing, told, 0))[:, 0]
+    instruction, delta = rule(seen), states(200, seed=9)
+    plain = (delta @ rule_axes(seen, instruction, 0))[:, 0]
+    mixed = (delta @ mixing @ rule_axes(seen @ mixing, instruction, 0))[:, 0]
     assert np.degrees(np.arccos(np.corrcoef(plain, mixed)[0, 1])) < 4
 
 
 def test_wrong_instructions_hardly_turn_it():
     seen, random = states(), np.random.default_rng(1)
-    told = rule(seen)
-    wrong = random.random(len(told)) < 0.2
-    told[wrong] = random.choice([-1.0, 0.0, 1.0], (wrong.sum(), 1))
-    assert angle(rule_axes(seen, told, 0), HIDDEN, seen) < 10
+    instruction = rule(seen)
+    wrong = random.random(len(instruction)) < 0.2
+    instruction[wrong] = random.choice([-1.0, 0.0, 1.0], (wrong.sum(), 1))
+    assert angle(rule_axes(seen, instruction, 0), HIDDEN, seen) < 10
 
 
 def test_two_things_to_say_are_enough():
@@ -168,7 +168,7 @@ def test_along_an_axis_no_change_stays_no_change_and_roots_are_undone():
     np.testing.assert_allclose(space.change_at(places), delta * [1, 0])
 
 
-def test_the_smallest_change_at_a_place_is_told():
+def test_the_smallest_change_at_a_place_is_found():
     """Along (3, 4) of length 5 the place 1 is at (3, 4) / 25."""
     np.testing.assert_allclose(along(np.array([[3.0], [4.0]])).change_at(np.ones((1, 1))), [[3 / 25, 4 / 25]])
 
@@ -236,9 +236,9 @@ def test_an_axis_on_which_nothing_moves_is_not_taken():
     random = np.random.default_rng(0)
     speed = random.choice([-1.0, 0.0, 1.0], 400)
     seen = np.column_stack([speed + random.normal(size=400), random.normal(size=400), speed])
-    told = speed[:, None]
-    assert not rule_axes(seen, told, 0)[:2].any()
-    axes = rule_axes(seen, told, 0, np.array([True, True, False]))
+    instruction = speed[:, None]
+    assert not rule_axes(seen, instruction, 0)[:2].any()
+    axes = rule_axes(seen, instruction, 0, np.array([True, True, False]))
     assert np.abs(axes[0, 0]) > 0
 
 
@@ -247,23 +247,23 @@ NOT_KNOWN = np.array([False])
 
 def test_a_typical_movement_is_what_one_unit_of_instruction_brought_about():
     """Told 1 and -1 it went 2 and -4 (3 on average), told 0 anywhere; along the second axis against it."""
-    places, told = np.array([[2.0, -1], [-4, 1], [9, 9]]), np.array([[1.0, 1], [-1, -1], [0, 0]])
-    np.testing.assert_allclose(movement_of_one(places, told, np.ones(3), NOT_KNOWN), [3, -1])
-    np.testing.assert_allclose(movement_of_one(places, told, np.array([3, 1, 1]), NOT_KNOWN), [2.5, -1])
+    places, instruction = np.array([[2.0, -1], [-4, 1], [9, 9]]), np.array([[1.0, 1], [-1, -1], [0, 0]])
+    np.testing.assert_allclose(movement_of_one(places, instruction, np.ones(3), NOT_KNOWN), [3, -1])
+    np.testing.assert_allclose(movement_of_one(places, instruction, np.array([3, 1, 1]), NOT_KNOWN), [2.5, -1])
     half = np.array([[0.5], [-0.5]])
     np.testing.assert_allclose(movement_of_one(half, half, np.ones(2), NOT_KNOWN), [1])
 
 
-@pytest.mark.parametrize(("moved", "told"), [(1.0, 0.0), (0.0, 1.0)])
-def test_if_no_instruction_moved_anything_nothing_is_typical(moved: float, told: float):
-    with pytest.raises(TooLittleDataError, match="no instruction but 0 has moved anything yet"):
-        movement_of_one(np.full((3, 1), moved), np.full((3, 1), told), np.ones(3), NOT_KNOWN)
+@pytest.mark.parametrize(("moved", "instruction"), [(1.0, 0.0), (0.0, 1.0)])
+def test_if_no_instruction_moved_anything_nothing_is_typical(moved: float, instruction: float):
+    with pytest.raises(TooLittleDataError, match="nothing has moved under an instruction other than 0"):
+        movement_of_one(np.full((3, 1), moved), np.full((3, 1), instruction), np.ones(3), NOT_KNOWN)
 
 
 def test_where_the_meaning_is_known_one_is_a_movement_that_way_however_little_was_followed():
     """Told 1 it mostly went down by 2: 1 is half of the mean movement, upwards; unknown it stays what the best did."""
-    places, told = np.array([[-2.0], [-2], [-2], [2]]), np.ones((4, 1))
+    places, instruction = np.array([[-2.0], [-2], [-2], [2]]), np.ones((4, 1))
     known = np.array([True])
-    assert movement_of_one(places, told, np.ones(4), NOT_KNOWN).tolist() == [-1]
-    assert movement_of_one(places, told, np.ones(4), known).tolist() == [1]
-    assert movement_of_one(-places, told, np.array([1.0, 1, 1, 0]), known).tolist() == [2]
+    assert movement_of_one(places, instruction, np.ones(4), NOT_KNOWN).tolist() == [-1]
+    assert movement_of_one(places, instruction, np.ones(4), known).tolist() == [1]
+    assert movement_of_one(-places, instruction, np.array([1.0, 1, 1, 0]), known).tolist() == [2]

@@ -53,7 +53,7 @@ def test_what_counts_more_pulls_more(how: str):
     np.testing.assert_allclose(found, [[-10], [1]])
 
 
-def test_k_means_starts_where_it_is_told_and_stays_in_that_grouping():
+def test_k_means_starts_where_asked_and_stays_in_that_grouping():
     places = np.repeat([0.0, 1.0, 10.0, 11.0, 20.0, 21.0], 5)[:, None]
     start = np.array([[0.0], [1.0], [15.5]])
     np.testing.assert_allclose(np.sort(centres(places, 3, "kmeans", first=start), axis=0), start)

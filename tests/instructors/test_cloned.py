@@ -40,7 +40,7 @@ def test_it_learns_a_threshold_and_when_to_be_silent():
     assert 0.2 < spoken.mean() < 0.8
 
 
-def test_told_nothing_is_not_told_zero():
+def test_no_instruction_is_not_the_instruction_0():
     states = positions(400)
     silent, still = ClonedInstructor(1), ClonedInstructor(1)
     silent.learn(states, np.zeros((400, 1), np.float32), np.zeros((400, 1), np.float32))

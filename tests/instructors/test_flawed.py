@@ -156,10 +156,12 @@ def episode(number: int, steps: int) -> Episode:
     """With what is right in it, and silence now and then."""
     random = np.random.default_rng(number)
     given = random.random(steps) < 0.8
-    told = random.choice(VALUES, (steps, 1)).astype(np.float32) * given[:, None]
+    instruction = random.choice(VALUES, (steps, 1)).astype(np.float32) * given[:, None]
     states = random.normal(size=(steps + 1, 3)).astype(np.float32)
     rewards = random.normal(size=steps).astype(np.float32)
-    return Episode(states, random.integers(0, 4, steps), rewards, told, given, number % 2 == 0, number == 1, "left")
+    return Episode(
+        states, random.integers(0, 4, steps), rewards, instruction, given, number % 2 == 0, number == 1, "left"
+    )
 
 
 FLAWS = [

@@ -101,7 +101,7 @@ def everybody(count: int = ROWS) -> Array:
     return np.ones(count, bool)
 
 
-def told(instructor: Instructor, seen: Array, asked: Array) -> Array:
+def heard(instructor: Instructor, seen: Array, asked: Array) -> Array:
     """What is said ``(T, N, d + 1)`` of states ``(T, N, S)`` to the rows ``(T, N)`` that are asked."""
     return np.stack([np.concatenate(instructor.instruct(*call), axis=1) for call in zip(seen, asked, strict=True)])
 
@@ -137,7 +137,7 @@ def test_the_same_seed_says_the_same(case: Case, recording: Path):
         one, other = make(case, recording, seed=5), make(case, recording, seed=5)
         for instructor in (one, other):
             instructor.reset(everybody())
-        np.testing.assert_array_equal(told(one, seen, asked), told(other, seen, asked))
+        np.testing.assert_array_equal(heard(one, seen, asked), heard(other, seen, asked))
 
 
 def paced(case: Case, recording: Path, asked: Array) -> Array:
@@ -153,7 +153,7 @@ def paced(case: Case, recording: Path, asked: Array) -> Array:
         places = [np.flatnonzero(column) for column in asked.T]
         for row, place in enumerate(places):
             shown[place, row] = seen[:, row]
-        said = told(instructor, shown, asked)
+        said = heard(instructor, shown, asked)
         episodes.append(np.stack([said[place, row] for row, place in enumerate(places)], axis=1))
     return np.stack(episodes)
 
@@ -173,15 +173,15 @@ def test_the_time_of_a_row_stands_still_while_others_are_asked(case: Case, recor
 
 
 @pytest.mark.parametrize("case", CERTAIN.values(), ids=CERTAIN)
-def test_a_row_that_begins_anew_leaves_the_others_alone(case: Case, recording: Path):
+def test_a_row_that_is_reset_leaves_the_others_alone(case: Case, recording: Path):
     """That row hears what it heard from its beginning."""
     seen, asked = np.tile(states(ROWS), (STEPS, 1, 1)), np.ones((STEPS, ROWS), bool)
     one, other = make(case, recording), make(case, recording)
     for instructor in (one, other):
         instructor.reset(everybody())
-    expected, first = told(one, seen, asked), told(other, seen[:11], asked[:11])
+    expected, first = heard(one, seen, asked), heard(other, seen[:11], asked[:11])
     other.reset(np.arange(ROWS) == 1)
-    rest = told(other, seen[11:], asked[11:])
+    rest = heard(other, seen[11:], asked[11:])
     np.testing.assert_array_equal(np.delete(np.concatenate([first, rest]), 1, axis=1), np.delete(expected, 1, axis=1))
     np.testing.assert_array_equal(rest[:, 1], expected[: len(rest), 1])
 
@@ -191,10 +191,10 @@ def test_with_another_number_of_rows_all_of_them_begin(case: Case, recording: Pa
     seen, asked = np.tile(states(7), (STEPS, 1, 1)), np.ones((STEPS, 7), bool)
     used, new = make(case, recording), make(case, recording)
     used.reset(everybody())
-    told(used, seen[:, :ROWS], asked[:, :ROWS])
+    heard(used, seen[:, :ROWS], asked[:, :ROWS])
     for instructor in (used, new):
         instructor.reset(everybody(7))
-    np.testing.assert_array_equal(told(used, seen, asked)[:, 1:], told(new, seen, asked)[:, 1:])
+    np.testing.assert_array_equal(heard(used, seen, asked)[:, 1:], heard(new, seen, asked)[:, 1:])
 
 
 def test_the_oracle_follows_the_rule_at_every_step():

@@ -93,7 +93,7 @@ def test_states_are_kept_as_they_were():
 
 
 @pytest.mark.parametrize("count", [2, 5])
-def test_the_others_are_told_what_the_first_was_told_before(count: int):
+def test_the_others_are_told_what_the_first_was_instructed_before(count: int):
     """In its first episode it was told to go right wherever it is; so are the others in theirs."""
     both = MixedInstructor(Says(1.0), ClonedInstructor(1))
     everybody, places = np.ones(count, bool), np.linspace(-1, 1, 150)

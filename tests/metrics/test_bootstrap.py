@@ -174,7 +174,7 @@ def test_a_change_just_as_large_as_the_band_went_nowhere():
 
 
 @pytest.fixture
-def flown(random: np.random.Generator) -> dict[str, Array]:
+def scored(random: np.random.Generator) -> dict[str, Array]:
     change = random.normal(size=len(EPISODE))
     return {
         "expression": np.round(change + random.normal(size=len(EPISODE)), 1),
@@ -184,13 +184,13 @@ def flown(random: np.random.Generator) -> dict[str, Array]:
     }
 
 
-def test_motion_scores_are_those_of_moments_really_repeated(flown: dict[str, Array], weights: Array):
+def test_motion_scores_are_those_of_moments_really_repeated(scored: dict[str, Array], weights: Array):
     """Row 0 among them: there every moment is repeated once."""
-    found = motion_scores(**flown, band=BAND, weights=weights)
+    found = motion_scores(**scored, band=BAND, weights=weights)
     assert {name: rows.shape for name, rows in found.items()} == dict.fromkeys(found, (len(weights),))
     for row, counts in enumerate(weights.astype(int)):
-        said, change, told, hard = (np.repeat(values, counts) for values in flown.values())
-        disobeyed = np.where(np.abs(change) > BAND, np.sign(change), 0) != told
+        said, change, instruction, hard = (np.repeat(values, counts) for values in scored.values())
+        disobeyed = np.where(np.abs(change) > BAND, np.sign(change), 0) != instruction
         expected = {
             "motion_auc": motion_auc(said, change, BAND),
             "motion_auc_disobeyed": motion_auc(said[disobeyed], change[disobeyed], BAND),
@@ -200,18 +200,18 @@ def test_motion_scores_are_those_of_moments_really_repeated(flown: dict[str, Arr
         assert {name: rows[row] for name, rows in found.items()} == pytest.approx(expected, nan_ok=True)
 
 
-def test_without_hard_moments_their_score_is_not_a_number(flown: dict[str, Array], weights: Array):
-    some = motion_scores(**flown, band=BAND, weights=weights)
-    none = motion_scores(**flown | {"hard": None}, band=BAND, weights=weights)
-    empty = motion_scores(**flown | {"hard": np.zeros(len(EPISODE), bool)}, band=BAND, weights=weights)
+def test_without_hard_moments_their_score_is_not_a_number(scored: dict[str, Array], weights: Array):
+    some = motion_scores(**scored, band=BAND, weights=weights)
+    none = motion_scores(**scored | {"hard": None}, band=BAND, weights=weights)
+    empty = motion_scores(**scored | {"hard": np.zeros(len(EPISODE), bool)}, band=BAND, weights=weights)
     for other in (none, empty):
         assert np.isnan(other["motion_auc_hard"]).all()
         assert other["motion_auc"].tolist() == some["motion_auc"].tolist()
 
 
-def test_an_explainer_that_says_the_same_gets_the_same_on_every_resample(flown: dict[str, Array], weights: Array):
+def test_an_explainer_that_says_the_same_gets_the_same_on_every_resample(scored: dict[str, Array], weights: Array):
     """Paired: the difference between two codes in the same order is 0, not two independent draws."""
-    found = motion_scores(**flown, band=BAND, weights=weights)
-    other = motion_scores(**flown | {"expression": 3 * flown["expression"] + 1}, band=BAND, weights=weights)
+    found = motion_scores(**scored, band=BAND, weights=weights)
+    other = motion_scores(**scored | {"expression": 3 * scored["expression"] + 1}, band=BAND, weights=weights)
     for name, rows in found.items():
         assert other[name].tolist() == pytest.approx(rows.tolist(), nan_ok=True)

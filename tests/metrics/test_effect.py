@@ -27,8 +27,8 @@ def test_means_and_the_chance_of_having_more():
 
 @pytest.mark.parametrize(("first", "chance"), [(1, 0.5), (2, 1), (0, 0)])
 def test_ties_count_half(first: float, chance: float):
-    told = compared((np.full(4, first), np.ones(3))).superiority
-    assert (told.value, told.low, told.high) == pytest.approx((chance, chance, chance))
+    estimate = compared((np.full(4, first), np.ones(3))).superiority
+    assert (estimate.value, estimate.low, estimate.high) == pytest.approx((chance, chance, chance))
 
 
 def test_the_groups_turned_round_turn_the_effect_round():
@@ -56,8 +56,8 @@ def test_strata_count_by_the_first_group_and_by_their_pairs():
 
 def test_resamples_are_drawn_within_each_group_of_each_stratum():
     found = compared((group(1, 1), group(0, 0)), (group(5, 5), group(5, 5)))
-    for told, value in ((found.difference, 0.5), (found.superiority, 0.75)):
-        assert (told.value, told.low, told.high) == pytest.approx((value, value, value))
+    for estimate, value in ((found.difference, 0.5), (found.superiority, 0.75)):
+        assert (estimate.value, estimate.low, estimate.high) == pytest.approx((value, value, value))
 
 
 def test_a_stratum_with_one_group_only_says_nothing():
@@ -80,7 +80,7 @@ def test_intervals_contain_the_truth_about_as_often_as_they_say():
     for _ in range(100):
         found = compared((random.normal(1, 1, 40), random.normal(0, 1, 40)), resamples=200)
         truths = ((found.difference, 1.0), (found.superiority, 0.7602))  # the normal distribution's at 1 / sqrt(2)
-        held.append([told.low <= truth <= told.high for told, truth in truths])
+        held.append([estimate.low <= truth <= estimate.high for estimate, truth in truths])
     assert ((np.mean(held, axis=0) > 0.88) & (np.mean(held, axis=0) < 1)).all()
 
 
@@ -154,9 +154,9 @@ def test_more_tests_make_each_weaker():
     [(19, 30, 0.4551, 0.7813), (25, 30, 0.6644, 0.9266), (0, 10, 0.0, 0.2775), (10, 10, 0.7225, 1.0)],
 )
 def test_a_share_has_wilsons_interval(good: int, tries: int, low: float, high: float):
-    told = share([True] * good + [False] * (tries - good))
-    assert told.value == pytest.approx(good / tries)
-    assert (told.low, told.high) == pytest.approx((low, high), abs=5e-5)
+    estimate = share([True] * good + [False] * (tries - good))
+    assert estimate.value == pytest.approx(good / tries)
+    assert (estimate.low, estimate.high) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_without_tries_there_is_no_share():

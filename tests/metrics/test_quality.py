@@ -105,9 +105,10 @@ class Second:
 
 def windows(*rows: tuple[float, float, float]) -> Windows:
     """Of (what was told, how the height changed, what ``Second`` says)."""
-    told, change, said = np.reshape(rows, (-1, 3)).T
+    instruction, change, said = np.reshape(rows, (-1, 3)).T
     delta = np.column_stack([change, said, np.zeros(len(rows))])
-    return Windows(delta, told[:, None], np.ones(len(rows), bool), np.arange(len(rows)), np.zeros(len(rows), int), 5)
+    given, steps, episodes = np.ones(len(rows), bool), np.zeros(len(rows), int), np.arange(len(rows))
+    return Windows(delta, instruction[:, None], given, episodes, steps, 5)
 
 
 def auc(said: list[float], change: list[float], band: float = 0.5) -> float:
@@ -163,11 +164,11 @@ def test_motion_spearman_is_the_correlation_of_the_ranks():
 
 
 def test_instruction_f1_takes_the_nearest_value():
-    values, told, once = (-1.0, 0.0, 1.0), np.array([-1.0, 0, 0, 1]), np.ones((1, 4))
-    assert instruction_f1(told, told, values, once) == 1
-    assert instruction_f1(np.array([-0.6, 0.4, -0.4, 0.51]), told, values, once) == 1
-    assert instruction_f1(np.zeros(4), told, values, once) == pytest.approx((0 + 2 * 0.5 * 1 / 1.5 + 0) / 3)
-    assert instruction_f1(-told, told, values, once) == pytest.approx(1 / 3)
+    values, instruction, once = (-1.0, 0.0, 1.0), np.array([-1.0, 0, 0, 1]), np.ones((1, 4))
+    assert instruction_f1(instruction, instruction, values, once) == 1
+    assert instruction_f1(np.array([-0.6, 0.4, -0.4, 0.51]), instruction, values, once) == 1
+    assert instruction_f1(np.zeros(4), instruction, values, once) == pytest.approx((0 + 2 * 0.5 * 1 / 1.5 + 0) / 3)
+    assert instruction_f1(-instruction, instruction, values, once) == pytest.approx(1 / 3)
 
 
 def test_a_vocabulary_is_scored_by_what_really_happened():
@@ -182,7 +183,7 @@ def test_the_score_on_disobeyed_windows_leaves_out_the_followed_ones():
     assert scores["motion_auc_disobeyed"] == 1
     assert scores["motion_auc"] < 0.8
     wrong = vocabulary_scores(
-        Second(), windows(*followed, *((told, went, -said) for told, went, said in disobeyed)), TASK
+        Second(), windows(*followed, *((instruction, went, -said) for instruction, went, said in disobeyed)), TASK
     )
     assert wrong["motion_auc_disobeyed"] == 0
 
@@ -243,13 +244,13 @@ def test_the_scores_are_the_means_of_those_of_the_numbers():
 
 def test_one_episode_is_scored_by_what_was_spoken_in_it(episode: Episode):
     """Up, still, down, down; told nothing but at the first step."""
-    told = replace(episode, instructions=np.array([[1.0], [0], [0], [0]]))
+    instruction = replace(episode, instructions=np.array([[1.0], [0], [0], [0]]))
     said = [replace(spoken(""), expression=np.array([value])) for value in (0.9, 0.0, -0.5, -0.6)]
     here = replace(TASK, explained=(0,))
-    [found] = episode_scores(told, said, here)
+    [found] = episode_scores(instruction, said, here)
     assert found["motion_auc"] == 1
     assert found["echo_auc"] == (1 + 0.75) / 2  # of the four pairs of down and not two are ties
     wrong = [replace(one, expression=-one.expression) for one in said]
-    assert episode_scores(told, wrong, here)[0]["motion_auc"] == 0
+    assert episode_scores(instruction, wrong, here)[0]["motion_auc"] == 0
     one_way = [replace(one, meant=step > 0) for step, one in enumerate(said)]
-    assert np.isnan(episode_scores(told, one_way, here)[0]["motion_auc"])  # what is left never went up
+    assert np.isnan(episode_scores(instruction, one_way, here)[0]["motion_auc"])  # what is left never went up

@@ -14,7 +14,7 @@ from ibe_rl.metrics.verdict import (
     GOOD,
     NO_BETTER,
     NO_MEANING,
-    NOT_TOLD,
+    NOT_MEASURED,
     REVERSED,
     UNKNOWN,
     WEAK,
@@ -51,7 +51,7 @@ TWO = replace(
         (0.044, 0.61, True, None, REVERSED, ""),
         (0.2, 0.61, True, (0.1, 0.55), UNKNOWN, NO_BETTER),
         (0.2, 0.1, True, (0.1, 0.3), REVERSED, ""),
-        (NAN, 0.61, True, None, UNKNOWN, NOT_TOLD),
+        (NAN, 0.61, True, None, UNKNOWN, NOT_MEASURED),
         (0.97, 0.61, False, None, UNKNOWN, NO_MEANING),
         (0.044, 0.61, False, None, UNKNOWN, NO_MEANING),
     ],
@@ -64,16 +64,16 @@ def test_levels(
 
 
 def test_the_figures_stand_with_chance_and_the_echo() -> None:
-    assert verdict(0.044, 0.61, True).figures == ".04, reversed (chance .50, the last instruction echoed .61)"
+    assert verdict(0.044, 0.61, True).figures == ".04, reversed (chance .50, repeating the last instruction .61)"
     assert verdict(0.97, NAN, True).figures == ".97, good (chance .50)"
-    assert verdict(0.97, 0.97, True).figures == f".97, {AN_ECHO} (chance .50, the last instruction echoed .97)"
+    assert verdict(0.97, 0.97, True).figures == f".97, {AN_ECHO} (chance .50, repeating the last instruction .97)"
     interval = verdict(0.75, 0.5, True, (0.7, 0.8), "speed").figures
-    assert interval == "speed .75 [.70, .80], weak (chance .50, the last instruction echoed .50)"
+    assert interval == "speed .75 [.70, .80], weak (chance .50, repeating the last instruction .50)"
 
 
 def test_no_number_stands_where_words_have_no_meaning() -> None:
-    assert verdict(0.97, 0.61, False).figures == f"{NO_MEANING} (chance .50, the last instruction echoed .61)"
-    assert verdict(NAN, NAN, True).figures == f"{NOT_TOLD} (chance .50)"
+    assert verdict(0.97, 0.61, False).figures == f"{NO_MEANING} (chance .50, repeating the last instruction .61)"
+    assert verdict(NAN, NAN, True).figures == f"{NOT_MEASURED} (chance .50)"
 
 
 def test_of_several_numbers_the_worst_counts() -> None:
@@ -91,9 +91,9 @@ def test_a_verdict_for_each_number_that_only_several_name() -> None:
     first, second = verdicts_of([scores(0.97), scores(0.97)], (Meaning(), Meaning(False, False)), TWO)
     assert (first.level, first.number) == (GOOD, "height")
     assert (second.level, second.why, second.number) == (UNKNOWN, NO_MEANING, "speed")
-    assert [one.why for one in verdicts_of([], (), TWO)] == [NOT_TOLD] * 2
+    assert [one.why for one in verdicts_of([], (), TWO)] == [NOT_MEASURED] * 2
     line = in_one_line([first, second])
-    assert line.startswith("its words tell which way it goes: height .97, good (chance .50, ")
+    assert line.startswith("AUC of its words for the direction of motion: height .97, good (chance .50, ")
     assert f"; speed {NO_MEANING} (" in line
 
 

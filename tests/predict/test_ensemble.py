@@ -83,7 +83,7 @@ def test_where_the_members_part_the_path_is_not_trusted(learnt: Ensemble):
 
 
 @pytest.mark.parametrize("future", ["hold", "rule"])
-def test_the_policy_reads_what_it_would_be_told(log: TrajectoryLog, future: str):
+def test_the_policy_reads_its_future_instruction(log: TrajectoryLog, future: str):
     ensemble, seen = make(config=EnsembleConfig(**{**vars(SETTINGS), "updates": 5, "future_instruction": future})), []
 
     def noting(observations: Array) -> Array:
@@ -92,12 +92,12 @@ def test_the_policy_reads_what_it_would_be_told(log: TrajectoryLog, future: str)
 
     ensemble.learn(log)
     paths = ensemble.rollout([moment(-1.0), moment(1.2)], noting, 5).paths
-    told = np.array(seen)
-    np.testing.assert_array_equal(told[0, :2, :4], paths[:, 0])
-    assert told[0, :2, 4:].tolist() == [[0, 1], [0, 1]]
-    np.testing.assert_array_equal(np.sort(told[1:, :2, 0]), np.sort(paths[:, 1:-1, 0].T))
+    read = np.array(seen)
+    np.testing.assert_array_equal(read[0, :2, :4], paths[:, 0])
+    assert read[0, :2, 4:].tolist() == [[0, 1], [0, 1]]
+    np.testing.assert_array_equal(np.sort(read[1:, :2, 0]), np.sort(paths[:, 1:-1, 0].T))
     later = [[0, 1]] if future == "hold" else [[-1, 1], [1, 1]]
-    assert np.unique(told[1:, :2, 4:].reshape(-1, 2), axis=0).tolist() == later
+    assert np.unique(read[1:, :2, 4:].reshape(-1, 2), axis=0).tolist() == later
 
 
 def same(one: Prediction, other: Prediction) -> bool:

@@ -43,7 +43,7 @@ def fall(observations: Array) -> Array:
     return np.zeros(len(observations), int)
 
 
-def flown(policy: Policy = pilot, seed: int = 0, kind: str = "oracle") -> tuple[Array, list[Moment]]:
+def rolled_out(policy: Policy = pilot, seed: int = 0, kind: str = "oracle") -> tuple[Array, list[Moment]]:
     watched = record_rollout(make_one(), policy, make_instructor(InstructorConfig(kind), LANDER_TASK), seed, "left")
     return watched.episode.states, list(watched.moments)
 
@@ -55,7 +55,7 @@ SETTINGS: dict[str, Callable[..., Predictor]] = {
 
 @pytest.mark.parametrize("make", SETTINGS.values(), ids=SETTINGS)
 def test_every_predictor_keeps_the_protocol(make: Callable[..., Predictor]):
-    _, moments = flown()
+    _, moments = rolled_out()
     several = moments[::40]
     for horizon in (1, 25):
         paths = make().rollout(several, pilot, horizon).paths
@@ -68,14 +68,14 @@ def test_every_predictor_keeps_the_protocol(make: Callable[..., Predictor]):
 
 @pytest.mark.parametrize("make", SETTINGS.values(), ids=SETTINGS)
 def test_the_same_seed_predicts_the_same(make: Callable[..., Predictor]):
-    _, moments = flown()
+    _, moments = rolled_out()
     paths, again, other = (make(seed=seed).rollout(moments[::30], pilot, 40).paths for seed in (1, 1, 2))
     np.testing.assert_array_equal(paths, again)
     assert np.abs(paths - other).max() > 1e-3
 
 
 def test_several_processes_predict_the_same():
-    _, moments = flown()
+    _, moments = rolled_out()
     several = moments[::20]
     torch.manual_seed(0)
     policy = GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
@@ -95,7 +95,7 @@ def test_several_processes_predict_the_same():
 
 
 def test_a_process_that_is_killed_is_done_without():
-    _, moments = flown()
+    _, moments = rolled_out()
     several, policy = moments[::20], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
     with closing(
         Simulator.make(PredictorConfig(moments_at_once=4, processes=2), make_snapshot_env=make_one, rule=RULE, seed=3)
@@ -108,7 +108,7 @@ def test_a_process_that_is_killed_is_done_without():
 
 
 def test_few_moments_start_no_process():
-    _, moments = flown()
+    _, moments = rolled_out()
     simulator = Simulator(make_one, RULE, processes=2)
     simulator.rollout(moments[:3], pilot, 2)
     assert simulator._pool is None
@@ -116,7 +116,7 @@ def test_few_moments_start_no_process():
 
 def test_nobody_knows_the_noise_of_the_future():
     """Each prediction draws its own, also of the same moment."""
-    _, moments = flown()
+    _, moments = rolled_out()
     predictor = Simulator(make_one, RULE)
     once, twice = predictor.rollout([moments[0], moments[0]], pilot, 40).paths
     later = predictor.rollout([moments[0]], pilot, 40).paths[0]
@@ -124,11 +124,11 @@ def test_nobody_knows_the_noise_of_the_future():
         assert 1e-3 < np.abs(once - other).max() < 0.5
 
 
-def test_with_the_same_noise_and_rule_it_predicts_what_is_really_flown():
+def test_with_the_same_noise_and_rule_it_predicts_what_really_happens():
     errors, on_ground = [], []
     predictor = Simulator(make_one, RULE, "rule", own_noise=False)
     for seed in range(6):
-        states, moments = flown(seed=seed)
+        states, moments = rolled_out(seed=seed)
         starts = range(0, len(moments) - 60, 10)
         paths = predictor.rollout([moments[start] for start in starts], pilot, 60).paths
         for start, path in zip(starts, paths, strict=True):
@@ -158,7 +158,7 @@ def test_the_live_game_goes_on_as_if_nothing_had_been_explained():
 
 
 def test_a_prediction_that_ends_repeats_its_last_state():
-    states, moments = flown(fall)
+    states, moments = rolled_out(fall)
     last = len(states) - 1
     paths = Simulator(make_one, RULE).rollout([moments[0], moments[last - 10]], fall, last + 30).paths
     assert (paths[0, last:] == paths[0, last]).all()
@@ -180,7 +180,7 @@ class Noting:
 
 @pytest.mark.parametrize("kind", ["oracle", "silent"])
 def test_hold_tells_the_policy_the_moments_instruction_all_the_way(kind: str):
-    _, moments = flown(kind=kind)
+    _, moments = rolled_out(kind=kind)
     moment, policy = moments[20], Noting()
     Simulator(make_one, RULE, "hold").rollout([moment], policy, 15)
     assert len(policy.seen) == 15
@@ -189,19 +189,19 @@ def test_hold_tells_the_policy_the_moments_instruction_all_the_way(kind: str):
 
 
 def test_hold_holds_where_the_rule_would_change_its_mind():
-    _, moments = flown()
-    told = [int(moment.instruction[0]) for moment in moments]
-    change = next(t for t in range(len(told) - 1) if told[t] != told[t + 1])
+    _, moments = rolled_out()
+    instructions = [int(moment.instruction[0]) for moment in moments]
+    change = next(t for t in range(len(instructions) - 1) if instructions[t] != instructions[t + 1])
     held, ruled = Noting(), Noting()
     for policy, future in ((held, "hold"), (ruled, "rule")):
         Simulator(make_one, RULE, future, own_noise=False).rollout([moments[change - 5]], policy, 40)
-    assert {seen[0, 9] for seen in held.seen} == {told[change]}
+    assert {seen[0, 9] for seen in held.seen} == {instructions[change]}
     assert len({seen[0, 9] for seen in ruled.seen}) == 2
 
 
 @pytest.mark.parametrize("kind", ["oracle", "silent"])
 def test_rule_asks_the_rule_in_the_predicted_states(kind: str):
-    _, moments = flown(kind=kind)
+    _, moments = rolled_out(kind=kind)
     policy = Noting()
     paths = Simulator(make_one, RULE, "rule").rollout([moments[20]], policy, 15).paths
     assert policy.seen[0][0, 9:].tolist() == [moments[20].instruction[0], moments[20].given]  # that is known
@@ -210,8 +210,8 @@ def test_rule_asks_the_rule_in_the_predicted_states(kind: str):
         assert seen[0, 9:].tolist() == [RULE(state)[0], 1]
 
 
-def test_only_what_still_flies_is_asked():
-    states, moments = flown(fall)
+def test_only_unfinished_rollouts_are_asked():
+    states, moments = rolled_out(fall)
     policy = Noting()
     Simulator(make_one, RULE).rollout([moments[-5], moments[0]], policy, 20)
     assert [len(seen) for seen in policy.seen] == [2] * 5 + [1] * 15
@@ -219,7 +219,7 @@ def test_only_what_still_flies_is_asked():
 
 
 def test_many_moments_need_few_games():
-    _, moments = flown()
+    _, moments = rolled_out()
     several, made = moments[:140:20], []
 
     def count() -> Any:

@@ -28,7 +28,7 @@ from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.training.failure import resumable
-from tests.collect.test_collect import ENV, make_dqn, sizes
+from tests.collect.test_collector import ENV, make_dqn, sizes
 
 RUN = [*SMALL, "viewer=off", "total_frames=100000000", "collect.envs_per_process=2", "refresh_every_frames=null"]
 FEW_S = 5.0
@@ -67,7 +67,7 @@ def test_a_worker_that_dies_or_hangs(training: Any, tmp_path: Path, settings: tu
     assert "Traceback" not in output
     [line] = [line for line in output.splitlines() if line.startswith("error:")]
     name = rf"worker {len(crew) - 1} of {len(crew)} \(process {crew[-1]}\)"
-    found = re.fullmatch(rf"error: {name} {what}; the run is kept as it was at ([\d,]+) frames, to go on: (.+)", line)
+    found = re.fullmatch(rf"error: {name} {what}; the run is saved as of ([\d,]+) frames, to go on: (.+)", line)
     assert found
     assert all(gone(worker) for worker in crew)
     frames = int(found[1].replace(",", ""))
@@ -161,7 +161,7 @@ def test_too_late_is_said_otherwise_than_hanging():
 
 def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
     parts: Any = SimpleNamespace(log=SimpleNamespace(frames=0))
-    said = r"^worker 1; nothing had been collected yet, start the run anew$"
+    said = r"^worker 1; nothing had been collected yet, start the run again$"
     with pytest.raises(LostWorkerError, match=said), resumable(parts):
         raise LostWorkerError("worker 1")
     with pytest.raises(ZeroDivisionError), resumable(parts):

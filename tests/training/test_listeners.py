@@ -117,8 +117,8 @@ def test_one_that_fails_is_named_and_dropped(at: str) -> None:
     frames = {"begin": 5, "batch": 10, "refreshed": 10}.get(at, 20)
     [line] = [line for line in lines if line.startswith("warning")]
     assert line == (
-        f"warning: {frames} frames: the listener Heard failed (ValueError: a bug in {at}): it is told nothing any "
-        "more, training goes on"
+        f"warning: {frames} frames: the listener Heard failed (ValueError: a bug in {at}): it gets no more "
+        "events, training goes on"
     )
 
 

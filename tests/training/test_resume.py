@@ -281,13 +281,13 @@ def test_the_best_state_can_be_gone_back_to(ppo: Folders, tmp_path: Path, capsys
     run = Path(shutil.copytree(ppo[2], tmp_path / "run"))
     best = load(run / "checkpoints" / BEST)["frames"]
     call("train", f"resume={run}", "resume_from=best", "total_frames=6500")
-    assert f"going on at {best:,} frames" in capsys.readouterr().out
+    assert f"resuming at {best:,} frames" in capsys.readouterr().out
     assert json.loads((run / "summary.json").read_text())["frames"] >= 6500
     assert (run / "replaced" / "2" / "summary.json").exists()
 
 
 def test_a_run_that_has_had_its_frames(ppo: Folders, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "it has had its 6,000 frames" in refusal(capsys, f"resume={ppo[2]}")
+    assert "it has trained its 6,000 frames" in refusal(capsys, f"resume={ppo[2]}")
 
 
 def test_a_run_that_is_training_is_left_alone(left: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,8 +24,8 @@ def event(frames: int) -> Refreshed:
     """A refresh with the episode explained after it."""
     watched, said, real = filmed()
     refresh = replace(refreshed(), frame=frames)
-    voice = ExplainerState(refresh.mapping, 20, TASK.phrases)
-    return Refreshed(frames, 1, refresh, watched, said, real, voice, came_true=1.0)
+    explainer = ExplainerState(refresh.mapping, 20, TASK.phrases)
+    return Refreshed(frames, 1, refresh, watched, said, real, explainer, came_true=1.0)
 
 
 def columns(path: Path, entity: str, name: str = "frames") -> list[Any]:

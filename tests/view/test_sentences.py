@@ -5,7 +5,7 @@ from dataclasses import replace
 from view_data import TASK, developed, explain, flights, refreshed
 
 from ibe_rl.ibe import Meaning
-from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 from ibe_rl.task import Phrases
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW
 from ibe_rl.view import sentences, wording
@@ -99,8 +99,10 @@ def test_a_word_without_a_known_meaning_is_not_in_the_table() -> None:
 def test_a_vocabulary_says_what_it_is_worth() -> None:
     scored = replace(refreshed(), scores_of_numbers=[{"motion_auc": 0.044, "echo_auc": 0.61}])
     told, meaning = sentences.worth(scored, TASK)
-    assert told == ("its words tell which way it goes: .04, reversed (chance .50, the last instruction echoed .61)")
-    assert meaning == NOBODY_ASKED
+    assert told == (
+        "AUC of its words for the direction of motion: .04, reversed (chance .50, repeating the last instruction .61)"
+    )
+    assert meaning == NOT_INFERRED
     known = sentences.worth(unknown(scored, negative=True, positive=True), TASK)
     assert known[-1].startswith("env.task.explained=[x] says that x rises with +1")
     told, meaning = sentences.worth(unknown(scored), TASK)

@@ -9,7 +9,7 @@ import pytest
 
 from ibe_rl.ibe import Reactions
 from ibe_rl.types import Array, Moment, Policy, Prediction, observe
-from ibe_rl.vocabulary.reactions import ask, told_throughout
+from ibe_rl.vocabulary.reactions import act_under, ask
 
 
 class OnAPlane:
@@ -39,34 +39,34 @@ def moments(*places: float, size: int = 1) -> list[Moment]:
 
 def obedient(observations: Array) -> Array:
     """Goes as told by the first number, if it is told; twice as far from 10 on."""
-    told, given = observations[:, 2], observations[:, -1]
-    return told * given * np.where(observations[:, 0] >= 10, 2, 1)
+    instruction, given = observations[:, 2], observations[:, -1]
+    return instruction * given * np.where(observations[:, 0] >= 10, 2, 1)
 
 
-def test_it_is_told_the_same_all_the_time() -> None:
+def test_the_instruction_is_the_same_all_the_time() -> None:
     found = ask(moments(0, 20), obedient, OnAPlane(), 3)
     assert found is not None
     assert found.up.tolist() == [[[3, 0]], [[6, 0]]]
     assert found.down.tolist() == [[[-3, 0]], [[-6, 0]]]
 
 
-def test_each_number_is_told_alone() -> None:
+def test_each_component_is_instructed_alone() -> None:
     found = ask(moments(0, 1, size=2), obedient, OnAPlane(), 2)
     assert found is not None
     assert found.up.tolist() == [[[2, 0], [0, 0]]] * 2
     assert found.down.tolist() == [[[-2, 0], [0, 0]]] * 2
 
 
-def test_the_predictor_is_told_so_too_and_gets_the_snapshots() -> None:
+def test_the_predictor_gets_the_instruction_too_and_gets_the_snapshots() -> None:
     predictor = OnAPlane()
     ask(moments(0, 1, size=2), obedient, predictor, 2)
-    told = [[moment.instruction.tolist() for moment in asked] for asked in predictor.asked]
-    assert told == [[[1, 0]] * 2, [[0, 1]] * 2, [[-1, 0]] * 2, [[0, -1]] * 2]
+    instructions = [[moment.instruction.tolist() for moment in asked] for asked in predictor.asked]
+    assert instructions == [[[1, 0]] * 2, [[0, 1]] * 2, [[-1, 0]] * 2, [[0, -1]] * 2]
     assert all(moment.given for asked in predictor.asked for moment in asked)
     assert [moment.snapshot for moment in predictor.asked[0]] == [0, 1]
 
 
-def test_who_acts_alike_whatever_it_is_told_needs_no_predictor() -> None:
+def test_who_acts_alike_under_every_instruction_needs_no_predictor() -> None:
     """The same at all of these moments, though not elsewhere."""
 
     def deaf(observations: Array) -> Array:
@@ -87,8 +87,8 @@ def test_nobody_is_asked_without_a_moment() -> None:
     assert ask([], obedient, OnAPlane(), 3) is None
 
 
-@pytest.mark.parametrize("told", [[1.0], [0.0, -1.0]])
-def test_what_stands_is_read_instead_of_what_was_said(told: list[float]) -> None:
+@pytest.mark.parametrize("instruction", [[1.0], [0.0, -1.0]])
+def test_what_stands_is_read_instead_of_what_was_said(instruction: list[float]) -> None:
     seen = []
 
     def noting(observations: Array) -> Array:
@@ -96,8 +96,8 @@ def test_what_stands_is_read_instead_of_what_was_said(told: list[float]) -> None
         return observations[:, 0]
 
     states = np.array([[1.0, 2.0], [3.0, 4.0]])
-    said = observe(states, np.full((2, len(told)), 9.0), np.zeros((2, 1)))
-    assert told_throughout(noting, np.array(told), said).tolist() == [1, 3]
+    said = observe(states, np.full((2, len(instruction)), 9.0), np.zeros((2, 1)))
+    assert act_under(noting, np.array(instruction), said).tolist() == [1, 3]
     [read] = seen
-    assert read.tolist() == [[1, 2, *told, 1], [3, 4, *told, 1]]
+    assert read.tolist() == [[1, 2, *instruction, 1], [3, 4, *instruction, 1]]
     assert read.dtype == np.float32

@@ -24,7 +24,7 @@ def log(tmp_path: Path) -> TrajectoryLog:
     return two_floors(tmp_path / "log")
 
 
-def test_the_vocabulary_says_what_was_done_when_it_was_told(log: TrajectoryLog):
+def test_the_vocabulary_says_what_was_done_when_it_was_instructed(log: TrajectoryLog):
     learnt = learn_vocabulary(log, better_half(), TASK, seed=0)
     windows = STEPS + 1 - 5
     assert learnt.mapping.mean_instructions[:, 0].tolist() == [-1, 0, 1]
@@ -65,7 +65,7 @@ def test_the_same_seed_learns_the_same(log: TrajectoryLog):
 
 
 def test_the_best_and_the_others_are_of_those_that_count(log: TrajectoryLog):
-    """The upper floor was flown last, and worse than the lower one."""
+    """The upper floor comes last, and worse than the lower one."""
     learnt = learn_vocabulary(log, better_half(newest_frames=60, n_clusters=2), TASK, seed=0)
     assert learnt.episodes_counted == 5
     assert learnt.episodes_by_context == {"lower": 1, "upper": 2}
@@ -76,7 +76,7 @@ def test_the_best_and_the_others_are_of_those_that_count(log: TrajectoryLog):
 
 
 def changed(last: Refresh, refresh: Refresh, taken: bool, staleness: float = 0.25) -> Refresh:
-    """What ``VocabularyTracker`` makes of a refresh, in numbers that can be told apart."""
+    """What ``VocabularyTracker`` makes of a refresh, in numbers that can be distinguished."""
     change = Change(
         last=last.mapping,
         since_frame=48,
@@ -116,7 +116,7 @@ def test_a_change_is_written_down(log: TrajectoryLog, tmp_path: Path):
     assert [cluster["id"] for cluster in saved["clusters"]] == saved["mapping"]["ids"] == [0, 3, 2]
 
 
-def test_what_cannot_be_told_of_a_change_is_null(log: TrajectoryLog, tmp_path: Path):
+def test_what_is_undefined_of_a_change_is_null(log: TrajectoryLog, tmp_path: Path):
     refresh = learn_vocabulary(log, better_half(), TASK, seed=0)
     unknown = changed(refresh, refresh, taken=True, staleness=float("nan"))
     assert json.loads(save_refresh(tmp_path, unknown, better_half(), TASK).read_text())["change"]["staleness"] is None
@@ -263,7 +263,7 @@ def test_scores_that_are_none_are_refused(log: TrajectoryLog, tmp_path: Path, da
         load_refresh(path)
 
 
-def test_scores_that_cannot_be_told_come_back_so(log: TrajectoryLog, tmp_path: Path):
+def test_undefined_scores_come_back_so(log: TrajectoryLog, tmp_path: Path):
     learnt = replace(learn_vocabulary(log, better_half(), TASK, 0), scores_of_numbers=[{"motion_auc": float("nan")}])
     [read] = load_refresh(save_refresh(tmp_path, learnt, better_half(), TASK)).scores_of_numbers
     assert np.isnan(read["motion_auc"])

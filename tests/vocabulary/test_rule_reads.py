@@ -19,7 +19,7 @@ def env() -> Any:
     return make_gym("CartPole-v1", {}, declared())
 
 
-def told(task: Task, *columns: int) -> Task:
+def reading(task: Task, *columns: int) -> Task:
     """Told to go against the sum of these dimensions, one number; near 0 nothing."""
 
     def rule(states: Array) -> Array:
@@ -42,12 +42,12 @@ def test_the_states_are_the_same_each_time_and_not_too_many(env: Any):
 
 def test_what_the_rule_reads_is_found(env: Any):
     states, task = random_states(env), task_of(env)
-    assert reads(states, told(task, 0), 0).tolist() == [True, False, False, False]
-    assert reads(states, told(task, 1, 2), 0).tolist() == [False, True, True, False]
+    assert reads(states, reading(task, 0), 0).tolist() == [True, False, False, False]
+    assert reads(states, reading(task, 1, 2), 0).tolist() == [False, True, True, False]
 
 
 def test_dimensions_that_the_rule_does_not_read_are_refused(env: Any):
-    task = told(task_of(env), 0)
+    task = reading(task_of(env), 0)
     with pytest.raises(ConfigError) as refused:
         check_dimensions(mapping("state_3"), task, env)
     assert str(refused.value) == (
@@ -67,7 +67,7 @@ def test_of_several_numbers_the_one_is_named(env: Any):
 
 
 def test_what_can_work_passes(env: Any):
-    task = told(task_of(env), 0)
+    task = reading(task_of(env), 0)
     assert check_dimensions(mapping("state_0", "state_3"), task, env) == []
     assert check_dimensions(mapping(), task, env) == []
     assert check_dimensions(mapping("state_3", space="all"), task, env) == []
@@ -77,14 +77,14 @@ def test_what_can_work_passes(env: Any):
 
 def test_a_dimension_that_goes_with_what_is_read_passes(env: Any):
     """The rule reads a copy of the first dimension, so that the axis lies on both."""
-    task = told(task_of(env), 4)
+    task = reading(task_of(env), 4)
     assert (
         check_dimensions(mapping("state_0"), replace(task, state_names=(*task.state_names, "copy")), Twice(env)) == []
     )
 
 
 def test_a_dimension_that_stands_still_is_noted(env: Any):
-    task = replace(told(task_of(env), 0), state_names=("state_0", "b", "c", "d", "still"))
+    task = replace(reading(task_of(env), 0), state_names=("state_0", "b", "c", "d", "still"))
     noted = check_dimensions(mapping("state_0", "still"), task, Twice(env, 0.0))
     assert noted == ["note: mapping.dimensions: still did not change in random episodes"]
 

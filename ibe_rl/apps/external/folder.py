@@ -24,7 +24,7 @@ from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, save_refresh
 from ibe_rl.vocabulary.rule_reads import check_dimensions
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, horizon_told, settled
+from ibe_rl.vocabulary.training_episodes import find_steps, horizon_line, horizon_of, settled
 
 
 def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
@@ -93,9 +93,11 @@ def keep_run(
             mapping = settled(config.mapping, find_steps(log, config.mapping, task, config.seed))
             learnt = learn_vocabulary(log, mapping, task, config.seed, reactions=react(horizon_of(mapping)))
     except TooLittleDataError as error:
-        raise ConfigError(f"episodes={len(index)}: they teach no vocabulary ({error}); allowed are more") from None
+        raise ConfigError(
+            f"episodes={len(index)}: no vocabulary can be learnt from them ({error}); allowed are more"
+        ) from None
     if config.mapping.horizon_steps is None:
-        _say(horizon_told(learnt.top.horizon_steps))
+        _say(horizon_line(learnt.top.horizon_steps))
     meaning = [one.to_dict() for one in learnt.mapping.meanings]
     write_json(folder / SUMMARY, summary | {"horizon_steps": learnt.top.horizon_steps, "meaning": meaning})
     save_refresh(folder / REFRESHES, learnt, mapping, task)

@@ -163,7 +163,7 @@ def _seen(agent: Any, task: Task, sees_instruction: bool | None) -> int:
     if declared is None:
         if sees_instruction is None:
             raise ConfigError(
-                f"agent_sees_instruction=null: this agent does not say what it reads; allowed is true for {whole} "
+                f"agent_sees_instruction=null: this agent does not declare what it reads; allowed is true for {whole} "
                 f"numbers (state, instruction, whether it was given) or false for the state, {state}"
             )
         return whole if sees_instruction else state
@@ -198,7 +198,7 @@ def _act(agent: Any, actions: gymnasium.Space[Any]) -> Callable[[Array], Any]:
     if hasattr(agent, "predict"):
         policy = getattr(agent, "policy", agent)
         if hasattr(policy, "lstm_actor"):
-            raise ConfigError("agent: it remembers (a recurrent policy); allowed is one that reads the present only")
+            raise ConfigError("agent: it is recurrent; allowed is a policy without memory")
         return _Predicts(policy)
     if callable(agent):
         return agent

@@ -38,7 +38,7 @@ from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.storage.run_folder import EVALUATION, REFRESHES, create_run_folder, read_json
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Episode, Explanation, Policy, observe
-from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
+from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
 
 ENVS_AT_ONCE, EXAMPLES = 16, 3
@@ -249,7 +249,7 @@ def _reactions(
     seeds = [episode_seed(config.seed, len(episodes) + number) for number in range(ASKED_AT)]
     instructor, copies = make_instructor(config.instructor, task, config.seed), partial(make_snapshot_env, config.env)
     with closing(make_predictor(config.predictor, copies, task.rule, config.seed, envs[0], list)) as predictor:
-        return ask_in_flight(envs, policy, instructor, predictor, seeds, typical_steps, horizon_steps)
+        return ask_during_rollouts(envs, policy, instructor, predictor, seeds, typical_steps, horizon_steps)
 
 
 def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episode]:

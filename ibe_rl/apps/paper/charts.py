@@ -36,15 +36,22 @@ def policies_chart(found: dict[str, Any]) -> Figure:
     tried = found["screened"]
     frames = np.array([each["frame"] for each in tried]) / 1000
     sizes = [8 + each["episodes"] / 4 for each in tried]
-    axis.scatter(frames, [100 * each["success"] for each in tried], s=sizes, color=_OTHER, label="tried out, to choose")
+    axis.scatter(frames, [100 * each["success"] for each in tried], s=sizes, color=_OTHER, label="evaluated to choose")
     beside = ((-20, 5), (-5, 12), (11, 5))  # apart from each other, should it be one policy
     for each, marker, offset in zip(found["agents"], "osD", beside, strict=True):
-        told, frame = each["success"], each["frame"] / 1000
-        axis.vlines(frame, 100 * told["low"], 100 * told["high"], color=_BEST, linewidth=2)
-        label = f"{each['name']}, flown again: {100 * told['value']:.1f} %"
-        axis.plot([frame], [100 * told["value"]], marker, color=_BEST, markersize=9, label=label, markeredgecolor=INK)
+        success, frame = each["success"], each["frame"] / 1000
+        axis.vlines(frame, 100 * success["low"], 100 * success["high"], color=_BEST, linewidth=2)
+        label = f"{each['name']}, evaluated again: {100 * success['value']:.1f} %"
+        axis.plot(
+            [frame], [100 * success["value"]], marker, color=_BEST, markersize=9, label=label, markeredgecolor=INK
+        )
         axis.annotate(
-            each["name"], (frame, 100 * told["value"]), offset, textcoords="offset points", weight="bold", fontsize=12
+            each["name"],
+            (frame, 100 * success["value"]),
+            offset,
+            textcoords="offset points",
+            weight="bold",
+            fontsize=12,
         )
         if each["wanted"]:
             axis.axhline(100 * each["wanted"], color=_YELLOW, linewidth=0.9, linestyle=":")
@@ -59,45 +66,49 @@ def policies_chart(found: dict[str, Any]) -> Figure:
 @rc_context(DARK)
 def movements_chart(found: dict[str, Any]) -> Figure:
     """Histograms of the movement after each instruction, best against other episodes (the paper's figure)."""
-    told = list(found["preliminary"][0]["told"])
-    figure, rows = grid(len(found["preliminary"]), len(told), 11, 2.5 * len(found["preliminary"]) + 0.9, sharex=True)
+    instructions = list(found["preliminary"][0]["told"])
+    figure, rows = grid(
+        len(found["preliminary"]), len(instructions), 11, 2.5 * len(found["preliminary"]) + 0.9, sharex=True
+    )
     for axes, agent in zip(rows, found["preliminary"], strict=True):
-        for axis, value in zip(axes, told, strict=True):
+        for axis, value in zip(axes, instructions, strict=True):
             _histogram(axis, agent["told"][value])
             if axes is rows[0]:
-                axis.set_title(f"told m* = {float(value):+.0f} “{found['phrases'][value]}”".replace("+0", "0"))
+                axis.set_title(f"m* = {float(value):+.0f} “{found['phrases'][value]}”".replace("+0", "0"))
         axes[0].set_ylabel(f"agent {agent['agent']}\ndensity")
     for axis in rows[-1]:
         axis.set_xlabel(found["change_label"])
     legend_of(rows[0][:1], figure, 4)
     about = found["protocol"]
     best = f"the best: {100 * about['top_fraction']:.0f} % of the episodes, by return"
-    figure.suptitle(f"How it moved over the next {about['horizon_steps']} steps, by what it was told ({best})")
+    figure.suptitle(f"Movement over the next {about['horizon_steps']} steps, by instruction ({best})")
     return figure
 
 
-def _histogram(axis: Axes, told: dict[str, Any]) -> None:
-    edges = np.array(told["edges"])
+def _histogram(axis: Axes, movements: dict[str, Any]) -> None:
+    edges = np.array(movements["edges"])
     for name, colour, alpha in (("others", _OTHER, 0.75), ("best", _BEST, 0.45)):
-        axis.stairs(told[name]["density"], edges, color=colour, fill=True, alpha=alpha)
-        axis.stairs(told[name]["density"], edges, color=colour, linewidth=1.2, label=_GROUPS[name])
+        axis.stairs(movements[name]["density"], edges, color=colour, fill=True, alpha=alpha)
+        axis.stairs(movements[name]["density"], edges, color=colour, linewidth=1.2, label=_GROUPS[name])
     for name, colour, line in (("others", hexed(colours.PALE), "--"), ("best", _BEST, "-")):
-        if told[name]["mean"] is not None:
-            axis.axvline(told[name]["mean"], color=colour, linewidth=2, linestyle=line, label=f"mean, {_GROUPS[name]}")
+        if movements[name]["mean"] is not None:
+            axis.axvline(
+                movements[name]["mean"], color=colour, linewidth=2, linestyle=line, label=f"mean, {_GROUPS[name]}"
+            )
     axis.axvline(0, color=FAINT, linewidth=0.8, linestyle=":")
-    top = 1.25 * told["shown_to"]
+    top = 1.25 * movements["shown_to"]
     axis.set_ylim(0, top or None)
-    if 0 < top < max(told["best"]["density"] + told["others"]["density"]):
+    if 0 < top < max(movements["best"]["density"] + movements["others"]["density"]):
         axis.text(0.02, 0.97, "peak cut", transform=axis.transAxes, va="top", fontsize=8, color=FAINT)
 
 
 @rc_context(DARK)
 def claim_chart(found: dict[str, Any]) -> Figure:
     """Effect sizes of the paper's claim, over all episodes and within each context."""
-    told = list(found["preliminary"][0]["told"])
-    figure, [axes] = grid(1, len(told), 11, 3.6, sharey=True)
+    instructions = list(found["preliminary"][0]["told"])
+    figure, [axes] = grid(1, len(instructions), 11, 3.6, sharey=True)
     names = [agent["agent"] for agent in found["preliminary"]]
-    for axis, value in zip(axes, told, strict=True):
+    for axis, value in zip(axes, instructions, strict=True):
         for place, agent in enumerate(found["preliminary"]):
             claims = agent["told"][value]["claim"]
             for over, shift, colour, marker in (("all", -0.13, _BEST, "o"), ("within", 0.13, _YELLOW, "D")):
@@ -106,7 +117,7 @@ def claim_chart(found: dict[str, Any]) -> Figure:
         axis.axvline(0.5, color=INK, linewidth=0.9, linestyle=":")
         axis.set(xlim=(0, 1), ylim=(len(names) - 0.5, -0.5), xlabel="chance that a best episode follows more")
         asked = "moves further that way" if float(value) else "moves less to either side"
-        axis.set_title(f"told {float(value):+.0f}: {asked}".replace("+0", "0"))
+        axis.set_title(f"m* = {float(value):+.0f}: {asked}".replace("+0", "0"))
     axes[0].set_yticks(range(len(names)), [f"agent {name}" for name in names])
     for over, colour, marker in (
         ("over all episodes, as in the paper", _BEST, "o"),
@@ -127,9 +138,9 @@ def expressions_chart(found: dict[str, Any]) -> Figure:
     figure, rows = grid(2 * len(taught), 2, 10.5, 3.7 * len(taught) + 0.6, height_ratios=[3, 1] * len(taught))
     for row, agent in enumerate(taught):
         for column, name in enumerate((PAPERS, DEFAULT)):
-            told = agent["vocabularies"][name]
-            _clusters(rows[2 * row][column], rows[2 * row + 1][column], told)
-            lean = f"skew {told['skew']:+.2f}, {told['below_zero']} left of 0, {told['above_zero']} right"
+            results = agent["vocabularies"][name]
+            _clusters(rows[2 * row][column], rows[2 * row + 1][column], results)
+            lean = f"skew {results['skew']:+.2f}, {results['below_zero']} left of 0, {results['above_zero']} right"
             rows[2 * row][column].set_title(f"Agent {agent['agent']}, {VOCABULARY_NAMES[name]}: {lean}")
         rows[2 * row][0].set_ylabel("expression $m^i$")
         rows[2 * row + 1][0].set_ylabel("windows (%)")
@@ -139,10 +150,10 @@ def expressions_chart(found: dict[str, Any]) -> Figure:
     return figure
 
 
-def _clusters(above: Axes, below: Axes, told: dict[str, Any]) -> None:
-    said, sizes = np.array(told["expressions"]), np.array(told["sizes"], float)
+def _clusters(above: Axes, below: Axes, results: dict[str, Any]) -> None:
+    said, sizes = np.array(results["expressions"]), np.array(results["sizes"], float)
     places, shades = np.arange(1, len(said) + 1), expression_colours(said)
-    above.axhspan(-told["straight_below"], told["straight_below"], color=FAINT, alpha=0.18, linewidth=0)
+    above.axhspan(-results["straight_below"], results["straight_below"], color=FAINT, alpha=0.18, linewidth=0)
     above.axhline(0, color=FAINT, linewidth=0.8)
     above.vlines(places, 0, said, color=shades, linewidth=5)
     above.scatter(places, said, color=shades, s=60, zorder=3)
@@ -163,9 +174,9 @@ def _signed(value: float) -> str:
 @rc_context(DARK)
 def straight_chart(found: dict[str, Any]) -> Figure:
     """When small movements are called straight, and which half of the mapping makes it so."""
-    told = found["straight"]
-    figure, rows = grid(len(told), 2, 11, 3.6 * len(told) + 1.0, width_ratios=[1.25, 1])
-    for (left, right), agent in zip(rows, told, strict=True):
+    results = found["straight"]
+    figure, rows = grid(len(results), 2, 11, 3.6 * len(results) + 1.0, width_ratios=[1.25, 1])
+    for (left, right), agent in zip(rows, results, strict=True):
         for name in (PAPERS, DEFAULT):
             _rates(left, agent["by_movement"][name], name)
         for edge in agent["small"]:
@@ -173,8 +184,8 @@ def straight_chart(found: dict[str, Any]) -> Figure:
             left.axvspan(edge[0], edge[1], color=hexed(colours.POSITIVE), alpha=0.13, linewidth=0)
         left.set(ylim=(0, 103), ylabel=f"agent {agent['agent']}\ncalled straight (%)", xlabel=found["change_label"])
         _small(right, agent["rates"])
-    rows[0][0].set_title("What really happened, and how often it is called straight")
-    rows[0][1].set_title("Small movements not called what they are")
+    rows[0][0].set_title("Realised movement, and how often it is called straight")
+    rows[0][1].set_title("Small movements that are misnamed")
     legend_of(rows[0], figure, 3)
     figure.suptitle("The paper's failed episode: min-max or the split? (95 % intervals over episodes)")
     return figure
@@ -197,9 +208,9 @@ def _rates(axis: Axes, rows: list[dict[str, Any]], name: str) -> None:
 
 
 def _small(axis: Axes, rates: dict[str, dict[str, Any]]) -> None:
-    for place, told in enumerate(rates.values()):
+    for place, results in enumerate(rates.values()):
         for side, shift, colour in (("left", -0.2, colours.NEGATIVE), ("right", 0.2, colours.POSITIVE)):
-            called, wrong = (100 * (told[f"{kind}_{side}"]["value"] or 0.0) for kind in ("straight", "wrong"))
+            called, wrong = (100 * (results[f"{kind}_{side}"]["value"] or 0.0) for kind in ("straight", "wrong"))
             solid: dict[str, Any] = {
                 "color": hexed(colour),
                 "label": None if place else f"to the {side}, called straight",
@@ -215,12 +226,12 @@ def _small(axis: Axes, rates: dict[str, dict[str, Any]]) -> None:
 @rc_context(DARK)
 def errors_chart(found: dict[str, Any]) -> Figure:
     """How far off the observers are, agent by agent and cut by cut."""
-    told = [(agent["agent"], cut, agent["cuts"][cut]) for agent in found["prediction"] for cut in CUT_TITLES]
+    results = [(agent["agent"], cut, agent["cuts"][cut]) for agent in found["prediction"] for cut in CUT_TITLES]
     figure, rows = grid(
         len(found["prediction"]), len(CUT_TITLES), 11, 3.1 * len(found["prediction"]) + 0.6, sharey=True, sharex="col"
     )
     names = list(OBSERVER_LABELS)
-    for axis, (agent, cut, judged) in zip([axis for row in rows for axis in row], told, strict=True):
+    for axis, (agent, cut, judged) in zip([axis for row in rows for axis in row], results, strict=True):
         for place, name in enumerate(names):
             interval(axis, judged["error"][name], place, OBSERVER_COLOURS[name], OBSERVER_MARKERS[name])
         none = judged["error"][NO_WORDS]["value"]
@@ -230,7 +241,7 @@ def errors_chart(found: dict[str, Any]) -> Figure:
     for row in rows:
         row[0].set_yticks(range(len(names)), [OBSERVER_LABELS[name] for name in names])
     for axis in rows[-1]:
-        axis.set_xlabel("error of the foretold x (% of the width)")
+        axis.set_xlabel("error of the predicted x (% of the width)")
     figure.suptitle("Where will it end? Simulated observers, no people (95 % intervals over episodes)")
     return figure
 

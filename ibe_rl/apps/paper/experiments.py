@@ -45,7 +45,7 @@ from ibe_rl.types import Array, ConfigError, Episode, ExpressionMapping
 
 ByAgentAndCut = dict[str, dict[str, ObservedEpisodes]]
 TRIES_EACH = 10
-"""How many episodes are flown at most for each that observers foretell."""
+"""Most episodes rolled out for each episode of the prediction task."""
 
 
 def reproduce(run: TrainedRun, cfg: ExplainConfig) -> None:
@@ -87,7 +87,8 @@ def experiment(context: ReportContext, say: Callable[[str], None]) -> tuple[dict
     }
     observed: ByAgentAndCut = {}
     for agent in agents[1:]:
-        say(f"agent {agent.name}: vocabularies, and {context.config.prediction_episodes} episodes to be foretold")
+        count = context.config.prediction_episodes
+        say(f"agent {agent.name}: vocabularies, and {count} episodes for the prediction task")
         taught, seeds = teach(context, agent), context.seeds("checked", context.config.checked_episodes)
         checked = context.runner.run(agent.policy, seeds)
         observed[agent.name] = foretell(context, agent, taught[0], checked)
@@ -116,13 +117,13 @@ def preliminary(context: ReportContext, agent: PaperAgent) -> dict[str, Any]:
     """The histograms, and the claim tested, for each instruction."""
     fraction = context.mappings[PAPERS].top_fraction
     made = movements.movements_of(agent.episodes, context.task, context.horizon_steps, fraction)
-    told = {}
+    by_instruction = {}
     for value in context.task.instruction_values:
         claims = movements.claim_effects(made, value, context.config.resamples, context.config.seed)
-        told[str(value)] = movements.histogram(made, value) | {
+        by_instruction[str(value)] = movements.histogram(made, value) | {
             "claim": {over: movements.effect_json(one) for over, one in claims.items()}
         }
-    return {"agent": agent.name, "told": told}
+    return {"agent": agent.name, "told": by_instruction}
 
 
 def teach(context: ReportContext, agent: PaperAgent) -> list[dict[str, ClusterMapping]]:
@@ -143,7 +144,7 @@ def teach(context: ReportContext, agent: PaperAgent) -> list[dict[str, ClusterMa
                 )
             except TooLittleDataError as error:
                 raise ConfigError(
-                    f"figures.episodes={context.config.episodes}: agent {agent.name}'s teach no vocabulary ({error}); "
+                    f"figures.episodes={context.config.episodes}: agent {agent.name}'s give no vocabulary ({error}); "
                     "allowed are more of them, or a run that learnt more"
                 ) from None
             step()
@@ -153,8 +154,8 @@ def teach(context: ReportContext, agent: PaperAgent) -> list[dict[str, ClusterMa
 def expressions_of(context: ReportContext, agent: PaperAgent, taught: dict[str, ClusterMapping]) -> dict[str, Any]:
     """The clusters of the paper's and of our vocabulary."""
     limit = {"straight_below": vocabularies.straight_below(context.task.phrases[0])}
-    told = {name: vocabularies.vocabulary_json(taught[name]) | limit for name in (PAPERS, DEFAULT)}
-    return {"agent": agent.name, "vocabularies": told}
+    results = {name: vocabularies.vocabulary_json(taught[name]) | limit for name in (PAPERS, DEFAULT)}
+    return {"agent": agent.name, "vocabularies": results}
 
 
 def called_straight(
@@ -213,11 +214,12 @@ def learn_shuffled(context: ReportContext, agent: PaperAgent) -> list[Expression
     ours, config = context.mappings[DEFAULT], context.config
     best = vocabularies.best_of(agent.episodes, ours)
     with progress_bar("vocabularies of shuffled instructions", config.shuffles) as step:
-        settings = ours, context.task, config.seed, context.horizon_steps, config.shuffles
-        found = fit_shuffled(best, agent.episodes, *settings, step)
+        found = fit_shuffled(
+            best, agent.episodes, ours, context.task, config.seed, context.horizon_steps, config.shuffles, step
+        )
     if not found:
         raise ConfigError(
-            f"figures.shuffles={config.shuffles}: none of them taught a vocabulary; allowed are more figures.episodes"
+            f"figures.shuffles={config.shuffles}: none of them gave a vocabulary; allowed are more figures.episodes"
         )
     return found
 
@@ -229,7 +231,7 @@ def hidden_episodes(context: ReportContext, agent: PaperAgent, env: gymnasium.En
         ConfigError: if the agent hardly ever comes down.
     """
     count, steps = context.config.prediction_episodes, context.horizon_steps
-    with progress_bar(f"agent {agent.name} flies where the goal is hidden", count) as step:
+    with progress_bar(f"agent {agent.name}: rollouts with the goal hidden", count) as step:
         seeds = context.seeds("foretold", TRIES_EACH * count)
         shown = pick_episodes(env, context.task, agent.policy, context.instructor, seeds, count, steps, step)
     if len(shown) < 2:
@@ -256,10 +258,10 @@ def typical(context: ReportContext, agent: PaperAgent, checked: Sequence[Episode
     return observer
 
 
-def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: FiguresConfig) -> dict[str, Any]:
+def prediction(agent: PaperAgent, observed: dict[str, ObservedEpisodes], config: FiguresConfig) -> dict[str, Any]:
     """How far off the observers are, over all episodes and in each."""
     cuts = {}
-    for cut, one in told.items():
+    for cut, one in observed.items():
         errors = one.errors()
         means, tests = error_tests(errors, config.resamples, config.seed)
         cuts[cut] = {
@@ -271,18 +273,18 @@ def prediction(agent: PaperAgent, told: dict[str, ObservedEpisodes], config: Fig
     return {"agent": agent.name, "cuts": cuts}
 
 
-def episode_json(told: ObservedEpisodes, row: int, errors: dict[str, Array]) -> dict[str, Any]:
+def episode_json(observed: ObservedEpisodes, row: int, errors: dict[str, Array]) -> dict[str, Any]:
     """One episode of the prediction task."""
-    shown = told.shown[row]
+    shown = observed.shown[row]
     return {
         "seed": shown.seed,
         "context": shown.watched.episode.context,
         "success": shown.watched.episode.success,
-        "foretold_at_step": told.last_seen(row),
-        "position": float(told.position[row]),
-        "end": float(told.end[row]),
-        "said": {name: said[row].tolist() for name, said in told.said.items()},
-        "expected": {name: float(np.mean(each[:, row])) for name, each in told.expected.items()},
+        "foretold_at_step": observed.last_seen(row),
+        "position": float(observed.position[row]),
+        "end": float(observed.end[row]),
+        "said": {name: said[row].tolist() for name, said in observed.said.items()},
+        "expected": {name: float(np.mean(each[:, row])) for name, each in observed.expected.items()},
         "errors": {name: float(each[row]) for name, each in errors.items()},
     }
 

@@ -21,7 +21,7 @@ class Movements:
 
     Attributes:
         change: ``(W,)`` over the horizon, to the end of the episode where that is shorter.
-        told: ``(W,)`` the instruction at the beginning.
+        instruction: ``(W,)`` the one at the beginning.
         episode: ``(W,)`` number of the episode.
         best: ``(E,)`` bool, by total reward over all episodes, as in the paper.
         best_of_context: ``(E,)`` bool, by total reward among the episodes of the same context.
@@ -29,15 +29,15 @@ class Movements:
     """
 
     change: Array
-    told: Array
+    instruction: Array
     episode: Array
     best: Array
     best_of_context: Array
     context: Array
 
-    def changes(self, told: float, best: bool) -> Array:
+    def changes(self, instruction: float, best: bool) -> Array:
         """All changes after one instruction in the best or in the other episodes."""
-        return self.change[(self.told == told) & (self.best[self.episode] == best)]
+        return self.change[(self.instruction == instruction) & (self.best[self.episode] == best)]
 
 
 def movements_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, top_fraction: float) -> Movements:
@@ -48,7 +48,7 @@ def movements_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, to
     context = np.array([episode.context for episode in episodes])
     return Movements(
         change=windows.delta[:, task.explained[0]].astype(float),
-        told=windows.instruction[:, 0],
+        instruction=windows.instruction[:, 0],
         episode=windows.episode,
         best=top_episodes(rewards, top_fraction),
         best_of_context=top_episodes(rewards, top_fraction, context),
@@ -56,12 +56,12 @@ def movements_of(episodes: Sequence[Episode], task: Task, horizon_steps: int, to
     )
 
 
-def histogram(moves: Movements, told: float, bins: int = BINS) -> dict[str, Any]:
+def histogram(moves: Movements, instruction: float, bins: int = BINS) -> dict[str, Any]:
     """The densities of the changes after one instruction, best and other episodes over the same bins, for paper.json.
 
     ``shown_to`` is the third highest density, so that a peak over two bins need not hide the rest.
     """
-    groups = {"best": moves.changes(told, best=True), "others": moves.changes(told, best=False)}
+    groups = {"best": moves.changes(instruction, best=True), "others": moves.changes(instruction, best=False)}
     edges = bin_edges(moves.change, bins)
     both = densities([*groups.values()], edges)
     found: dict[str, Any] = {"edges": edges.tolist(), "shown_to": float(np.sort(np.max(both, axis=0))[-3])}
@@ -71,27 +71,27 @@ def histogram(moves: Movements, told: float, bins: int = BINS) -> dict[str, Any]
     return found
 
 
-def followed(moves: Movements, told: float) -> tuple[Array, Array]:
-    """How far each episode went as it was told.
+def followed(moves: Movements, instruction: float) -> tuple[Array, Array]:
+    """How far each episode went the instructed way.
 
     Returns:
-        Numbers ``(F,)`` of the episodes that were told so, and their mean movement the instructed way. After 0 it is
-        the negative mean magnitude of the movement: staying is what was asked for.
+        Numbers ``(F,)`` of the episodes with this instruction, and their mean movement the instructed way.
+        After 0 it is the negative mean magnitude of the movement: staying is what was asked for.
     """
-    rows = moves.told == told
-    way = np.sign(told) * moves.change[rows] if told else -np.abs(moves.change[rows])
+    rows = moves.instruction == instruction
+    way = np.sign(instruction) * moves.change[rows] if instruction else -np.abs(moves.change[rows])
     episodes, place = np.unique(moves.episode[rows], return_inverse=True)
     return episodes, np.bincount(place, way) / np.bincount(place)
 
 
-def claim_effects(moves: Movements, told: float, resamples: int, seed: int) -> dict[str, Effect | None]:
+def claim_effects(moves: Movements, instruction: float, resamples: int, seed: int) -> dict[str, Effect | None]:
     """Test the paper's claim for one instruction, by episode: over all contexts, and within each of them.
 
     Returns:
         "all" as the paper does it, then each context by itself, then "within": all contexts together, but episodes
         only compared with those of the same context. None where one of the groups is empty.
     """
-    episodes, values = followed(moves, told)
+    episodes, values = followed(moves, instruction)
     contexts = {name: _groups(episodes, values, moves, name) for name in np.unique(moves.context).tolist()}
     best = moves.best[episodes]
     strata: dict[str, Sequence[Groups]] = {"all": [(values[best], values[~best])]}

@@ -27,12 +27,12 @@ OBSERVER_STYLES = {
     PREDICTED_CHANGE: ("the predicted change, without words", colours.VIOLET, "o"),
     DEFAULT: ("the default vocabulary", colours.EXPLANATION, "D"),
     PAPERS: ("the paper's vocabulary", colours.PINK, "s"),
-    NO_WORDS: ("no explanation: carries the motion on", colours.PALE, "v"),
+    NO_WORDS: ("no explanation: the motion continues", colours.PALE, "v"),
     STRAIGHT: ("no explanation: straight down from here", colours.MUTED, "^"),
-    SHUFFLED: ("taught with shuffled instructions", colours.MUTED, "X"),
+    SHUFFLED: ("learnt from shuffled instructions", colours.MUTED, "X"),
     SWAPPED: ("the default, left and right swapped", colours.MUTED, "P"),
 }
-"""Observers, in the order in which they are drawn, to what they are told, their colour and their marker."""
+"""Observers, in the order in which they are drawn, to what they hear, their colour and their marker."""
 OBSERVER_LABELS = {name: label for name, (label, _, _) in OBSERVER_STYLES.items()}
 OBSERVER_COLOURS = {name: hexed(colour) for name, (_, colour, _) in OBSERVER_STYLES.items()}
 OBSERVER_MARKERS = {name: marker for name, (_, _, marker) in OBSERVER_STYLES.items()}

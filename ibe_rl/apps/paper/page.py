@@ -34,9 +34,13 @@ class PageFigure(NamedTuple):
 
 
 CHARTS = {
-    "agents": [("agents.png", "Every policy that was tried out, and the three that fly on.", charts.policies_chart)],
+    "agents": [("agents.png", "All evaluated policies, and the three that are used below.", charts.policies_chart)],
     "preliminary": [
-        ("moves.png", "The paper's histograms; it shows the first two columns, for A and B.", charts.movements_chart),
+        (
+            "moves.png",
+            "The paper's histograms. The paper shows the first two columns, for A and B.",
+            charts.movements_chart,
+        ),
         ("claim.png", "The claim, tested with each episode counted once.", charts.claim_chart),
     ],
     "words": [("expressions.png", "The paper's figure of m^i, and ours.", charts.expressions_chart)],
@@ -49,7 +53,7 @@ CHARTS = {
         )
     ],
     "prediction": [
-        ("observers.png", "Every observer; all listen in the same fixed way.", charts.errors_chart),
+        ("observers.png", "Every observer; all read an explanation by the same fixed rule.", charts.errors_chart),
         ("episodes.png", "The same, episode by episode.", charts.episodes_chart),
     ],
 }

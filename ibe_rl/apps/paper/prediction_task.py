@@ -90,7 +90,7 @@ def pick_episodes(
 
 @dataclass(frozen=True)
 class ObservedEpisodes:
-    """The prediction task with one agent at one cut: what observers of ``E`` episodes were told, and what they expect.
+    """The prediction task with one agent at one cut: what observers of ``E`` episodes hear, and what they expect.
 
     Attributes:
         shown: ``E`` episodes.

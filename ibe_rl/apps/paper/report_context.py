@@ -137,11 +137,11 @@ class ReportContext:
 
     @property
     def instructor(self) -> Instructor:
-        """One that begins anew."""
+        """A new one."""
         return make_instructor(stand_in(self.run.config.instructor), self.task)
 
     def seeds(self, purpose: str, count: int) -> range:
-        """Of episodes that are flown for nothing else."""
+        """Of episodes that serve no other purpose."""
         return seeds_for(purpose, self.config.seed, count)
 
 
@@ -154,7 +154,7 @@ def find_agents(context: ReportContext) -> tuple[list[PaperAgent], list[dict[str
         chosen, tried = screen(policies, run_all, context.seeds("screened", SEEDS_EACH), step)
     chosen["C"] = context.run.policy_frame
     agents, seeds = [], context.seeds("flown", context.config.episodes)
-    with progress_bar("A, B and C fly again", len(chosen)) as step:
+    with progress_bar("rollouts of A, B and C", len(chosen)) as step:
         for name, frame in chosen.items():
             episodes = context.runner.run(policies[frame], seeds)
             agents.append(PaperAgent(name, PAPER_SUCCESS.get(name), frame, policies[frame], episodes))

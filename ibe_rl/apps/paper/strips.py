@@ -46,13 +46,13 @@ def episode_strip(observed: ObservedEpisodes, row: int, title: str) -> Figure:
     _guesses(after, observed, row)
     scale.set_title(f"What it said in these {SEEN_STEPS} frames")
     before.set_title(f"The first {SEEN_STEPS} frames: all that observers see")
-    after.set_title(f"The last {observed.horizon_steps} frames, and what was foretold")
+    after.set_title(f"The last {observed.horizon_steps} frames, and what was predicted")
     errors = observed.errors()
     handles, labels = after.get_legend_handles_labels()
     named = [
         f"{label} ({errors[name][row]:.1f} % off)" for name, label in zip((*GUESSES, TRUE_END), labels, strict=True)
     ]
-    named[-1] = "where it really came down"
+    named[-1] = "where it came down"
     figure.legend(handles, named, loc="outside lower center", ncols=4)
     figure.suptitle(title)
     return figure
@@ -73,7 +73,7 @@ def _scales(axis: Axes, observed: ObservedEpisodes, row: int) -> None:
         axis.text(-1.28, middle, title, rotation=90, ha="center", va="center", color=colour, fontsize=9)
     axis.set(xlim=(-1.12, 1.12), ylim=(2 * SEEN_STEPS + 7, -2.5), yticks=[])
     axis.set_xticks([-1, 0, 1], ["-1 left", "0 straight", "+1 right"])
-    axis.set_xlabel("expression, frame by frame downwards (lines: $m^i$;\nring: what the observer goes by)")
+    axis.set_xlabel("expression, frame by frame downwards (lines: $m^i$;\nring: what the observer reads)")
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)
 

@@ -131,17 +131,17 @@ def small_rates(tested: LabelledMovements) -> dict[str, dict[str, Any]]:
     """For each kind of vocabulary: how often small movements to either side are called straight, and the wrong way."""
     low, high = (bands * tested.band for bands in SMALL)
     sides = {"left": _within(tested.change, -high, -low), "right": _within(tested.change, low, high)}
-    told = {}
+    found = {}
     for name, called in tested.called.items():
         rates = {
             (kind, side): weighted_mean(getattr(called, kind)[rows], tested.weights[:, rows])
             for kind in ("straight", "wrong")
             for side, rows in sides.items()
         }
-        told[name] = {f"{kind}_{side}": estimate(rate).to_dict() for (kind, side), rate in rates.items()}
+        found[name] = {f"{kind}_{side}": estimate(rate).to_dict() for (kind, side), rate in rates.items()}
         missed = {side: rates["straight", side] + rates["wrong", side] for side in sides}
-        told[name]["left_minus_right"] = estimate(missed["left"] - missed["right"]).to_dict()
-    return told
+        found[name]["left_minus_right"] = estimate(missed["left"] - missed["right"]).to_dict()
+    return found
 
 
 def rates_by_movement(tested: LabelledMovements, name: str) -> list[dict[str, Any]]:

@@ -81,11 +81,11 @@ def run_command(address: str, processors: int, command: Sequence[str]) -> int:
         connect(address, key="HOST:PORT")
         actor = ray.remote(num_cpus=processors, max_restarts=0)(Command).remote(list(command), str(Path.cwd()))
     with StopRequest() as stop:
-        told = False
+        asked = False
         while True:
-            tell = bool(stop) and not told  # Ctrl-C may come during the wait
+            tell = bool(stop) and not asked  # Ctrl-C may come during the wait
             text, status = ray.get(actor.read.remote(tell))
-            told = told or tell
+            asked = asked or tell
             sys.stdout.buffer.write(text)
             sys.stdout.flush()
             if status is not None:

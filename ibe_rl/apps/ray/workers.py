@@ -246,15 +246,15 @@ def _answer(answer: Any) -> Exception | bool:
     return True
 
 
-def _first_error(told: str) -> str:
+def _first_error(text: str) -> str:
     """The line of a worker's traceback that names the error."""
-    found = re.findall(r"^\s*(?:\w+\.)*(\w+(?:Error|Exception): .+)$", told, re.MULTILINE)
-    return found[0] if found else (told.strip() or "for no reason known").splitlines()[0]
+    found = re.findall(r"^\s*(?:\w+\.)*(\w+(?:Error|Exception): .+)$", text, re.MULTILINE)
+    return found[0] if found else (text.strip() or "for an unknown reason").splitlines()[0]
 
 
 def _why(error: Exception | bool) -> str:
     """Ray's reason for the end of a worker, in a few words."""
-    told = str(error)
-    where = ", ".join(found[0] for key in ("pid", "ip") if (found := re.search(rf"{key}: \S+", told)))
-    what = "its machine is gone" if re.search(r"\bnode\b.*(died|dead|removed|terminated)", told) else "it has ended"
-    return f"is lost: {what} ({where})" if where else f"is lost: {what} ({told.strip().splitlines()[-1]})"
+    text = str(error)
+    where = ", ".join(found[0] for key in ("pid", "ip") if (found := re.search(rf"{key}: \S+", text)))
+    what = "its machine is gone" if re.search(r"\bnode\b.*(died|dead|removed|terminated)", text) else "it has ended"
+    return f"is lost: {what} ({where})" if where else f"is lost: {what} ({text.strip().splitlines()[-1]})"

@@ -63,14 +63,14 @@ class Board:
         self._bars.update(self._whole, total=jobs)
         for outcome in done_before:
             self._count(outcome)
-            self.say(f"{outcome.job.name}: finished before, left as it is")
+            self.say(f"{outcome.job.name}: finished earlier, left as it is")
 
     def started(self, job: Job, goes_on: bool) -> None:
         """Add the line of a run."""
         frames = int(newest_row(job.folder / METRICS).get("frames", 0)) if goes_on else 0
         task = self._bars.add_task(job.name, total=job.total_frames, completed=frames, said="starts")
         self._lines[job] = _Line(task, time.monotonic(), frames)
-        self.say(f"{job.name}: {f'goes on from about {frames:,} frames' if goes_on else 'begins'}, in {job.folder}")
+        self.say(f"{job.name}: {f'resumes at about {frames:,} frames' if goes_on else 'begins'}, in {job.folder}")
 
     def moved(self, job: Job) -> None:
         """Update the line of a run."""
@@ -119,8 +119,12 @@ def outcomes_table(outcomes: Sequence[Outcome]) -> Table:
     """The outcome and score of every run."""
     table = Table("run", "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
     for outcome in outcomes:
-        told = read_summary(outcome.job.folder) if outcome.became in (DONE, DONE_BEFORE) else None
-        scores = (f"{told['frames']:,}", f"{told['success_rate']:.1%}", f"{told['return_mean']:.1f}") if told else ()
+        summary = read_summary(outcome.job.folder) if outcome.became in (DONE, DONE_BEFORE) else None
+        scores = (
+            (f"{summary['frames']:,}", f"{summary['success_rate']:.1%}", f"{summary['return_mean']:.1f}")
+            if summary
+            else ()
+        )
         table.add_row(outcome.job.name, outcome.became, *(scores or ("-", "-", "-")))
     return table
 

@@ -47,12 +47,12 @@ def curves(conditions: list[dict[str, Any]], columns: dict[str, str]) -> Figure:
     return figure
 
 
-def _curve(axis: Axes, told: dict[str, list[float]], number: int, several: bool) -> None:
-    frames = np.array(told["frames"]) / 1000
+def _curve(axis: Axes, curve: dict[str, list[float]], number: int, several: bool) -> None:
+    frames = np.array(curve["frames"]) / 1000
     marker = "o" if len(frames) <= _MARKED_POINTS else ""
-    axis.plot(frames, told["value"], linewidth=1.6, marker=marker, markersize=4, **_style(number))
+    axis.plot(frames, curve["value"], linewidth=1.6, marker=marker, markersize=4, **_style(number))
     if several:
-        axis.fill_between(frames, told["low"], told["high"], color=_style(number)["color"], alpha=0.18, linewidth=0)
+        axis.fill_between(frames, curve["low"], curve["high"], color=_style(number)["color"], alpha=0.18, linewidth=0)
 
 
 def _label(condition: dict[str, Any]) -> str:
@@ -73,9 +73,9 @@ def ends(conditions: list[dict[str, Any]], columns: list[str]) -> Figure:
     return figure
 
 
-def _end(axis: Axes, told: dict[str, Any], row: int) -> None:
-    axis.plot(told["each"], [row + 0.22] * len(told["each"]), ".", color=FAINT, markersize=5)
-    interval(axis, told, row, _style(row)["color"], alpha=1.0)
+def _end(axis: Axes, end: dict[str, Any], row: int) -> None:
+    axis.plot(end["each"], [row + 0.22] * len(end["each"]), ".", color=FAINT, markersize=5)
+    interval(axis, end, row, _style(row)["color"], alpha=1.0)
 
 
 def _broken(title: str) -> str:

@@ -157,4 +157,4 @@ def last_line(output: Path, begins: int = 0) -> str:
     with output.open("rb") as stream:
         stream.seek(begins)
         lines = stream.read().decode(errors="replace").splitlines()
-    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "no output")

@@ -61,10 +61,10 @@ def launch(
         console.print(line, markup=False)
     became = {outcome.became for outcome in outcomes}
     if not became <= {DONE, DONE_BEFORE, FAILED}:
-        console.print(f"stopped; the same command with run_dir={sweep} goes on", markup=False)
+        console.print(f"stopped; the same command with run_dir={sweep} resumes it", markup=False)
         raise KeyboardInterrupt
     if FAILED in became:
-        console.print(f"the same command with run_dir={sweep} tries those that failed again", markup=False)
+        console.print(f"the same command with run_dir={sweep} repeats the failed runs", markup=False)
         sys.exit(1)
 
 

@@ -47,20 +47,20 @@ class Running:
         process: train.py as the leader of its own session: Ctrl-C in the terminal does not reach it.
         output: file that it prints to.
         begins: offset in bytes where the output of this start begins.
-        told_to_stop: whether it was asked to stop.
+        stop_requested: whether it was asked to stop.
     """
 
     job: Job
     process: subprocess.Popen[bytes]
     output: Path
     begins: int
-    told_to_stop: bool = False
+    stop_requested: bool = False
 
     def stop(self) -> None:
         """Ask it to stop in order; a second signal would kill it."""
-        if not self.told_to_stop:
+        if not self.stop_requested:
             self.process.send_signal(signal.SIGINT)
-        self.told_to_stop = True
+        self.stop_requested = True
 
     def outcome(self) -> Outcome | None:
         """Its outcome; None while it runs."""
@@ -69,7 +69,7 @@ class Running:
             return None
         if status == 0:
             return Outcome(self.job, DONE if state_of(self.job.folder) == FINISHED else STOPPED)
-        if self.told_to_stop:
+        if self.stop_requested:
             return Outcome(self.job, STOPPED)
         died = f"killed by {ending(status)}; " if status < 0 else ""
         return Outcome(self.job, FAILED, f"{died}{last_line(self.output, self.begins)}")

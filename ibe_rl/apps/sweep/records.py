@@ -26,19 +26,19 @@ LEARNING = {
     "eval/success_rate": "success, greedy, unseen episodes",
 }
 TRUTH = {
-    "ibe/motion_auc": "motion told from what is said (AUC)",
-    "ibe/motion_auc_disobeyed": "the same where it did not do as told (AUC)",
-    "ibe/instruction_f1": "instruction told from what is said (F1)",
-    "ibe/came_true": "share of what was said that went as predicted",
-    "ibe/unknown": "share in which it says that it does not know",
+    "ibe/motion_auc": "direction of motion from the words (AUC)",
+    "ibe/motion_auc_disobeyed": "the same where it did not follow the instruction (AUC)",
+    "ibe/instruction_f1": "instruction from the words (F1)",
+    "ibe/came_true": "share of explanations that went as predicted",
+    "ibe/unknown": "share of “I do not know”",
     "ibe/vocabulary_drift": "drift of the vocabulary at a refresh",
 }
 JUDGED = {
     "quality/motion_auc": "judged: motion AUC",
-    "quality/motion_auc_disobeyed": "judged: where it did not do as told",
+    "quality/motion_auc_disobeyed": "judged: the same where it did not follow the instruction",
     "quality/vocabulary_loss": "judged: lost by the vocabulary (AUC)",
     "quality/came_true": "judged: share that went as predicted",
-    "quality/observer_error": "judged: error of a listener (% of the width)",
+    "quality/observer_error": "judged: error of an observer (% of the width)",
 }
 COLUMN_LABELS = LEARNING | TRUTH | JUDGED
 """Labels of the columns of metrics.csv and the metrics of quality.json."""
@@ -88,9 +88,9 @@ def read_sweep(sweep: Path) -> list[SweepRun]:
 def conditions(runs: Sequence[Path]) -> list[str]:
     """The condition of each run: the settings in which the runs differ, without the seed."""
     given = [overrides_of(run) for run in runs]
-    told = [overrides for overrides in given if overrides]
-    keys = dict.fromkeys(key for overrides in told for key in overrides if key not in (*NOT_IN_NAMES, SEED))
-    differ = [key for key in keys if len({overrides.get(key) for overrides in told}) > 1]
+    known = [overrides for overrides in given if overrides]
+    keys = dict.fromkeys(key for overrides in known for key in overrides if key not in (*NOT_IN_NAMES, SEED))
+    differ = [key for key in keys if len({overrides.get(key) for overrides in known}) > 1]
     names = [", ".join(f"{key}={one.get(key, 'default')}" for key in differ) for one in given]
     return [name or ALL for name in names]
 
@@ -115,7 +115,7 @@ def curve(path: Path, rows: Sequence[dict[str, str]], column: str) -> RunCurve:
     try:
         return np.array([int(row["frames"]) for row in filled]), np.array([float(row[column]) for row in filled])
     except ValueError as error:
-        raise ConfigError(f"{path}: column {column} holds what is no number ({error})") from None
+        raise ConfigError(f"{path}: column {column} has a value that is not a number ({error})") from None
 
 
 def missing(run: Path, rows: Sequence[dict[str, str]]) -> str:
@@ -124,8 +124,8 @@ def missing(run: Path, rows: Sequence[dict[str, str]]) -> str:
     if summary is not None:
         return f"stopped early, at {frames:,} frames" if summary.get("stopped_early") else ""
     last = last_line(run / OUTPUT) if (run / OUTPUT).is_file() else ""
-    said = f"; the last it said: {last}" if "error" in last.lower() else ""
-    return (f"not finished, at {frames:,} frames" if frames else "it has not begun") + said
+    said = f"; its last output: {last}" if "error" in last.lower() else ""
+    return (f"not finished, at {frames:,} frames" if frames else "not started") + said
 
 
 def quality_scores(run: Path) -> dict[str, float]:
@@ -138,10 +138,10 @@ def quality_scores(run: Path) -> dict[str, float]:
     if not path.is_file():
         return {}
     try:
-        told = json.loads(path.read_text())
-        about = told["protocol"]
+        quality = json.loads(path.read_text())
+        about = quality["protocol"]
         mine = {"explainer": f"ibe:{about['mapping']}", "horizon_steps": about["horizon_steps"]}
-        row = next(row for row in told["rows"] if {key: row[key] for key in mine} == mine)
+        row = next(row for row in quality["rows"] if {key: row[key] for key in mine} == mine)
         values = {column: row.get(column.removeprefix("quality/"), {}).get("value") for column in JUDGED}
         return {column: float(value) for column, value in values.items() if value is not None}
     except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:

@@ -84,8 +84,8 @@ def by_condition(records: Sequence[SweepRun]) -> dict[str, Any]:
     """
     counted = [record for record in records if not record.missing]
     if not counted:
-        told = "; ".join(f"{record.name}: {record.missing}" for record in records[:3])
-        raise ConfigError(f"sweep={records[0].folder.parent}: none of its {len(records)} runs is finished ({told})")
+        estimate = "; ".join(f"{record.name}: {record.missing}" for record in records[:3])
+        raise ConfigError(f"sweep={records[0].folder.parent}: none of its {len(records)} runs is finished ({estimate})")
     names = list(dict.fromkeys(record.condition for record in records))
     by_name = {name: [record for record in counted if record.condition == name] for name in names}
     having = [(name, runs) for name, runs in by_name.items() if runs]
@@ -110,17 +110,17 @@ def _condition(name: str, runs: Sequence[SweepRun]) -> dict[str, Any]:
 def notices(records: Sequence[SweepRun], by_name: dict[str, list[SweepRun]]) -> list[str]:
     """Caveats about the numbers."""
     missing = [record for record in records if record.missing]
-    told = [f"{len(missing)} of {len(records)} runs are not finished and do not count"] if missing else []
-    told += [f"{record.name}: {record.missing}" for record in missing]
+    lines = [f"{len(missing)} of {len(records)} runs are not finished and do not count"] if missing else []
+    lines += [f"{record.name}: {record.missing}" for record in missing]
     none = [name for name, runs in by_name.items() if not runs]
-    told += [f"no finished run with {name}" for name in none]
+    lines += [f"no finished run with {name}" for name in none]
     single = [name for name, runs in by_name.items() if len(runs) == 1]
     if single:
-        told.append(f"one run only, so no interval and nothing to be concluded: {'; '.join(single)}")
+        lines.append(f"a single run, so no interval and no conclusion: {'; '.join(single)}")
     few = sorted({len(runs) for runs in by_name.values() if 1 < len(runs) < 5})
     if few:
-        told.append(f"intervals over {' or '.join(map(str, few))} runs are rough; five or more are better")
-    return told
+        lines.append(f"intervals over {' or '.join(map(str, few))} runs are rough; five or more are better")
+    return lines
 
 
 def main_columns(conditions: Sequence[dict[str, Any]]) -> list[str]:
@@ -149,10 +149,12 @@ def write_table(path: Path, conditions: Sequence[dict[str, Any]]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["condition", "metric", "runs", "iqm", "low", "high", "each"])
     for one in conditions:
-        for metric, told in one["ends"].items():
-            values = [f"{told[name]:.6g}" if told[name] is not None else "" for name in ("value", "low", "high")]
-            each = " ".join(f"{value:.6g}" for value in told["each"])
-            table.writerow([one["name"], metric, told["runs"], *values, each])
+        for metric, estimate in one["ends"].items():
+            values = [
+                f"{estimate[name]:.6g}" if estimate[name] is not None else "" for name in ("value", "low", "high")
+            ]
+            each = " ".join(f"{value:.6g}" for value in estimate["each"])
+            table.writerow([one["name"], metric, estimate["runs"], *values, each])
     write_atomically(path, lambda stream: stream.write(text.getvalue().encode()))
 
 

@@ -95,12 +95,12 @@ class LessonPlan:
         def lost() -> None:
             clock.hurry()
             lesson.finish()
-            server.post("farewell", {"text": "The training has gone."})
+            server.post("farewell", {"text": "The training process has ended."})
             server.close()
 
         hear: dict[str, Callable[[Any], None]] = {
             "policy": speaker.learn,
-            "voice": speaker.speak_with,
+            "explainer": speaker.speak_with,
             "vocabulary": lambda fields: server.post("vocabulary", fields),
             "figures": lambda fields: server.post("figures", fields),
             "hurry": lambda _: clock.hurry(),
@@ -164,8 +164,8 @@ class Classroom(Listener):
 
     def refreshed(self, event: Refreshed) -> None:
         """Send a new vocabulary."""
-        self._link.tell("voice", event.voice)
-        self._link.tell("vocabulary", vocabulary(event.frames, event.voice, self._task))
+        self._link.tell("explainer", event.explainer)
+        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task))
 
     def hurry(self) -> None:
         """Never pace the environment again."""
@@ -173,7 +173,7 @@ class Classroom(Listener):
 
     def farewell(self) -> None:
         """Tell the pages that training is over; returns when they know, or after a moment."""
-        self._link.tell("farewell", "The training is over.")
+        self._link.tell("farewell", "Training has ended.")
         self._link.wait_for(BYE, FAREWELL_S)
 
     def close(self) -> None:
@@ -233,9 +233,9 @@ def page_invitation(host: str, port: int, moved: bool = False) -> str:
     return "\n".join(lines)
 
 
-def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
+def vocabulary(frame: int, explainer: ExplainerState, task: Task) -> dict[str, Any]:
     """The vocabulary as a page displays it."""
-    mapping = voice.mapping
+    mapping = explainer.mapping
     assert isinstance(mapping, ClusterMapping)
     known = sayable(mapping.expressions, mapping.meanings)
     columns = (
@@ -250,7 +250,7 @@ def vocabulary(frame: int, voice: ExplainerState, task: Task) -> dict[str, Any]:
     names = ("id", "expression", "mean_instruction", "phrase", "share", "colour", "known")
     clusters = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
     meaning = meaning_lines(mapping.meanings, task)
-    return {"frame": frame, "horizon_steps": voice.horizon_steps, "clusters": clusters, "meaning": meaning}
+    return {"frame": frame, "horizon_steps": explainer.horizon_steps, "clusters": clusters, "meaning": meaning}
 
 
 def choose_port(config: HumanConfig) -> int:

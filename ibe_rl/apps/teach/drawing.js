@@ -66,9 +66,9 @@ function words() {
   at("waiting").hidden = !waits;
   if (frame) {
     const by = { person: "you say", held: "you said", oracle: "the oracle says" }[frame.by];
-    at("told").textContent = frame.told === null ? "nobody says anything" : `${by} ${signed(frame.told)}`;
-    at("episode").textContent = `game ${frame.episode + 1}, step ${frame.step}, return ${frame.return.toFixed(0)}`;
-    mark("gauge-told", frame.told);
+    at("instruction").textContent = frame.instruction === null ? "no instruction" : `${by} ${signed(frame.instruction)}`;
+    at("episode").textContent = `episode ${frame.episode + 1}, step ${frame.step}, return ${frame.return.toFixed(0)}`;
+    mark("gauge-instruction", frame.instruction);
   }
   mark("gauge-said", said ? said.expression : null);
   if (!said) return;

@@ -170,7 +170,7 @@ class Lesson:
             "step": len(self._said),
             "shapes": outlines(self._stage, "figure"),
             "at": at,
-            "told": None if said.by == NOBODY or value is None else float(value[0]),
+            "instruction": None if said.by == NOBODY or value is None else float(value[0]),
             "by": said.by,
             "heard": said.heard,
             "return": round(self._stage.total_reward, 1),

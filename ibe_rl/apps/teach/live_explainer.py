@@ -42,7 +42,7 @@ class LiveExplainer:
         self._policy, self._predictor, self._every_s, self._clock = policy, predictor, every_s, clock
         self._lock = threading.Lock()
         self._weights: Weights | None = None
-        self._voice: ExplainerState | None = None
+        self._explainer: ExplainerState | None = None
         self._spoke_at = -every_s
         self._thread, self._speaking = ThreadPoolExecutor(1, "speaker"), Future[None]()
         self._speaking.set_result(None)
@@ -52,14 +52,14 @@ class LiveExplainer:
         with self._lock:
             self._weights = weights
 
-    def speak_with(self, voice: ExplainerState) -> None:
+    def speak_with(self, explainer: ExplainerState) -> None:
         """Switch to a vocabulary; any thread may call this."""
         with self._lock:
-            self._voice = voice
+            self._explainer = explainer
 
     def due(self) -> bool:
         """Whether the last explanation is done and the next one due."""
-        if self._voice is None or not self._speaking.done():
+        if self._explainer is None or not self._speaking.done():
             return False
         self._speaking.result()  # raises what went wrong
         return self._clock() - self._spoke_at >= self._every_s
@@ -80,11 +80,11 @@ class LiveExplainer:
     def say(self, moment: Moment) -> Explanation:
         """Explain a moment; only once there is a vocabulary."""
         with self._lock:
-            weights, self._weights, voice = self._weights, None, self._voice
-        assert voice is not None
+            weights, self._weights, explainer = self._weights, None, self._explainer
+        assert explainer is not None
         if weights is not None:
             self._policy.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
-        [said] = explain([moment], self._policy, self._predictor, voice)
+        [said] = explain([moment], self._policy, self._predictor, explainer)
         self._spoke_at = self._clock()
         return said
 

@@ -38,7 +38,7 @@ function connect() {
     if (over) return;
     show("connection", "no connection", "pill bad");
     const why = event.reason ? ` (${event.reason})` : "";
-    notice(`The connection to the training is gone${why}. What you press does not reach it. Trying again…`);
+    notice(`No connection to the training${why}. Your input does not reach it. Trying again…`);
     setTimeout(connect, pauseBeforeRetry);
     pauseBeforeRetry = Math.min(4000, 2 * pauseBeforeRetry);
   };
@@ -166,10 +166,10 @@ const hear = {
     makeButtons(message.values);
     enable();
     if (message.live_view) Object.assign(at("live-view"), { href: message.live_view, hidden: false });
-    const hold = message.hold_steps === null ? "what you said holds on until the episode ends"
-      : message.hold_steps > 0 ? `what you said holds on for ${message.hold_steps} steps` : "nothing held down is silence";
-    const others = message.others ? ` The ${message.others} other games are told by ${{ oracle: "the oracle", silent: "nobody", habits: "a model of your habits" }[message.others_instructed_by]}.` : "";
-    at("how").textContent = `Hold an arrow key, a button, or the left, middle or right of the picture; ${hold}.${others} What the numbers mean is yours to decide: nobody tells the agent.`;
+    const hold = message.hold_steps === null ? "an instruction holds until the episode ends"
+      : message.hold_steps > 0 ? `an instruction holds for ${message.hold_steps} steps` : "without it no instruction is given";
+    const others = message.others ? ` The ${message.others} other environments are instructed by ${{ oracle: "the oracle", silent: "no one", habits: "a model of your habits" }[message.others_instructed_by]}.` : "";
+    at("how").textContent = `Hold an arrow key, a button, or the left, middle or right of the picture; ${hold}.${others} You decide what the numbers mean; the agent has to find out.`;
   },
   scene(message) {
     now.scene = message;
@@ -222,7 +222,7 @@ const hear = {
   seat(message) {
     now.seat = message;
     const others = message.pages > 1 ? `, ${message.pages} pages are open` : "";
-    show("seat", message.instructs ? `you instruct${others}` : `you watch${others}`, message.instructs ? "pill told" : "pill");
+    show("seat", message.instructs ? `you instruct${others}` : `you watch${others}`, message.instructs ? "pill instructs" : "pill");
     at("sit").hidden = message.instructs || !message.free;
     enable();
     say.again();
@@ -230,7 +230,7 @@ const hear = {
   },
   controls(message) {
     now.controls = message;
-    at("pause").textContent = message.paused ? "go on" : "pause";
+    at("pause").textContent = message.paused ? "resume" : "pause";
     at("pause").setAttribute("aria-pressed", message.paused);
     at("oracle").textContent = message.oracle ? "take over from the oracle" : "hand over to the oracle";
     at("oracle").setAttribute("aria-pressed", message.oracle);
@@ -259,7 +259,7 @@ function notice(text, calm = false) {
 setInterval(() => {
   lesson.rate = arrived;
   arrived = 0;
-  at("rate").textContent = lesson.connected ? `${lesson.rate} pictures a second` : "";
+  at("rate").textContent = lesson.connected ? `${lesson.rate} frames/s` : "";
 }, 1000);
 
 addEventListener("DOMContentLoaded", connect); // once drawing.js is there too

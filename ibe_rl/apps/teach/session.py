@@ -105,7 +105,7 @@ class TeachingSession:
             if page != self._chair:
                 return WATCHING
             if isinstance(message, Press | Release):
-                return self._told(page, message)
+                return self._set_instruction(page, message)
             self._control(message)
             return ACCEPTED
 
@@ -140,7 +140,7 @@ class TeachingSession:
         self._chair = page
         return ACCEPTED
 
-    def _told(self, page: int, message: Press | Release) -> str:
+    def _set_instruction(self, page: int, message: Press | Release) -> str:
         if message.sequence <= self._present[page]:
             return REPEATED
         if isinstance(message, Press) and message.value not in self._values:

@@ -65,17 +65,17 @@ def test_a_torchrl_policy_is_read_without_chance_and_left_as_it_was() -> None:
     np.testing.assert_array_equal(policy(OBSERVATIONS), tensor(OBSERVATIONS))
 
 
-@pytest.mark.parametrize(("kind", "told"), [("PPO", False), ("DQN", False), ("PPO", True)])
-def test_a_model_of_stable_baselines3_does_what_it_does_there(kind: str, told: bool, tmp_path: Path) -> None:
-    model = pilots.trained(kind, told)
+@pytest.mark.parametrize(("kind", "instructed"), [("PPO", False), ("DQN", False), ("PPO", True)])
+def test_a_model_of_stable_baselines3_does_what_it_does_there(kind: str, instructed: bool, tmp_path: Path) -> None:
+    model = pilots.trained(kind, instructed)
     model.save(tmp_path / "model.zip")
     loaded = policy_of(find_agent(str(tmp_path / "model.zip")))
-    expected = model.predict(OBSERVATIONS[:, : 11 if told else 9], deterministic=True)[0]
+    expected = model.predict(OBSERVATIONS[:, : 11 if instructed else 9], deterministic=True)[0]
     for policy in (policy_of(model), loaded, policy_of(model.policy), pickle.loads(pickle.dumps(loaded))):  # noqa: S301
         np.testing.assert_array_equal(policy(OBSERVATIONS), expected)
-    assert loaded.seen == (11 if told else 9)
+    assert loaded.seen == (11 if instructed else 9)
     with pytest.raises(ConfigError, match="the agent says that it reads"):
-        policy_of(model, not told)
+        policy_of(model, not instructed)
 
 
 @pytest.mark.parametrize("kind", SB3_KINDS)

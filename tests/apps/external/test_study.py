@@ -108,7 +108,9 @@ def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(studied: Study, mon
     assert own_agent.first_calibration(studied.run, studied.config) is None
 
 
-def test_a_horizon_that_nobody_set_is_found_told_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_horizon_that_nobody_set_is_found_reported_and_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     settings = ["mapping.horizon_steps=null", "predictor.futures=1"]
     folder = tmp_path / "run"
     made = study(pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings)
@@ -122,14 +124,18 @@ def test_a_horizon_that_nobody_set_is_found_told_and_kept(tmp_path: Path, capsys
 
 
 def test_it_explains_an_episode(studied: Study) -> None:
-    told = studied.explain(seed=3, context="left")
-    assert told.watched.episode.context == "left"
-    assert len(told.said) == len(told.watched.episode)
-    assert phrase_accuracy(phrase_hits(told.watched.episode, told.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
-    text = str(told)
+    found = studied.explain(seed=3, context="left")
+    assert found.watched.episode.context == "left"
+    assert len(found.said) == len(found.watched.episode)
+    assert (
+        phrase_accuracy(phrase_hits(found.watched.episode, found.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
+    )
+    text = str(found)
     assert text.count("\n") > 5
     assert re.search("^Lunar Lander with pads: left", text, re.MULTILINE)  # a verdict comes first
-    closing = r"\d+% of what it said .*about its next 20 steps went as predicted; its words tell .*\. Agent: function"
+    closing = (
+        r"\d+% of its explanations .*of the next 20 steps went as predicted; AUC of its words .*\. Agent: function"
+    )
     assert re.search(closing, " ".join(text.split()))
 
 
@@ -217,7 +223,7 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
 
 def test_episodes_that_teach_nothing_are_kept(tmp_path: Path, studied: Study) -> None:
     short = ["mapping.horizon_steps=1000", "mapping.window_end=drop"]
-    with pytest.raises(ConfigError, match="episodes=2: they teach no vocabulary"):
+    with pytest.raises(ConfigError, match="episodes=2: no vocabulary can be learnt from them"):
         study(pilots.sideways, agent_sees_instruction=False, run_dir=tmp_path / "run", episodes=2, settings=short)
     assert len(TrajectoryLog.open(tmp_path / "run" / "trajectories").index) == 2
     with pytest.raises(ConfigError, match="has no vocabulary"):

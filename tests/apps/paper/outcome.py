@@ -46,7 +46,7 @@ SIZES = (2209, 619, 2907, 2519, 230, 788, 2897, 986)
 UNKNOWN: dict[str, Any] = {"value": None, "low": None, "high": None}
 
 
-def told(value: float, around: float = 0.1) -> dict[str, Any]:
+def estimate(value: float, around: float = 0.1) -> dict[str, Any]:
     """A value and its interval."""
     return {"value": value, "low": value - around, "high": value + around}
 
@@ -102,7 +102,7 @@ def agent(name: str, frame: int, success: float, wanted: float | None, near: boo
         "frame": frame,
         "wanted": wanted,
         "episodes": 200,
-        "success": told(success, 0.025),
+        "success": estimate(success, 0.025),
         "near": near,
         "return_mean": 234.4,
         "steps_mean": 397.6,
@@ -135,8 +135,8 @@ def claim(superiority: float) -> dict[str, Any]:
         "other_episodes": 77,
         "best_mean": 0.15,
         "others_mean": -0.125,
-        "difference": told(-0.002, 0.03),
-        "superiority": told(superiority),
+        "difference": estimate(-0.002, 0.03),
+        "superiority": estimate(superiority),
         "holds": "yes",
     }
 
@@ -162,16 +162,16 @@ def expressions(name: str) -> dict[str, Any]:
 def straight(name: str) -> dict[str, Any]:
     edges = np.array([-0.4, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4])
     rows = [
-        {"from": low, "to": high, "windows": 39, **told(0.5 - abs(low + high) / 2)}
+        {"from": low, "to": high, "windows": 39, **estimate(0.5 - abs(low + high) / 2)}
         for low, high in pairwise(edges.tolist())
     ]
     rates = {
         kind: {
-            "straight_left": told(share),
-            "straight_right": told(share / 2),
-            "wrong_left": told(0.07),
-            "wrong_right": told(0.12),
-            "left_minus_right": told(0.24),
+            "straight_left": estimate(share),
+            "straight_right": estimate(share / 2),
+            "wrong_left": estimate(0.07),
+            "wrong_right": estimate(0.12),
+            "left_minus_right": estimate(0.24),
         }
         for kind, share in {PAPERS: 0.36, SIGNS_KEPT: 0.3, SPLIT_MINMAX: 0.1, DEFAULT: 0.0}.items()
     }

@@ -26,7 +26,7 @@ is 20 m high, and it touches the ground at its lowest."""
 
 def ride(
     heights: Sequence[float],
-    told: float | Sequence[float] = 0.0,
+    instruction: float | Sequence[float] = 0.0,
     reward: float = 0.0,
     context: str = "lower",
     given: bool | Sequence[bool] = True,
@@ -38,7 +38,7 @@ def ride(
         states=np.array(heights, float)[:, None],
         actions=np.zeros(steps, int),
         rewards=np.full(steps, reward / steps),
-        instructions=np.broadcast_to(told, steps).astype(float)[:, None],
+        instructions=np.broadcast_to(instruction, steps).astype(float)[:, None],
         given=np.broadcast_to(given, steps),
         terminated=terminated,
         success=terminated,

@@ -1,4 +1,4 @@
-"""What is told of experiments with made-up outcomes: the numbers that were measured, and nothing else."""
+"""The report on experiments with made-up outcomes: the numbers that were measured, and nothing else."""
 
 from typing import Any
 
@@ -22,10 +22,10 @@ PHRASES = {"-1.0": "going left", "0.0": "staying", "1.0": "going right"}
 
 def estimated(value: float | None) -> dict[str, float | None]:
     """Two hundredths either way."""
-    return {"value": value, "low": None, "high": None} if value is None else told(value, value - 0.02, value + 0.02)
+    return {"value": value, "low": None, "high": None} if value is None else estimate(value, value - 0.02, value + 0.02)
 
 
-def told(value: float, low: float, high: float) -> dict[str, float | None]:
+def estimate(value: float, low: float, high: float) -> dict[str, float | None]:
     return {"value": value, "low": low, "high": high}
 
 
@@ -124,13 +124,19 @@ def row(beginning: str, **changes: Any) -> str:
 
 
 def with_rates(**changed: dict[str, Any]) -> list[dict[str, Any]]:
-    [told_of] = found()["straight"]
-    return [told_of | {"rates": told_of["rates"] | changed}]
+    [results] = found()["straight"]
+    return [results | {"rates": results["rates"] | changed}]
 
 
 def test_every_experiment_has_its_answers():
-    starts = ["Agents", "That high-score", *(f"Told “{words}”" for words in PHRASES.values()), "The clusters", "Small"]
-    starts += ["Simulated", "Simulated"]
+    starts = [
+        "Agents",
+        "Do high-score",
+        *(f"Instructed “{words}”" for words in PHRASES.values()),
+        "The clusters",
+        "Small",
+    ]
+    starts += ["Error", "Error"]
     given = every(found())
     assert len(given) == len(starts)
     assert all(one.startswith(start) for one, start in zip(given, starts, strict=True))
@@ -142,14 +148,14 @@ def test_headlines_are_answers_and_of_the_papers_agent():
     two["prediction"].append({**two["prediction"][0], "agent": "C"})
     heads = headlines(two)
     assert set(heads) <= set(every(two))
-    assert [head.split()[0] for head in heads] == ["Agents", "That", "The", "Small", "Simulated", "Simulated"]
+    assert [head.split()[0] for head in heads] == ["Agents", "Do", "The", "Small", "Error", "Error"]
     assert not any("agent C" in head for head in heads)
 
 
-def test_agents_are_told_with_frames_success_and_interval():
+def test_agents_are_reported_with_frames_success_and_interval():
     assert said("Agents") == (
-        "Agents of this run: A after 1,234,567 frames: 62.0 % (60.0 to 64.0, 200 fresh episodes); "
-        "B after 2,000,000 frames: 84.0 % (82.0 to 86.0, 200 fresh episodes)."
+        "Agents of this run: A after 1,234,567 frames: 62.0 % (60.0 to 64.0, 200 new episodes); "
+        "B after 2,000,000 frames: 84.0 % (82.0 to 86.0, 200 new episodes)."
     )
 
 
@@ -161,43 +167,43 @@ def test_who_is_not_near_is_named(far: str, names: str):
 
 def test_how_often_the_papers_claim_holds():
     """To a side: A yes and yes, B open and never told; within: A yes and open, of B nothing."""
-    assert said("That high-score") == (
-        "That high-score episodes follow the instruction more holds here: told to go to a side, mostly (2 of 3 tests, "
-        "the reverse in 0); among episodes with the same floor sometimes (1 of 2 tests, the reverse in 0). Told to go "
-        "straight down, never (0 of 2 tests, the reverse in 1); among episodes with the same floor sometimes (1 of 2 "
-        "tests, the reverse in 1)."
+    assert said("Do high-score") == (
+        "Do high-score episodes follow the instruction more? Instructed to go to a side: mostly (2 of 3 tests, the "
+        "reverse in 0); among episodes with the same floor sometimes (1 of 2 tests, the reverse in 0). Instructed to "
+        "go straight down: never (0 of 2 tests, the reverse in 1); among episodes with the same floor sometimes (1 of "
+        "2 tests, the reverse in 1)."
     )
 
 
 def test_a_claim_that_always_holds():
     yes = claimed("yes", 0.9)
     both = [preliminary(name, left=(yes, yes), staying=(yes, yes), right=(yes, yes)) for name in "AB"]
-    assert said("That high-score", preliminary=both).count("always") == 4
+    assert said("Do high-score", preliminary=both).count("always") == 4
 
 
 def test_the_claim_of_each_instruction():
-    left, stays, right = (said(f"Told “{words}”") for words in PHRASES.values())
+    left, stays, right = (said(f"Instructed “{words}”") for words in PHRASES.values())
     assert "move further that way" in left
     assert "A: yes (chance 0.81, 0.79 to 0.83; among episodes with the same floor: yes)" in left
     assert left.endswith("B: no difference shown (chance 0.55, 0.53 to 0.57).")
     assert "move less to either side" in stays
     assert "A: no, the others do (chance 0.22, 0.20 to 0.24; among episodes with the same floor: no" in stays
-    assert right.endswith("B: never told so in both groups.")
+    assert right.endswith("B: not instructed so in both groups.")
 
 
 def test_without_any_claim_nothing_is_claimed():
     nobody = [preliminary(name, left=(None, None), staying=(None, None), right=(None, None)) for name in "AB"]
-    assert said("That high-score", preliminary=nobody).count("never (0 of 0 tests, the reverse in 0)") == 4
+    assert said("Do high-score", preliminary=nobody).count("never (0 of 0 tests, the reverse in 0)") == 4
     for words in PHRASES.values():
-        both = "A: never told so in both groups; B: never told so in both groups."
-        assert said(f"Told “{words}”", preliminary=nobody).endswith(both)
-        assert row(f"Told “{words}”", preliminary=nobody) == "A: not told so; B: not told so"
+        both = "A: not instructed so in both groups; B: not instructed so in both groups."
+        assert said(f"Instructed “{words}”", preliminary=nobody).endswith(both)
+        assert row(f"Instructed “{words}”", preliminary=nobody) == "A: not instructed so; B: not instructed so"
 
 
 def test_how_clusters_lean():
-    told_of = "the paper's vocabulary skew +0.17 (3 expressions left of 0, 5 right); the default skew -0.01 (4 "
-    assert told_of in said("The clusters of agent B")
-    assert told_of in row("Do the clusters lean to a side? (agent B)")
+    results = "the paper's vocabulary skew +0.17 (3 expressions left of 0, 5 right); the default skew -0.01 (4 "
+    assert results in said("The clusters of agent B")
+    assert results in row("Do the clusters lean to a side? (agent B)")
 
 
 def test_small_movements_that_are_missed_and_why():
@@ -207,17 +213,17 @@ def test_small_movements_that_are_missed_and_why():
     assert "signs kept instead of min-max 30 and 10 %" in small
     assert "our split with mean instructions and min-max 11 and 13 %" in small
     assert "our default 2 and 2 %" in small
-    assert "min-max causes 25 %, the paper's split causes 18 % to be missed" in small  # 45 - 20, 20 - 2 %
+    assert "Missed because of min-max: +25 %; because of the paper's split: +18 %." in small  # 45 - 20, 20 - 2 %
 
 
 @pytest.mark.parametrize(
     ("signs", "paper", "minmax"),
-    [(0.3, 0.31, "causes none"), (0.3, 0.29, "causes none"), (0.3, 0.2, "saves 10 %"), (0.3, 0.4, "causes 10 %")],
+    [(0.3, 0.31, "none"), (0.3, 0.29, "none"), (0.3, 0.2, "-10 %"), (0.3, 0.4, "+10 %")],
 )
 def test_a_cause_is_named_only_where_there_is_one(signs: float, paper: float, minmax: str):
     changed = {SIGNS_KEPT: rates(signs, signs), PAPERS: rates(paper, paper)}
     small = said("Small", straight=with_rates(**changed))
-    assert f"min-max {minmax}, the paper's split causes 28 % to be missed" in small
+    assert f"Missed because of min-max: {minmax}; because of the paper's split: +28 %." in small
 
 
 @pytest.mark.parametrize("unknown", [rates(None, 0.2), rates(0.2, None), rates(None, None)])
@@ -230,23 +236,23 @@ def test_an_unknown_rate_is_said_to_be_unknown(name: str, unknown: dict[str, Any
 def test_the_table_says_where_nothing_moved():
     assert row("Small movements to the left") == "the paper's vocabulary 50 %; the default 2 %"
     nowhere = with_rates(**{PAPERS: rates(None, 0.1), DEFAULT: rates(0.04, 0.1)})
-    assert row("Small", straight=nowhere) == "the paper's vocabulary never moved so; the default 4 %"
+    assert row("Small", straight=nowhere) == "the paper's vocabulary no such movement; the default 4 %"
 
 
 def test_how_far_observers_are_off_at_each_cut():
-    end = said("Simulated observers of agent B, cut at the end")
-    assert "are 5.0 % of the width off without explanation (9.1 % if they expect it straight down)" in end
-    assert "6.2 % with the paper's vocabulary, 1.6 % with the default, 12.3 % if instructions were shuffled" in end
-    contact = said("Simulated observers of agent B, cut at first contact")
-    assert "are 7.0 % of" in contact
+    end = said("Error of simulated observers of agent B, cut at the end")
+    assert "in % of the width: 5.0 % without explanation (9.1 % if they expect it straight down)" in end
+    assert "6.2 % with the paper's vocabulary, 1.6 % with the default, 12.3 % with shuffled instructions" in end
+    contact = said("Error of simulated observers of agent B, cut at first contact")
+    assert "7.0 % without explanation" in contact
     assert "7.3 % with the paper's vocabulary, 6.4 % with the default" in contact
 
 
 def test_better_and_worse_and_what_is_significant():
-    end = said("Simulated observers of agent B, cut at the end")
+    end = said("Error of simulated observers of agent B, cut at the end")
     paper = "the paper's vocabulary is significantly worse (better in 4 of 19 episodes, corrected p 0.031)"
     ours = "the default is significantly better (better in 18 of 20 episodes, corrected p 0.000)"
-    assert end.endswith(f"Beside none {paper}; {ours}.")
+    assert end.endswith(f"Compared with no explanation, {paper}; {ours}.")
     assert row("Does the explanation help? (agent B, cut at the end)") == f"{paper}; {ours}"
     contact = row("Does the explanation help? (agent B, cut at first contact)")
     assert contact == (
@@ -258,21 +264,21 @@ def test_better_and_worse_and_what_is_significant():
 @pytest.mark.parametrize(("p", "sure"), [(0.049, True), (0.05, False), (1.0, False)])
 def test_significant_is_a_corrected_p_below_five_in_a_hundred(p: float, sure: bool):
     at_both = cut(5.0, versus(PAPERS, 1.0, 5, 15, 0.5), versus(DEFAULT, -1.0, 15, 5, p))
-    told_of = [{"agent": "C", "cuts": {AT_END: at_both, AT_CONTACT: at_both}}]
+    results = [{"agent": "C", "cuts": {AT_END: at_both, AT_CONTACT: at_both}}]
     beginning = "Does the explanation help? (agent C, cut at the end)"
-    assert ("the default is significantly better" in row(beginning, prediction=told_of)) == sure
+    assert ("the default is significantly better" in row(beginning, prediction=results)) == sure
 
 
 def test_the_table_tells_the_protocol_and_the_success():
-    assert row("Success of agent A") == "62.0 % (60.0 to 64.0, 200 fresh episodes)"
+    assert row("Success of agent A") == "62.0 % (60.0 to 64.0, 200 new episodes)"
     assert row("Kind of agent") == "DQN"
     assert row("Steps n, clusters k") == "45, 6"
-    assert "no people" in row("Who foretells")
+    assert "no people" in row("Who predicts")
 
 
 def test_the_table_says_what_the_paper_did_not_show():
-    told_of = {what: paper for what, paper, _ in table(found())}
-    assert told_of["Told “going right”: do the best episodes follow more?"] == "not shown"
-    assert "seen, not tested" in told_of["Told “going left”: do the best episodes follow more?"]
-    assert told_of["Does the explanation help? (agent B, cut at first contact)"] == "not done"
-    assert row("Told “going left”") == "A: yes (chance 0.81, 0.79 to 0.83); B: open (chance 0.55, 0.53 to 0.57)"
+    results = {what: paper for what, paper, _ in table(found())}
+    assert results["Instructed “going right”: do the best episodes follow more?"] == "not shown"
+    assert "seen, not tested" in results["Instructed “going left”: do the best episodes follow more?"]
+    assert results["Does the explanation help? (agent B, cut at first contact)"] == "not done"
+    assert row("Instructed “going left”") == "A: yes (chance 0.81, 0.79 to 0.83); B: open (chance 0.55, 0.53 to 0.57)"

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 FOUND = found()
 CHARTS: dict[Callable[[dict[str, Any]], Figure], set[str]] = {
-    charts.policies_chart: {"training frames", "success (%)", "A, flown again: 74.5 %", "83.3 %", "95 % intervals"},
+    charts.policies_chart: {"training frames", "success (%)", "A, evaluated again: 74.5 %", "83.3 %", "95 % intervals"},
     charts.movements_chart: {
         "change of x (half widths)",
         "density",
@@ -87,9 +87,9 @@ def nothing_known() -> dict[str, Any]:
     """Nobody was ever told so, nothing ever moved, and no group to compare with was there."""
     bare = deepcopy(FOUND)
     for agent in bare["preliminary"]:
-        for told in agent["told"].values():
+        for group in agent["told"].values():
             empty = {"windows": 0, "mean": None, "density": [0.0] * 41}
-            told |= {"shown_to": 0.0, "best": empty, "others": empty, "claim": dict.fromkeys(told["claim"])}
+            group |= {"shown_to": 0.0, "best": empty, "others": empty, "claim": dict.fromkeys(group["claim"])}
     for agent in bare["straight"]:
         agent["by_movement"] = {
             PAPERS: [],
@@ -114,9 +114,9 @@ def test_a_peak_in_one_bin_is_shown_whole() -> None:
     alone = deepcopy(FOUND)
     density = [0.0] * 20 + [50.0] + [0.0] * 20
     for agent in alone["preliminary"]:
-        told = agent["told"]["0.0"]
-        told["shown_to"] = 0.0
-        told["best"]["density"] = told["others"]["density"] = density
+        group = agent["told"]["0.0"]
+        group["shown_to"] = 0.0
+        group["best"]["density"] = group["others"]["density"] = density
     axis = charts.movements_chart(alone).axes[1]
     assert axis.get_ylim()[1] >= 50
     assert "peak cut" not in [text.get_text() for text in axis.texts]
@@ -129,7 +129,7 @@ def test_a_peak_that_is_cut_is_said_to_be() -> None:
 
 
 @pytest.mark.parametrize("success", [0.0, 0.5, 1.0])
-def test_agents_with_one_policy_can_be_told_apart(success: float) -> None:
+def test_agents_with_one_policy_can_be_distinguished(success: float) -> None:
     same = deepcopy(FOUND)
     for agent in same["agents"]:
         agent |= {"frame": 2_000_896, "success": {"value": success, "low": success, "high": success}}
@@ -169,7 +169,7 @@ def test_clusters_have_the_colour_of_what_they_are_called() -> None:
     assert sum(bar.get_height() for bar in figure.axes[2].patches) == pytest.approx(100)
 
 
-def test_small_movements_are_told_from_each_other_by_their_side() -> None:
+def test_small_movements_are_distinguished_by_their_side() -> None:
     left, right, *_ = charts.straight_chart(FOUND).axes
     assert [line.get_color() for line in left.lines] == [OBSERVER_COLOURS[PAPERS], OBSERVER_COLOURS[DEFAULT]]
     assert [label.get_text() for label in right.get_yticklabels()] == [*VARIANT_LABELS.values()]

@@ -14,25 +14,25 @@ from ibe_rl.types import Episode
 UP, STILL, DOWN = 1.0, 0.0, -1.0
 
 
-def made(told: float, best: Sequence[float], others: Sequence[float]) -> Movements:
+def made(instruction: float, best: Sequence[float], others: Sequence[float]) -> Movements:
     """A window of each change; the first episode is the best, all others are of the second one."""
     change = np.array([*best, *others], float)
     number = np.repeat([0, 1], [len(best), len(others)])
     first, context = np.array([True, False]), np.array(["lower", "lower"])
-    return Movements(change, np.full(len(change), told), number, first, first, context)
+    return Movements(change, np.full(len(change), instruction), number, first, first, context)
 
 
-def rides(*groups: tuple[int, float, float, str], told: float = UP) -> list[Episode]:
+def rides(*groups: tuple[int, float, float, str], instruction: float = UP) -> list[Episode]:
     """So many one-step rides, ``(number, height it goes, reward, context)``, each a little different."""
     return [
-        ride([0, went + number / 1_000], told, reward - number / 1_000, context)
+        ride([0, went + number / 1_000], instruction, reward - number / 1_000, context)
         for count, went, reward, context in groups
         for number in range(count)
     ]
 
 
-def claimed(episodes: Sequence[Episode], told: float = UP) -> dict[str, str]:
-    found = claim_effects(movements_of(episodes, TASK, 5, 0.25), told, 300, 0)
+def claimed(episodes: Sequence[Episode], instruction: float = UP) -> dict[str, str]:
+    found = claim_effects(movements_of(episodes, TASK, 5, 0.25), instruction, 300, 0)
     return {over: holds(one) for over, one in found.items()}
 
 
@@ -40,7 +40,7 @@ def test_changes_go_to_the_end_of_the_episode_and_silence_is_left_out():
     first = ride([0, 1, 3, 6], [UP, DOWN, STILL], reward=1, given=[True, False, True])
     moves = movements_of([first, ride([5, 5, 4], DOWN)], TASK, 2, 0.5)
     assert moves.change.tolist() == [3, 3, -1, -1]
-    assert moves.told.tolist() == [UP, STILL, DOWN, DOWN]
+    assert moves.instruction.tolist() == [UP, STILL, DOWN, DOWN]
     assert moves.episode.tolist() == [0, 0, 1, 1]
     assert moves.changes(UP, best=True).tolist() == [3]
     assert moves.changes(DOWN, best=False).tolist() == [-1, -1]
@@ -78,10 +78,10 @@ def test_densities_add_up_to_the_share_that_is_inside():
     assert found["best"]["mean"] == pytest.approx(100 / 1_002)
 
 
-def test_where_nobody_was_told_so_the_histogram_is_empty():
+def test_without_that_instruction_the_histogram_is_empty():
     moves = made(UP, [1, -1], [])
-    for told, windows, mean in ((UP, 2, 0), (DOWN, 0, None)):
-        found = histogram(moves, told, bins=4)
+    for instruction, windows, mean in ((UP, 2, 0), (DOWN, 0, None)):
+        found = histogram(moves, instruction, bins=4)
         assert (found["best"]["windows"], found["best"]["mean"]) == (windows, mean)
         assert found["others"] == {"windows": 0, "mean": None, "density": [0] * 4}
         assert found["edges"] == [-1, -0.5, 0, 0.5, 1]
@@ -95,15 +95,15 @@ def test_both_groups_are_shown_over_the_changes_after_all_instructions():
 
 
 @pytest.mark.parametrize(
-    ("told", "means"),
+    ("instruction", "means"),
     [(UP, [-3.0, 0.5]), (DOWN, [3.0, -0.5]), (STILL, [-3.0, -1.5])],
 )
-def test_how_far_each_episode_went_as_told(told: float, means: list[float]):
+def test_how_far_each_episode_went_the_instructed_way(instruction: float, means: list[float]):
     """One went down by 2 and 4 metres, one up by 2 and down by 1; one was told something else."""
     changes, episodes = np.array([-2.0, -4, 2, -1, 7]), np.array([1, 1, 4, 4, 2])
     none = np.zeros(5, bool)
-    moves = Movements(changes, np.array([told] * 4 + [9.0]), episodes, none, none, np.array(["lower"] * 5))
-    numbers, values = followed(moves, told)
+    moves = Movements(changes, np.array([instruction] * 4 + [9.0]), episodes, none, none, np.array(["lower"] * 5))
+    numbers, values = followed(moves, instruction)
     assert numbers.tolist() == [1, 4]
     assert values == pytest.approx(means)
 
@@ -119,16 +119,28 @@ def test_the_claim_by_hand():
         assert one.superiority.value == pytest.approx(2 / 3)
 
 
-@pytest.mark.parametrize("told", [UP, DOWN])
-def test_where_the_best_go_further_the_claim_holds(told: float):
-    assert claimed(rides((10, 3 * told, 9, "lower"), (30, told, 1, "lower"), told=told), told)["all"] == "yes"
-    assert claimed(rides((10, told, 9, "lower"), (30, 3 * told, 1, "lower"), told=told), told)["all"] == "no"
+@pytest.mark.parametrize("instructions", [UP, DOWN])
+def test_where_the_best_go_further_the_claim_holds(instructions: float):
+    assert (
+        claimed(
+            rides((10, 3 * instructions, 9, "lower"), (30, instructions, 1, "lower"), instruction=instructions),
+            instructions,
+        )["all"]
+        == "yes"
+    )
+    assert (
+        claimed(
+            rides((10, instructions, 9, "lower"), (30, 3 * instructions, 1, "lower"), instruction=instructions),
+            instructions,
+        )["all"]
+        == "no"
+    )
 
 
-def test_told_to_stay_the_claim_holds_where_the_best_move_less_to_either_side():
-    still = rides((10, 0, 9, "lower"), (15, 2, 1, "lower"), (15, -2, 1, "lower"), told=STILL)
+def test_instructed_to_stay_the_claim_holds_where_the_best_move_less_to_either_side():
+    still = rides((10, 0, 9, "lower"), (15, 2, 1, "lower"), (15, -2, 1, "lower"), instruction=STILL)
     assert claimed(still, STILL)["all"] == "yes"
-    moving = rides((10, -2, 9, "lower"), (30, 0, 1, "lower"), told=STILL)
+    moving = rides((10, -2, 9, "lower"), (30, 0, 1, "lower"), instruction=STILL)
     assert claimed(moving, STILL)["all"] == "no"
 
 
@@ -150,8 +162,8 @@ def test_contexts_in_which_the_best_follow_more_make_the_claim_within_but_not_fo
     assert claimed(rides(*upper, *lower)) == {"all": "no", "lower": "yes", "upper": "yes", "within": "yes"}
 
 
-def test_what_was_never_told_to_both_groups_cannot_be_claimed():
-    both = rides((4, 1, 9, "lower"), (12, 1, 1, "lower")) + rides((4, 1, 0, "upper"), told=DOWN)
+def test_what_was_never_instructed_to_both_groups_cannot_be_claimed():
+    both = rides((4, 1, 9, "lower"), (12, 1, 1, "lower")) + rides((4, 1, 0, "upper"), instruction=DOWN)
     moves = movements_of(both, TASK, 5, 0.25)
     found = claim_effects(moves, UP, 20, 0)
     assert (found["upper"], found["all"] is None, found["within"] is None) == (None, False, False)

@@ -24,7 +24,7 @@ ODD = "<script>alert('a & b')</script>"
 Write = Callable[[dict[str, Any], list[str]], str]
 
 
-def told(names: list[str]) -> dict[str, dict[str, ObservedEpisodes]]:
+def observed_episodes(names: list[str]) -> dict[str, dict[str, ObservedEpisodes]]:
     return {name: {cut: flights(cut, 3) for cut in (AT_END, AT_CONTACT)} for name in names}
 
 
@@ -47,7 +47,7 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
         return path
 
     def written(of: dict[str, Any], names: list[str]) -> str:
-        files, report = write_report(tmp_path, of, told(names))
+        files, report = write_report(tmp_path, of, observed_episodes(names))
         assert [*files, report] == [tmp_path / path.name for path in (*files, report)]
         assert {*files, report} == {*tmp_path.iterdir()}
         return report.read_text(encoding="utf-8")
@@ -57,7 +57,7 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
 
 
 def test_every_picture_has_a_file_of_its_own_and_says_what_it_is() -> None:
-    sections = page_figures(few(["A", "B", "C"]), told(["B", "C"]))
+    sections = page_figures(few(["A", "B", "C"]), observed_episodes(["B", "C"]))
     every = [picture for section in sections.values() for picture in section]
     assert len({picture.file for picture in every}) == len(every) == 7 + 2 * 2 * 3
     assert all(len(picture.caption) > 20 for picture in every)
@@ -72,7 +72,11 @@ def test_strips_are_of_the_most_telling_episodes_each_drawn_once() -> None:
     for cut in made["prediction"][0]["cuts"].values():
         for row, ours, papers in ((0, 1.0, 2.0), (2, 6.0, 3.0)):
             cut["episodes"][row]["errors"] |= {NO_WORDS: 5.0, DEFAULT: ours, PAPERS: papers}
-    drawn = [picture for picture in page_figures(made, told(["B"]))["strips_B"] if picture.file.startswith("strip")]
+    drawn = [
+        picture
+        for picture in page_figures(made, observed_episodes(["B"]))["strips_B"]
+        if picture.file.startswith("strip")
+    ]
     assert [picture.file for picture in drawn] == [
         f"strip_B_{cut}_{number}.png" for cut in (AT_END, AT_CONTACT) for number in ("01", "03")
     ]
@@ -91,7 +95,7 @@ def test_an_explanation_that_never_helps_misleads_least_where_it_is_best() -> No
     for cut in made["prediction"][0]["cuts"].values():
         for row in (0, 2):
             cut["episodes"][row]["errors"] |= {NO_WORDS: 1.0, DEFAULT: 2.0, PAPERS: 3.0 + row}
-    first, last, *_ = page_figures(made, told(["B"]))["strips_B"]
+    first, last, *_ = page_figures(made, observed_episodes(["B"]))["strips_B"]
     assert "our default vocabulary misleads least and the paper's vocabulary misleads least" in first.caption
     assert last.caption.count("misleads most") == 2
 
@@ -111,7 +115,7 @@ def test_the_page_holds_all_that_was_found(write: Write) -> None:
     assert all(line in words.split("The paper / here</h2>")[0] for line in headlines(made))
     for row in table(made):
         assert all(f"<td>{cell}</td>" in words for cell in row)
-    for section in page_figures(made, told(["B", "C"])).values():
+    for section in page_figures(made, observed_episodes(["B", "C"])).values():
         for picture in section:
             assert base64.b64encode(picture.file.encode()).decode() in text
             assert f'id="{picture.file[:-4]}"' in text
@@ -131,10 +135,10 @@ def test_names_are_text_and_no_code(write: Write) -> None:
 
 def test_what_is_not_known_is_a_dash_or_left_out(write: Write) -> None:
     made = few(["B"])
-    told_left, told_nothing, told_right = (told_so["claim"] for told_so in made["preliminary"][0]["told"].values())
-    told_left["within"]["superiority"] = UNKNOWN
-    told_nothing["within"]["superiority"] = UNKNOWN | {"value": 0.875}
-    told_right |= dict.fromkeys(told_right)
+    left, straight, right = (group["claim"] for group in made["preliminary"][0]["told"].values())
+    left["within"]["superiority"] = UNKNOWN
+    straight["within"]["superiority"] = UNKNOWN | {"value": 0.875}
+    right |= dict.fromkeys(right)
     text = write(made, ["B"])
     assert '<td class="number">-</td>' in text
     assert '<td class="number">0.88</td>' in text

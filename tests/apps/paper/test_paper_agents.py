@@ -16,17 +16,17 @@ class KnownSuccess:
     """Each policy is its own rate of success; which seeds it succeeds on is spread evenly, and exact on 300."""
 
     def __init__(self) -> None:
-        self.flown: list[tuple[Any, list[int]]] = []
+        self.rolled_out: list[tuple[Any, list[int]]] = []
 
     def fly(self, policy: Any, seeds: Sequence[int]) -> Any:
-        self.flown.append((policy, [*seeds]))
+        self.rolled_out.append((policy, [*seeds]))
         return [SimpleNamespace(success=seed * 187 % 300 < 300 * policy.rate) for seed in seeds]
 
     def fly_all(self, policies: Sequence[Any], seeds: Sequence[Sequence[int]]) -> Any:
         return map(self.fly, policies, seeds)
 
     def seeds_of(self, policy: Any) -> list[int]:
-        return [seed for one, seeds in self.flown if one is policy for seed in seeds]
+        return [seed for one, seeds in self.rolled_out if one is policy for seed in seeds]
 
 
 def policies_of(rates: Sequence[float]) -> dict[int, Any]:
@@ -83,24 +83,24 @@ def test_policies_between_those_tried_at_first_are_found():
 
 
 @pytest.mark.parametrize("rates", [hidden(), curve(7, 0), curve(90, 1)], ids=["200", "7", "90"])
-def test_each_flies_the_first_seeds_once_and_not_more_than_the_last_round_asks_for(rates: list[float]):
+def test_each_rolls_out_the_first_seeds_once_and_not_more_than_the_last_round_asks_for(rates: list[float]):
     policies, field = policies_of(rates), KnownSuccess()
     chosen, tried = screen(policies, field.fly_all, SEEDS)
     for frame, policy in policies.items():
-        flown = field.seeds_of(policy)
-        assert flown == [*SEEDS[: len(flown)]]
-        assert len(flown) in (0, *ROUND_EPISODES)
-        successes = [seed * 187 % 300 < 300 * policy.rate for seed in flown]
+        rolled_out = field.seeds_of(policy)
+        assert rolled_out == [*SEEDS[: len(rolled_out)]]
+        assert len(rolled_out) in (0, *ROUND_EPISODES)
+        successes = [seed * 187 % 300 < 300 * policy.rate for seed in rolled_out]
         assert tried.get(frame, []) == successes
     assert all(len(tried[frame]) == ROUND_EPISODES[-1] for frame in chosen.values())
 
 
-def test_where_there_are_enough_seeds_each_policy_flies_its_own():
+def test_where_there_are_enough_seeds_each_policy_rolls_out_its_own():
     policies, field, seeds = policies_of(curve(12, 0)), KnownSuccess(), range(10_000)
     screen(policies, field.fly_all, seeds)
-    flown = [field.seeds_of(policy) for policy in policies.values()]
-    assert len({seed for each in flown for seed in each}) == sum(len(each) for each in flown)
-    assert {seed for each in flown for seed in each} <= {*seeds}
+    rolled_out = [field.seeds_of(policy) for policy in policies.values()]
+    assert len({seed for each in rolled_out for seed in each}) == sum(len(each) for each in rolled_out)
+    assert {seed for each in rolled_out for seed in each} <= {*seeds}
 
 
 @pytest.mark.parametrize("count", [1, 3, 40, 41, 200])
@@ -109,12 +109,12 @@ def test_there_are_no_more_flights_than_said(count: int):
     for rates in ([0.5] * count, curve(count, 0), curve(count, 1), np.linspace(0, 1, count).tolist()):
         field, steps = KnownSuccess(), []
         screen(policies_of(rates), field.fly_all, SEEDS, lambda steps=steps: steps.append(1))
-        assert len(steps) == len(field.flown) <= most
+        assert len(steps) == len(field.rolled_out) <= most
 
 
 def skilled(good: int, tries: int, name: str = "A") -> PaperAgent:
-    flown: Any = [SimpleNamespace(success=number < good) for number in range(tries)]
-    return PaperAgent(name, PAPER_SUCCESS.get(name), 1_000, lambda observations: observations, flown)
+    rolled_out: Any = [SimpleNamespace(success=number < good) for number in range(tries)]
+    return PaperAgent(name, PAPER_SUCCESS.get(name), 1_000, lambda observations: observations, rolled_out)
 
 
 @pytest.mark.parametrize(
@@ -135,5 +135,5 @@ def test_the_last_agent_is_always_as_wanted(good: int):
 
 
 def test_success_is_that_of_its_own_episodes():
-    told = skilled(19, 30).success
-    assert (told.value, told.low, told.high) == pytest.approx((19 / 30, 0.4551, 0.7813), abs=5e-5)
+    found = skilled(19, 30).success
+    assert (found.value, found.low, found.high) == pytest.approx((19 / 30, 0.4551, 0.7813), abs=5e-5)

@@ -96,7 +96,7 @@ def test_episodes_that_teach_no_vocabulary_end_in_one_clear_error(opened: Report
         experiments.teach(opened, replace(agent, episodes=[short]))
 
 
-def test_an_agent_that_never_comes_down_cannot_be_foretold(
+def test_an_agent_that_never_comes_down_cannot_be_predicted(
     opened: ReportContext, agent: PaperAgent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     [taught] = experiments.teach(opened, agent)
@@ -105,7 +105,7 @@ def test_an_agent_that_never_comes_down_cannot_be_foretold(
         experiments.foretell(opened, agent, taught, agent.episodes)
 
 
-def test_an_agent_that_never_goes_to_a_side_cannot_be_foretold(opened: ReportContext, agent: PaperAgent) -> None:
+def test_an_agent_that_never_goes_to_a_side_cannot_be_predicted(opened: ReportContext, agent: PaperAgent) -> None:
     still = ReportContext(replace(opened.run, task=replace(opened.task, explained_band=(9.0,))), opened.cfg)
     with pytest.raises(ConfigError, match=r"^run=.*: agent C never goes to a side within 20 steps; allowed is a run"):
         experiments.typical(still, agent, agent.episodes)
@@ -115,7 +115,7 @@ def test_shuffled_instructions_that_teach_nothing_end_in_one_clear_error(
     opened: ReportContext, agent: PaperAgent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "fit_shuffled", lambda *_: [])
-    with pytest.raises(ConfigError, match=r"^figures.shuffles=1: none of them taught a vocabulary; allowed are more"):
+    with pytest.raises(ConfigError, match=r"^figures.shuffles=1: none of them gave a vocabulary; allowed are more"):
         experiments.learn_shuffled(opened, agent)
 
 

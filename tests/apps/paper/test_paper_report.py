@@ -120,8 +120,8 @@ def test_the_numbers_are_all_there_and_strict_json(run: Path) -> None:
 
 
 def test_vocabularies_of_each_agent_are_learnt_from_its_own_windows(run: Path) -> None:
-    for told in read(run)["expressions"]:
-        for words in told["vocabularies"].values():
+    for results in read(run)["expressions"]:
+        for words in results["vocabularies"].values():
             assert words["expressions"] == sorted(words["expressions"])
             assert len(words["sizes"]) == len(words["expressions"]) == 8
 
@@ -191,11 +191,11 @@ def test_the_same_seeds_give_the_same_bytes_and_need_no_log(
     assert f"report: {again / 'figures' / 'report.html'}" in said
 
 
-def without_drawing(folder: Path, found: Any, told: Any) -> tuple[list[Path], Path]:  # noqa: ARG001 - called as write_report is
+def without_drawing(folder: Path, found: Any, results: Any) -> tuple[list[Path], Path]:  # noqa: ARG001 - called as write_report is
     return [], folder / "report.html"
 
 
-def test_another_seed_flies_other_episodes(
+def test_another_seed_rolls_out_other_episodes(
     trained: Path, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiments, "write_report", without_drawing)

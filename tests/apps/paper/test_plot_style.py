@@ -7,7 +7,7 @@ import pytest
 from lettering import cut_off, drawn, on_each_other
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from outcome import UNKNOWN, flights, told
+from outcome import UNKNOWN, estimate, flights
 
 from ibe_rl.apps.paper.names import (
     DEFAULT,
@@ -55,7 +55,7 @@ def test_a_grid_has_its_size_and_its_rows() -> None:
 
 def test_an_interval_is_a_line_with_its_value_on_it() -> None:
     _, [[axis]] = grid(1, 1, 4, 3)
-    interval(axis, told(0.5, 0.25), 3, "red", "D")
+    interval(axis, estimate(0.5, 0.25), 3, "red", "D")
     line, point = axis.lines
     assert line.get_xydata().tolist() == [[0.25, 3], [0.75, 3]]
     assert (point.get_xydata().tolist(), point.get_marker()) == ([[0.5, 3]], "D")

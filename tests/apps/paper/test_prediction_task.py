@@ -1,4 +1,4 @@
-"""Who foretells what: by hand on the lift, and the episodes of the task on real flights of the demo's policy."""
+"""Who predicts what: by hand on the lift, and the episodes of the task on real flights of the demo's policy."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -85,22 +85,32 @@ class Foreseen:
 
 
 def guesses(cut: str, predictor: Any = None, episodes: Sequence[ShownEpisode] = (RISING, FALLING)) -> ObservedEpisodes:
-    told = (VOCABULARIES, WRONG, OBSERVER, TASK, HORIZON, FUTURES)
-    return ask_observers(episodes, cut, policy, predictor or Foreseen(), *told)
+    return ask_observers(
+        episodes,
+        cut,
+        policy,
+        predictor or Foreseen(),
+        vocabularies=VOCABULARIES,
+        shuffled=WRONG,
+        observer=OBSERVER,
+        task=TASK,
+        horizon_steps=HORIZON,
+        futures=FUTURES,
+    )
 
 
 def test_observers_see_so_many_frames_and_foretell_at_the_last():
     predictor = Foreseen()
-    told = guesses(AT_CONTACT, predictor)
+    found = guesses(AT_CONTACT, predictor)
     [(heights, asked_policy, horizon)] = predictor.asked
     rising, falling = np.arange(26 - SEEN_STEPS + 1, 27), 100 - 2 * np.arange(30 - SEEN_STEPS + 1, 31)
     assert heights == np.repeat([*rising, *falling], FUTURES).tolist()
     assert (asked_policy, horizon) == (policy, HORIZON)
-    assert told.position.tolist() == [26, 40]
-    assert told.end.tolist() == [36, 20]
-    assert {name: said.shape for name, said in told.said.items()} == dict.fromkeys((PAPERS, DEFAULT), (2, SEEN_STEPS))
-    np.testing.assert_array_equal(told.said[DEFAULT], np.where(np.array([rising, falling]) % 4 == 0, 1, -1))
-    np.testing.assert_array_equal(told.said[PAPERS], np.where(np.array([rising, falling]) % 4 == 0, 0.4, -0.8))
+    assert found.position.tolist() == [26, 40]
+    assert found.end.tolist() == [36, 20]
+    assert {name: said.shape for name, said in found.said.items()} == dict.fromkeys((PAPERS, DEFAULT), (2, SEEN_STEPS))
+    np.testing.assert_array_equal(found.said[DEFAULT], np.where(np.array([rising, falling]) % 4 == 0, 1, -1))
+    np.testing.assert_array_equal(found.said[PAPERS], np.where(np.array([rising, falling]) % 4 == 0, 0.4, -0.8))
 
 
 def test_what_every_observer_expects_worked_out_by_hand():
@@ -118,20 +128,20 @@ def test_what_every_observer_expects_worked_out_by_hand():
     }
 
 
-def test_cut_at_the_end_everything_is_foretold_from_there():
-    told = guesses(AT_END)
-    assert (told.position.tolist(), told.end.tolist()) == ([30, 30], [40, 10])
-    assert told.expected[DEFAULT].tolist() == [[25, 25]]
-    assert told.said[DEFAULT][:, -1].tolist() == [-1, -1]
+def test_cut_at_the_end_everything_is_predicted_from_there():
+    found = guesses(AT_END)
+    assert (found.position.tolist(), found.end.tolist()) == ([30, 30], [40, 10])
+    assert found.expected[DEFAULT].tolist() == [[25, 25]]
+    assert found.said[DEFAULT][:, -1].tolist() == [-1, -1]
 
 
 @pytest.mark.parametrize("cut", [AT_END, AT_CONTACT])
 def test_the_last_frame_counts_and_flipped_is_its_mirror_image(cut: str):
-    told = guesses(cut)
+    found = guesses(cut)
     for name in VOCABULARIES:
-        np.testing.assert_allclose(told.expected[name][0], told.position + 5 * told.said[name][:, -1])
-    np.testing.assert_allclose(told.expected[DEFAULT] + told.expected[SWAPPED], 2 * told.position[None])
-    errors = told.errors()
+        np.testing.assert_allclose(found.expected[name][0], found.position + 5 * found.said[name][:, -1])
+    np.testing.assert_allclose(found.expected[DEFAULT] + found.expected[SWAPPED], 2 * found.position[None])
+    errors = found.errors()
     assert errors[TRUE_END].tolist() == [0, 0]
     assert all((errors[name] > 0).any() for name in errors if name != TRUE_END)
 
@@ -161,12 +171,12 @@ def test_errors_are_compared_by_episode():
     }
     assert 1 < means[DEFAULT].low < 3.5 < means[DEFAULT].high < 6
     assert [(test["explainer"], test["minus"]) for test in tests] == [*COMPARED]
-    told = tests[0]
-    assert (told["explainer"], told["minus"]) == (DEFAULT, NO_WORDS)
-    assert told["difference"]["value"] == -2.5
-    assert told["difference"]["low"] < -2.5 < told["difference"]["high"] < 0
-    assert (told["better_episodes"], told["worse_episodes"]) == (5, 0)
-    assert told["p"] == pytest.approx(2 / 2**5)  # as far out as all one way, the one without a difference either way
+    found = tests[0]
+    assert (found["explainer"], found["minus"]) == (DEFAULT, NO_WORDS)
+    assert found["difference"]["value"] == -2.5
+    assert found["difference"]["low"] < -2.5 < found["difference"]["high"] < 0
+    assert (found["better_episodes"], found["worse_episodes"]) == (5, 0)
+    assert found["p"] == pytest.approx(2 / 2**5)  # as far out as all one way, the one without a difference either way
     shuffled = tests[COMPARED.index((DEFAULT, SHUFFLED))]
     assert (shuffled["better_episodes"], shuffled["worse_episodes"]) == (4, 1)
     assert shuffled["p"] == paired_p(np.array([-4.0, -3, -2, -1, 0, 1]))
@@ -194,34 +204,34 @@ def picked(monkeypatch: pytest.MonkeyPatch, count: int) -> tuple[list[ShownEpiso
         4: ride([*range(50, 0, -1)], terminated=True),
         5: ride([*range(60, 0, -1)], terminated=True),
     }
-    flown, steps = [], []
+    rolled_out, steps = [], []
 
     def fly(*given: Any) -> RecordedRollout:
-        flown.append(given[-1])
+        rolled_out.append(given[-1])
         return RecordedRollout(flights[given[-1]], [], [], [])
 
     monkeypatch.setattr(prediction_task, "record_rollout", fly)
     nobody: Any = None
     found = pick_episodes(nobody, TASK, policy, nobody, [*flights], count, HORIZON, lambda: steps.append(1))
-    return found, flown, len(steps)
+    return found, rolled_out, len(steps)
 
 
 def test_episodes_that_do_not_come_down_or_touch_too_early_are_left_out(monkeypatch: pytest.MonkeyPatch):
     assert SEEN_STEPS + HORIZON == 30
-    found, flown, steps = picked(monkeypatch, 9)
+    found, rolled_out, steps = picked(monkeypatch, 9)
     assert [one.seed for one in found] == [2, 4, 5]
     assert [one.ends for one in found] == [
         {AT_END: 31, AT_CONTACT: 30},
         {AT_END: 49, AT_CONTACT: 49},
         {AT_END: 59, AT_CONTACT: 59},
     ]
-    assert (flown, steps) == ([1, 2, 3, 4, 5], 3)
+    assert (rolled_out, steps) == ([1, 2, 3, 4, 5], 3)
 
 
-def test_with_enough_episodes_no_more_are_flown(monkeypatch: pytest.MonkeyPatch):
-    found, flown, steps = picked(monkeypatch, 2)
+def test_with_enough_episodes_no_more_are_rolled_out(monkeypatch: pytest.MonkeyPatch):
+    found, rolled_out, steps = picked(monkeypatch, 2)
     assert [one.seed for one in found] == [2, 4]
-    assert (flown, steps) == ([1, 2, 3, 4], 2)
+    assert (rolled_out, steps) == ([1, 2, 3, 4], 2)
 
 
 @pytest.fixture(scope="module")

@@ -93,9 +93,9 @@ def test_what_was_said_has_the_colours_of_the_live_view() -> None:
     ]  # what was said last
 
 
-def guesses(told: ObservedEpisodes, row: int) -> dict[str, tuple[float, float]]:
+def guesses(result: ObservedEpisodes, row: int) -> dict[str, tuple[float, float]]:
     """Where each marker of the right panel is, which must be in sight."""
-    axis = episode_strip(told, row, TITLE).axes[2]
+    axis = episode_strip(result, row, TITLE).axes[2]
     found = {}
     for line in axis.lines:
         if len(line.get_xdata()) == 1:
@@ -118,10 +118,10 @@ def test_every_observer_points_to_where_it_expects_it() -> None:
 
 
 def test_the_first_frames_hide_the_others() -> None:
-    told = flights()
-    _, before, after = episode_strip(told, 0, TITLE).axes
-    assert before.lines[0].get_xydata().tolist() == told.path(0, 21, 40).tolist()
-    assert after.lines[0].get_xydata().tolist() == told.path(0, 40, 100).tolist()
+    found = flights()
+    _, before, after = episode_strip(found, 0, TITLE).axes
+    assert before.lines[0].get_xydata().tolist() == found.path(0, 21, 40).tolist()
+    assert after.lines[0].get_xydata().tolist() == found.path(0, 40, 100).tolist()
     for axis in (before, after):
         way = axis.lines[0].get_xydata()
         assert axis.get_xlim() == (0, 20)
@@ -149,9 +149,9 @@ def test_a_gallery_shows_every_episode(count: int) -> None:
 
 
 def test_titles_of_a_gallery_have_room_for_large_errors() -> None:
-    told = flights()
-    expected = {name: each + 20 for name, each in told.expected.items()}
-    figure = gallery(replace(told, expected=expected), "all 20 episodes")
+    found = flights()
+    expected = {name: each + 20 for name, each in found.expected.items()}
+    figure = gallery(replace(found, expected=expected), "all 20 episodes")
     assert "paper's 115.0" in words(figure)
     assert (cut_off(figure), on_each_other(figure)) == ([], [])
 

@@ -157,8 +157,8 @@ def test_windows_are_looked_at_every_few_steps_to_the_end_of_the_episode():
 
 def test_rates_of_small_movements_are_exact():
     """Those between the band and five of it, half a metre to two and a half: two to each side."""
-    told = small_rates(heard([*SMALL_ONES, *OTHERS], EVEN, LEANING, ONE_SIDED))[DEFAULT]
-    values = {kind: rate["value"] for kind, rate in told.items()}
+    found = small_rates(heard([*SMALL_ONES, *OTHERS], EVEN, LEANING, ONE_SIDED))[DEFAULT]
+    values = {kind: rate["value"] for kind, rate in found.items()}
     assert values == {
         "straight_left": pytest.approx((0 + 2) / 3 / 2),
         "straight_right": pytest.approx((1 + 0) / 3 / 2),
@@ -166,14 +166,14 @@ def test_rates_of_small_movements_are_exact():
         "wrong_right": 0,
         "left_minus_right": pytest.approx(2 / 3 - 1 / 6),
     }
-    assert all(rate["low"] <= rate["value"] <= rate["high"] for rate in told.values())
+    assert all(rate["low"] <= rate["value"] <= rate["high"] for rate in found.values())
 
 
 def test_a_rate_of_no_movement_is_unknown():
-    told = small_rates(heard([0.9, 2.0, -4.0], EVEN))[DEFAULT]
+    found = small_rates(heard([0.9, 2.0, -4.0], EVEN))[DEFAULT]
     unknown = {"value": None, "low": None, "high": None}
-    assert told["straight_left"] == told["wrong_left"] == told["left_minus_right"] == unknown
-    assert told["straight_right"]["value"] == 0.5
+    assert found["straight_left"] == found["wrong_left"] == found["left_minus_right"] == unknown
+    assert found["straight_right"]["value"] == 0.5
 
 
 def test_rates_go_from_far_left_to_far_right_without_empty_bins():

@@ -33,7 +33,7 @@ from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.types import ConfigError
-from tests.collect.test_collect import ENV, always, make_dqn, sizes
+from tests.collect.test_collector import ENV, always, make_dqn, sizes
 
 INSTALLED = importlib.util.find_spec("ray") is not None
 needs_ray = pytest.mark.skipif(not INSTALLED, reason="Ray is not installed: make soak does")
@@ -227,7 +227,7 @@ def test_a_lost_worker_over_ray_leaves_a_run_that_resumes(fault: str, cluster: A
     assert run.returncode == 1, output
     assert "Traceback" not in output
     [line] = [line for line in output.splitlines() if line.startswith("error:")]
-    kept = r"the run is kept as it was at ([\d,]+) frames, to go on: (.+)"
+    kept = r"the run is saved as of ([\d,]+) frames, to go on: (.+)"
     found = re.fullmatch(rf"error: worker [01] of 2 \(over Ray\) {what}; {kept}", line)
     assert found, line
     frames = int(found[1].replace(",", ""))
@@ -262,14 +262,14 @@ def test_a_worker_over_ray_that_never_gets_ready(factory: str, monkeypatch: pyte
 
 
 def test_the_first_error_of_a_traceback_says_what_was_wrong():
-    told = "The actor died\n  File x\nray.exceptions.RaySystemError: System error: No module named 'a'\nKeyError: 3"
-    assert ray_workers._first_error(told) == "RaySystemError: System error: No module named 'a'"
+    text = "The actor died\n  File x\nray.exceptions.RaySystemError: System error: No module named 'a'\nKeyError: 3"
+    assert ray_workers._first_error(text) == "RaySystemError: System error: No module named 'a'"
     assert ray_workers._first_error("it died\nof age") == "it died"
-    assert ray_workers._first_error("") == "for no reason known"
+    assert ray_workers._first_error("") == "for an unknown reason"
 
 
 @pytest.mark.parametrize(
-    ("told", "what"),
+    ("text", "what"),
     [
         (
             "died\n\tpid: 12\n\tip: 10.0.0.2\nits worker process has died",
@@ -281,8 +281,8 @@ def test_the_first_error_of_a_traceback_says_what_was_wrong():
         ),
     ],
 )
-def test_an_end_is_told_in_a_few_words(told: str, what: str):
-    assert ray_workers._why(RuntimeError(told)) == what
+def test_an_end_is_described_in_a_few_words(text: str, what: str):
+    assert ray_workers._why(RuntimeError(text)) == what
 
 
 def test_nobody_is_asked_as_long_as_nothing_has_gone_wrong():

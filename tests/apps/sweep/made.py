@@ -46,11 +46,11 @@ def sweep(folder: Path, levels: Mapping[str, Sequence[float]]) -> Path:
 def judge(folder: Path, **values: float) -> None:
     """What ``explain.py task=evaluate`` leaves, as far as it is read."""
     (folder / "evaluation").mkdir()
-    told = {name: {"value": value, "low": None, "high": None} for name, value in values.items()}
+    metrics = {name: {"value": value, "low": None, "high": None} for name, value in values.items()}
     rows = [
-        {"explainer": "baseline:paper", "horizon_steps": 60, **told},
+        {"explainer": "baseline:paper", "horizon_steps": 60, **metrics},
         {"explainer": "ibe:axis", "horizon_steps": 20, "motion_auc": {"value": 0.0}},
-        {"explainer": "ibe:axis", "horizon_steps": 60, **told},
+        {"explainer": "ibe:axis", "horizon_steps": 60, **metrics},
     ]
     quality = {"protocol": {"mapping": "axis", "horizon_steps": 60}, "rows": rows}
     (folder / "evaluation" / "quality.json").write_text(json.dumps(quality))

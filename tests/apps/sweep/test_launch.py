@@ -167,8 +167,8 @@ def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(tmp_path: Path)
     output, _ = again.communicate(timeout=200)
     assert again.returncode == 0, output
     assert "seed=0: finished before" in output
-    assert "seed=1: goes on from about" in output
-    assert "going on at" in (killed / "output.log").read_text()
+    assert "seed=1: resumes at about" in output
+    assert "resuming at" in (killed / "output.log").read_text()
     assert (other / "summary.json").stat().st_mtime_ns == before
     for run in (other, killed):
         assert json.loads((run / "summary.json").read_text())["frames"] == 20_480

@@ -100,7 +100,7 @@ def test_a_failed_run_does_not_end_the_others_and_says_why(tmp_path: Path) -> No
     outcomes = run_all(jobs, going(fails=FAILS, dies=DIES, finishes=FINISHES), 1, shown)
     assert [(one.job.name, one.became, one.why) for one in outcomes] == [
         ("fails", FAILED, "ValueError: no such luck"),
-        ("dies", FAILED, "killed by SIGKILL; it said nothing"),
+        ("dies", FAILED, "killed by SIGKILL; no output"),
         ("finishes", DONE, ""),
     ]
     assert "fails: failed: ValueError: no such luck\n" in said.getvalue()
@@ -131,7 +131,7 @@ def test_what_it_said_another_time_is_not_why_it_failed(tmp_path: Path) -> None:
     (tmp_path / "fails").mkdir()
     (tmp_path / "fails" / "output.log").write_text("error: an old one\n")
     [outcome] = run_all([job(tmp_path / "fails")], going(fails="import sys; sys.exit(3)"), 1, board()[0])
-    assert (outcome.became, outcome.why) == (FAILED, "it said nothing")
+    assert (outcome.became, outcome.why) == (FAILED, "no output")
 
 
 def test_several_run_at_once_but_no_more_than_asked_for(tmp_path: Path) -> None:

@@ -57,8 +57,8 @@ def test_runs_that_are_not_finished_say_so(tmp_path: Path) -> None:
     assert [record.missing for record in read_sweep(tmp_path)] == [
         "stopped early, at 1,000 frames",
         "not finished, at 1,000 frames",
-        "not finished, at 1,000 frames; the last it said: RuntimeError: out of luck",
-        "it has not begun; the last it said: error: mapping.horizon_steps=2000: allowed is less",
+        "not finished, at 1,000 frames; its last output: RuntimeError: out of luck",
+        "not started; its last output: error: mapping.horizon_steps=2000: allowed is less",
     ]
 
 
@@ -82,7 +82,9 @@ def test_a_damaged_judgement_is_named(text: str, tmp_path: Path) -> None:
 def test_a_damaged_table_is_named(tmp_path: Path) -> None:
     one = run(tmp_path / "0_seed=0", ["seed=0"])
     (one / "metrics.csv").write_text("frames,train/return_mean\n1,2\n2,two\n")
-    with pytest.raises(ConfigError, match=r"0_seed=0/metrics.csv: column train/return_mean holds what is no number"):
+    with pytest.raises(
+        ConfigError, match=r"0_seed=0/metrics.csv: column train/return_mean has a value that is not a number"
+    ):
         read_sweep(tmp_path)
 
 

@@ -54,7 +54,7 @@ def test_the_page_says_what_is_missing_before_the_numbers(place: Path) -> None:
     notice, rest = page.split("What the runs ended on", 1)
     assert "1 of 10 runs are not finished and do not count" in notice
     assert "mapping=axis, seed=9: not finished, at 1,000 frames" in notice
-    assert "one run only, so no interval and nothing to be concluded: mapping=lasso" in notice
+    assert "a single run, so no interval and no conclusion: mapping=lasso" in notice
     assert "intervals over 3 runs are rough" in notice
     assert rest.count("data:image/png;base64,") == 3
     assert re.search(
@@ -138,9 +138,9 @@ def test_without_a_finished_run_there_is_nothing_to_report(tmp_path: Path) -> No
 def test_a_condition_without_a_finished_run_is_named(tmp_path: Path) -> None:
     run(tmp_path / "0_a", ["agent=ppo", "seed=0"])
     run(tmp_path / "1_b", ["agent=dqn", "seed=0"], finished=False)
-    told = by_condition(read_sweep(tmp_path))
-    assert [one["name"] for one in told["conditions"]] == ["agent=ppo"]
-    assert "no finished run with agent=dqn" in told["notices"]
+    result = by_condition(read_sweep(tmp_path))
+    assert [one["name"] for one in result["conditions"]] == ["agent=ppo"]
+    assert "no finished run with agent=dqn" in result["notices"]
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:

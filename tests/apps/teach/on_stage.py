@@ -83,7 +83,7 @@ class Theatre:
 
 
 def greedy(seed: int = 0) -> GreedyPolicy:
-    """Of an agent that has learnt nothing yet."""
+    """Of an agent that has not been trained yet."""
     torch.manual_seed(seed)
     actions = make_lander().action_space
     return make_agent(DQNConfig(hidden=[8]), LANDER_TASK.observation_size, actions, 1_000).greedy
@@ -95,7 +95,7 @@ def speaks(**settings: Any) -> tuple[LiveExplainer, GreedyPolicy]:
     return LiveExplainer(policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), **settings), policy
 
 
-def voice(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> ExplainerState:
+def explainer_state(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> ExplainerState:
     """Words for small movements to the left and to the right."""
     k = len(expressions)
     where = np.zeros((k, len(LANDER_TASK.state_names)))

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from clients import Client, eventually
-from on_stage import greedy, make_lander, voice
+from on_stage import explainer_state, greedy, make_lander
 
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
@@ -36,7 +36,7 @@ from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, Tr
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_vector_env
 from ibe_rl.ibe import ClusterMapping, Meaning
-from ibe_rl.ibe.meaning_lines import NOBODY_ASKED
+from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.predict.simulator import Simulator
@@ -89,7 +89,7 @@ def test_the_invitation():
 
 
 def test_the_vocabulary_as_a_page_shows_it():
-    shown = json.loads(json.dumps(vocabulary(2_000, voice(), LANDER_TASK), allow_nan=False))
+    shown = json.loads(json.dumps(vocabulary(2_000, explainer_state(), LANDER_TASK), allow_nan=False))
     assert (shown["frame"], shown["horizon_steps"]) == (2_000, 5)
     first = shown["clusters"][0]
     assert first.keys() == {"id", "expression", "mean_instruction", "phrase", "share", "colour", "known"}
@@ -97,14 +97,14 @@ def test_the_vocabulary_as_a_page_shows_it():
     assert [one["share"] for one in shown["clusters"]] == pytest.approx([1 / 3] * 3)
     assert len({one["phrase"] for one in shown["clusters"]}) == 3
     assert np.shape([one["colour"] for one in shown["clusters"]]) == (3, 3)
-    assert shown["meaning"] == [NOBODY_ASKED]
+    assert shown["meaning"] == [NOT_INFERRED]
 
 
 def test_the_vocabulary_has_no_word_without_a_known_meaning():
-    known = voice().mapping
+    known = explainer_state().mapping
     assert isinstance(known, ClusterMapping)
     one_way = replace(known, meanings=(Meaning(positive=False, reason="nobody did it"),))
-    shown = vocabulary(2_000, replace(voice(), mapping=one_way), LANDER_TASK)
+    shown = vocabulary(2_000, replace(explainer_state(), mapping=one_way), LANDER_TASK)
     assert [one["known"] for one in shown["clusters"]] == [True, True, False]
     assert shown["clusters"][2]["phrase"] == CANNOT_TELL
     assert shown["meaning"][0].endswith("nobody did it, but I cannot tell what “falling to the right” means")
@@ -120,7 +120,7 @@ def begun(trainer: Classroom, policy: GreedyPolicy) -> Classroom:
 def learnt(frames: int) -> Refreshed:
     """A refresh, as far as a page hears of it."""
     rest: Any = None
-    return Refreshed(frames, 1, rest, rest, [], [], voice(), came_true=1.0)
+    return Refreshed(frames, 1, rest, rest, [], [], explainer_state(), came_true=1.0)
 
 
 class Told:
@@ -184,7 +184,7 @@ def trainer(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Iterator[Class
 
 
 class Game:
-    """The process that plays: steps the first game in a thread until it is told to end."""
+    """The process that plays: steps the first game in a thread until it is asked to end."""
 
     playing: ClassVar[list[Game]] = []
 
@@ -246,7 +246,7 @@ def test_a_page_teaches_and_hears_what_has_been_learnt(trainer: Classroom, tmp_p
         if heard["by"] == "person":
             break
     assert heard is not None
-    assert heard["told"] == 1.0
+    assert heard["instruction"] == 1.0
     begun(trainer, greedy(4)).batch(128, {"frames": 128, "train/success_rate": 0.25})
     trainer.refreshed(learnt(128))
     assert page.until("figures")["success_rate"] == 0.25
@@ -254,7 +254,7 @@ def test_a_page_teaches_and_hears_what_has_been_learnt(trainer: Classroom, tmp_p
     assert len(page.until("explanation")["path"]) == 6
     trainer.hurry()
     trainer.farewell()
-    assert page.until("farewell")["text"] == "The training is over."
+    assert page.until("farewell")["text"] == "Training has ended."
     assert page.closing()[0] == 1001
     game.end()
     episodes = read_lesson(tmp_path / "lesson.jsonl", 1)
@@ -276,7 +276,7 @@ def test_a_trainer_that_has_gone_leaves_no_game_that_waits(trainer: Classroom, t
     page = game.paused()
     assert game.stands()
     trainer.close()
-    assert page.until("farewell")["text"] == "The training has gone."
+    assert page.until("farewell")["text"] == "The training process has ended."
     assert game.goes_on()
     game.end()
     assert read_lesson(tmp_path / "lesson.jsonl", 1)

@@ -15,7 +15,7 @@ RATE = 50.0
 
 
 class Time:
-    """A clock on the wall that only goes where it is told to, or while somebody waits."""
+    """A clock on the wall that only goes when it is set, or while somebody waits."""
 
     def __init__(self, desk: TeachingSession, monkeypatch: pytest.MonkeyPatch):
         self.now = 100.0

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from on_stage import HORIZON_STEPS, Theatre, make_lander, speaks, voice
+from on_stage import HORIZON_STEPS, Theatre, explainer_state, make_lander, speaks
 from tensordict import TensorDictBase
 
 from ibe_rl.apps.teach import lesson as module
@@ -41,7 +41,7 @@ def states(*x: float) -> Array:
     return made
 
 
-def flown(theatre: Theatre, steps: int = 400) -> TensorDictBase:
+def rolled_out(theatre: Theatre, steps: int = 400) -> TensorDictBase:
     """Fly at random, through several episodes."""
     torch.manual_seed(0)
     return make_vector_env([theatre.stage], theatre.lesson, seed=3).rollout(steps, break_when_any_done=False)[0]
@@ -60,17 +60,17 @@ def test_what_is_taken_is_what_the_agent_sees_and_what_is_written(tmp_path: Path
         value = float(random.choice(LANDER_TASK.instruction_values))
         episode = int(random.integers(0, 4))  # most of them are not about the episode that it is
         theatre.clock.says[step] = [random.choice([Press(sequence, episode, value), Release(sequence, episode)])]
-    batch = flown(theatre)
+    batch = rolled_out(theatre)
     theatre.lesson.finish()
     taken = theatre.desk.taken
     given = [one.by != "nobody" for one in taken]
-    told = [one.value or 0.0 for one in taken]
+    instruction = [one.value or 0.0 for one in taken]
     assert {one.by for one in taken} >= {"person", "nobody"}
     assert written(tmp_path / "lesson.jsonl") == [
-        ([value], int(said), one.by, one.heard) for value, said, one in zip(told, given, taken, strict=True)
+        ([value], int(said), one.by, one.heard) for value, said, one in zip(instruction, given, taken, strict=True)
     ]
     seen = len(batch)  # the agent has not yet acted upon what was said last
-    np.testing.assert_array_equal(batch["instruction"][:, 0], told[:seen])
+    np.testing.assert_array_equal(batch["instruction"][:, 0], instruction[:seen])
     np.testing.assert_array_equal(batch["instruction_given"][:, 0], given[:seen])
     assert len(taken) - seen in (0, 1)
     ends = int(batch["next", "done"][:-1].sum())
@@ -178,8 +178,8 @@ def test_a_picture_tells_what_was_said_before_it(theatre: Theatre, monkeypatch: 
         theatre.lesson.instruct(states(x)[0], ROW)
     frames = theatre.pages.of("frame")
     assert [frame["step"] for frame in frames] == [0, 1, 2, 3]
-    assert [frame["told"] for frame in frames[:3]] == [None, None, 1.0]
-    assert frames[3]["told"] == LANDER_TASK.rule(states(0.3)[0]).item()
+    assert [frame["instruction"] for frame in frames[:3]] == [None, None, 1.0]
+    assert frames[3]["instruction"] == LANDER_TASK.rule(states(0.3)[0]).item()
     assert [frame["by"] for frame in frames] == ["nobody", "nobody", "person", "oracle"]
     assert [frame["heard"] for frame in frames] == [0, 0, 5, 5]
     assert all(frame["shapes"] for frame in frames)
@@ -193,7 +193,7 @@ def test_the_explanation_carries_a_path(tmp_path: Path):
     state, _ = theatre.stage.reset(seed=4)
     theatre.lesson.instruct(state[None], ROW)
     assert theatre.pages.of("explanation") == []
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     theatre.lesson.reset(ROW)
     theatre.lesson.instruct(state[None], ROW)
     speaker.wait()
@@ -229,7 +229,7 @@ def test_a_farewell_in_mid_flight_leaves_a_record_that_can_be_read(theatre: Thea
 
     goodbye = threading.Thread(target=farewell)
     goodbye.start()
-    batch = flown(theatre, 600)
+    batch = rolled_out(theatre, 600)
     goodbye.join()
     episodes = read_lesson(theatre.record, 1)
     assert 250 <= sum(len(one.given) for one in episodes) <= len(batch)

@@ -50,7 +50,7 @@ class Game:
         return hear
 
 
-def test_what_is_told_arrives(trainer: TrainerEnd):
+def test_what_is_sent_arrives(trainer: TrainerEnd):
     game = Game(trainer.address)
     trainer.tell("first", {"a": [1, 2]})
     assert eventually(lambda: game.heard == [("first", {"a": [1, 2]})])
@@ -98,7 +98,7 @@ def test_the_other_side_never_comes():
     assert time.monotonic() - start < 30
 
 
-def test_what_was_told_before_the_end_arrives_and_then_the_loss():
+def test_what_was_sent_before_the_end_arrives_and_then_the_loss():
     trainer = TrainerEnd()
     game = Game(trainer.address)
     trainer.tell("first", 1)

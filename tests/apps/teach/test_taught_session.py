@@ -79,11 +79,11 @@ def test_it_is_trained_on_exactly_that(session: Session, lesson: list[RecordedEp
     log = TrajectoryLog.open(session.folder / TRAJECTORIES)
     episodes = log.read(range(len(log.index)))
     assert len(episodes) >= EPISODES
-    for flown, said in zip(episodes, lesson, strict=False):
-        assert 0 <= len(said.given) - len(flown) <= 1
-        instructions = np.array(said.instructions, np.float32)[: len(flown)]
-        np.testing.assert_array_equal(flown.instructions, instructions)
-        np.testing.assert_array_equal(flown.given, np.array(said.given, bool)[: len(flown)])
+    for rolled_out, said in zip(episodes, lesson, strict=False):
+        assert 0 <= len(said.given) - len(rolled_out) <= 1
+        instructions = np.array(said.instructions, np.float32)[: len(rolled_out)]
+        np.testing.assert_array_equal(rolled_out.instructions, instructions)
+        np.testing.assert_array_equal(rolled_out.given, np.array(said.given, bool)[: len(rolled_out)])
 
 
 def test_it_ends_in_order(session: Session):

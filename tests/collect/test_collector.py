@@ -25,7 +25,6 @@ from ibe_rl.collect.collector import (
     steps_of,
 )
 from ibe_rl.collect.rollout import EVALUATION_SEED
-from ibe_rl.collect.schedule import DENSE, GeometricSchedule, Schedule, refresh_interval
 from ibe_rl.config.settings import MAX_SEED, CollectConfig, EnvConfig, InstructorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
@@ -278,52 +277,3 @@ def test_the_largest_seed_is_the_configs_own():
 def test_runs_of_different_seeds_share_no_environment(monkeypatch: pytest.MonkeyPatch):
     parts = [set().union(*seeds_of(seed, CollectConfig(), monkeypatch)) for seed in (0, 1, 2)]
     assert len(set().union(*parts)) == sum(map(len, parts))
-
-
-def test_every_is_true_once_at_each_multiple():
-    due = Schedule(100)
-    assert [due(frames) for frames in (50, 99, 100, 150, 199, 350, 399, 400, 1000, 1001)] == [
-        False, False, True, False, False, True, False, True, True, False,
-    ]  # fmt: skip
-
-
-def test_every_is_true_at_the_end_unless_it_never_is():
-    assert [Schedule(100)(150, last) for last in (False, True)] == [True, True]
-    assert [Schedule(100)(50, last) for last in (False, True)] == [False, True]
-    assert [Schedule(None)(150, last) for last in (False, True)] == [False, False]
-
-
-def test_a_run_has_eight_refreshes_unless_it_is_long_or_they_are_asked_for():
-    def interval(total_frames: int, **named: Any) -> int | None:
-        return refresh_interval(TrainConfig(total_frames=total_frames, **named))
-
-    assert [interval(each) for each in (1, 7, 8, 20, 200_000, 600_000)] == [1, 1, 1, 2, 25_000, 75_000]
-    assert [interval(each) for each in (2_000_000, 10_000_000)] == [250_000, 250_000]
-    assert interval(200_000, refresh_every_frames=250_000) == 250_000
-    assert interval(200_000, refresh_every_frames=None) is None
-
-
-def kept(every: int, until: int, batch: int, now: int = 0) -> list[int]:
-    due = GeometricSchedule(every, now)
-    return [frames for frames in range(now + batch, until + 1, batch) if due(frames)]
-
-
-def test_what_stays_for_ever_is_kept_more_and_more_rarely():
-    often, end = kept(10, 16 * DENSE * 10, batch=10), 16 * DENSE * 10
-    assert often[: 2 * DENSE - 1] == list(range(10, 2 * DENSE * 10, 10))
-    for times in (2, 4, 8):  # of DENSE
-        within = [frames for frames in often if times * DENSE * 10 <= frames < 2 * times * DENSE * 10]
-        assert len(within) == DENSE
-        assert set(np.diff(within)) == {10 * times}
-    assert often[-1] == end
-    assert len(kept(10, end, batch=70)) <= len(often)
-
-
-def test_a_clock_that_is_taken_up_rings_as_if_it_had_never_stood_still():
-    end = 9 * DENSE * 10
-    for now in (70, 7 * 900, 7 * 1_000):
-        assert kept(10, end, 7, now) == [frames for frames in kept(10, end, 7) if frames > now]
-
-
-def test_a_rare_clock_that_never_rings():
-    assert not GeometricSchedule(None)(10**9)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from on_stage import HORIZON_STEPS, greedy, make_lander, speaks, voice
+from on_stage import HORIZON_STEPS, explainer_state, greedy, make_lander, speaks
 
 from ibe_rl.apps.teach.live_explainer import explanation_fields, weights_of
 from ibe_rl.envs import LANDER_TASK
@@ -33,14 +33,14 @@ def test_it_is_silent_before_there_is_a_vocabulary():
     assert not speaker.due()
     speaker.learn(weights_of(policy))
     assert not speaker.due()
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     assert speaker.due()
 
 
 def test_it_speaks_no_more_often_than_it_may(moment: Moment):
     now = [50.0]
     speaker, _ = speaks(every_s=0.5, clock=lambda: now[0])
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     spoken = []
     for _ in range(40):
         if speaker.due():
@@ -60,7 +60,7 @@ def test_a_slow_prediction_does_not_make_it_speak_all_the_time(moment: Moment):
         return now[0]
 
     speaker, _ = speaks(every_s=1.0, clock=clock)
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     assert speaker.due()
     speaker.say(moment)
     assert [speaker.due() for _ in range(3)] == [False, False, True]
@@ -68,7 +68,7 @@ def test_a_slow_prediction_does_not_make_it_speak_all_the_time(moment: Moment):
 
 def test_what_it_is_asked_for_is_said_in_a_thread_of_its_own(moment: Moment):
     speaker, _ = speaks(every_s=0.0)
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     may_go, heard = threading.Event(), list[str]()
 
     def hear(said: Explanation) -> None:
@@ -85,7 +85,7 @@ def test_what_it_is_asked_for_is_said_in_a_thread_of_its_own(moment: Moment):
 
 def test_what_goes_wrong_while_it_speaks_is_not_hidden(moment: Moment):
     speaker, _ = speaks(every_s=0.0)
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     speaker.ask(replace(moment, snapshot=None), lambda _: None)
     with pytest.raises(AttributeError):
         speaker.wait()
@@ -95,9 +95,9 @@ def test_what_goes_wrong_while_it_speaks_is_not_hidden(moment: Moment):
 
 def test_it_says_what_explain_says(moment: Moment):
     speaker, policy = speaks()
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     said = speaker.say(moment)
-    [expected] = explain([moment], policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), voice())
+    [expected] = explain([moment], policy, Simulator(make_lander, LANDER_TASK.rule, seed=5), explainer_state())
     assert (said.phrase, said.cluster, said.confidence) == (expected.phrase, expected.cluster, expected.confidence)
     np.testing.assert_array_equal(said.expression, expected.expression)
     np.testing.assert_array_equal(said.path, expected.path)
@@ -106,7 +106,7 @@ def test_it_says_what_explain_says(moment: Moment):
 
 def test_it_takes_the_newest_weights_when_it_speaks_and_not_before(moment: Moment):
     speaker, mine = speaks()
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     before = mine(OBSERVATIONS)
     older, newer = greedy(7), greedy(8)
     assert (newer(OBSERVATIONS) != before).any()
@@ -130,14 +130,14 @@ def test_weights_are_a_copy_that_learning_does_not_change():
 
 def test_the_newest_vocabulary_is_spoken_with(moment: Moment):
     speaker, _ = speaks()
-    speaker.speak_with(voice())
-    speaker.speak_with(voice((0.25, 0.25, 0.25)))
+    speaker.speak_with(explainer_state())
+    speaker.speak_with(explainer_state((0.25, 0.25, 0.25)))
     assert speaker.say(moment).expression.tolist() == [0.25]
 
 
 def test_weights_that_come_while_it_speaks_are_taken_next_time(moment: Moment):
     speaker, mine = speaks(every_s=0.0)
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     policies = [greedy(seed) for seed in range(3)]
     over = threading.Event()
 
@@ -158,7 +158,7 @@ def test_weights_that_come_while_it_speaks_are_taken_next_time(moment: Moment):
 
 def test_what_is_told_is_json_and_says_it_all(moment: Moment):
     speaker, _ = speaks()
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     said = speaker.say(moment)
     assert LANDER_TASK.scene_path is not None
     shown = json.loads(json.dumps(explanation_fields(said, LANDER_TASK.scene_path(said.path)), allow_nan=False))
@@ -173,7 +173,7 @@ def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
     speaker, _ = speaks()
     features = np.random.default_rng(0).uniform(size=(50, 2))
     calibration = Calibration.fit(features, features[:, 0] > 0.5, CONFIDENCE_FEATURES)
-    speaker.speak_with(replace(voice(), calibration=calibration, min_confidence=1.1))
+    speaker.speak_with(replace(explainer_state(), calibration=calibration, min_confidence=1.1))
     shown = explanation_fields(speaker.say(moment), None)
     json.dumps(shown, allow_nan=False)
     assert (shown["known"], type(shown["known"])) == (False, bool)
@@ -182,10 +182,10 @@ def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
 
 def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: Moment):
     speaker, _ = speaks()
-    known = voice().mapping
+    known = explainer_state().mapping
     assert isinstance(known, ClusterMapping)
     unknown = replace(known, meanings=(Meaning(negative=False, positive=False),))
-    speaker.speak_with(replace(voice(), mapping=unknown))
+    speaker.speak_with(replace(explainer_state(), mapping=unknown))
     shown = explanation_fields(speaker.say(moment), None)
     assert (shown["said"], shown["in_time"]) == (CANNOT_TELL, CANNOT_TELL)
     assert (shown["meant"], shown["expression"], shown["confidence"]) == (False, None, None)
@@ -193,6 +193,6 @@ def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: 
 
 def test_a_confidence_that_is_no_probability_is_not_shown(moment: Moment):
     speaker, _ = speaks()
-    speaker.speak_with(voice())
+    speaker.speak_with(explainer_state())
     shown = explanation_fields(speaker.say(moment), None)
     assert (shown["meant"], shown["confidence"]) == (True, None)

@@ -1,4 +1,4 @@
-"""Whole episodes, one for each seed, however many are flown at once."""
+"""Whole episodes, one for each seed, however many are rolled out at once."""
 
 from typing import Any
 
@@ -107,11 +107,11 @@ def test_the_policy_reads_what_the_instructor_said():
         return swing(observations)
 
     [episode] = play(make(1), noting, make_instructor(InstructorConfig("oracle"), LANDER_TASK), [2])
-    told = np.concatenate(seen)
-    np.testing.assert_array_equal(told[:, :9], episode.states[:-1])
-    np.testing.assert_array_equal(told[:, 9:10], episode.instructions)
-    assert (told[:, 10] == 1).all()
-    assert told.dtype == np.float32
+    read = np.concatenate(seen)
+    np.testing.assert_array_equal(read[:, :9], episode.states[:-1])
+    np.testing.assert_array_equal(read[:, 9:10], episode.instructions)
+    assert (read[:, 10] == 1).all()
+    assert read.dtype == np.float32
 
 
 @pytest.mark.parametrize("context", [None, "left", "right"])
@@ -176,8 +176,8 @@ def test_what_cannot_be_drawn_can_be_watched():
 @pytest.mark.parametrize("at_once", [1, 2])
 def test_moments_are_kept_with_each_episode(at_once: int):
     instructor = make_instructor(InstructorConfig("oracle"), LANDER_TASK)
-    flown = list(rollouts_with_moments(make(at_once), swing, instructor, [7, 3, 11]))
-    for (episode, moments), alone in zip(flown, fly([7, 3, 11], 1), strict=True):
+    rolled_out = list(rollouts_with_moments(make(at_once), swing, instructor, [7, 3, 11]))
+    for (episode, moments), alone in zip(rolled_out, fly([7, 3, 11], 1), strict=True):
         assert_same(episode, alone)
         assert len(moments) == len(episode)
         for t, moment in enumerate(moments):

@@ -75,7 +75,7 @@ def test_runs_are_put_together_by_their_kind_of_agent(together: dict[str, Any]) 
     assert [run["horizons"][20]["value"] for run in together["runs"]] == [0.97, 0.99, 0.995, 0.85]
 
 
-def test_what_one_run_lacks_is_not_told_of_all(together: dict[str, Any]) -> None:
+def test_what_one_run_lacks_is_not_reported_of_all(together: dict[str, Any]) -> None:
     runs = together["runs"]
     runs[1]["values"]["ibe:axis"]["ece"] = None
     assert put_together(runs, middle)["iqm"]["ppo"]["ibe:axis"]["ece"] is None

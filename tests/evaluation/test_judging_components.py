@@ -93,18 +93,18 @@ def row(judged: Judged, name: str) -> dict[str, Any]:
 def test_each_number_is_judged_by_itself_and_the_row_has_the_mean(judged: Judged):
     """The paper's vocabulary, as it is made up here, says the second number the wrong way round."""
     for name, aucs, mean in ((OURS, [1, 1], 1), ("baseline:paper", [1, 0], 0.5)):
-        told = row(judged, name)
-        assert [each["number"] for each in told["each"]] == ["height", "speed"]
-        assert [each["motion_auc"]["value"] for each in told["each"]] == aucs
-        assert [each["vocabulary_loss"]["value"] for each in told["each"]] == [1 - auc for auc in aucs]
-        assert told["motion_auc"]["value"] == mean
-        assert told["vocabulary_loss"]["value"] == 1 - mean
+        found = row(judged, name)
+        assert [each["number"] for each in found["each"]] == ["height", "speed"]
+        assert [each["motion_auc"]["value"] for each in found["each"]] == aucs
+        assert [each["vocabulary_loss"]["value"] for each in found["each"]] == [1 - auc for auc in aucs]
+        assert found["motion_auc"]["value"] == mean
+        assert found["vocabulary_loss"]["value"] == 1 - mean
         for metric in set(EACH) - {"motion_auc_hard"}:
-            values = [each[metric]["value"] for each in told["each"]]
-            assert told[metric]["value"] == pytest.approx(np.mean(values), abs=1e-5)
-        assert told["motion_auc_hard"]["value"] is None  # nothing that goes upwards is hard here
-        assert [each["left_right"]["value"] for each in told["each"]] == [[1, 1], [1, 1]]
-        assert told["left_right"] is None
+            values = [each[metric]["value"] for each in found["each"]]
+            assert found[metric]["value"] == pytest.approx(np.mean(values), abs=1e-5)
+        assert found["motion_auc_hard"]["value"] is None  # nothing that goes upwards is hard here
+        assert [each["left_right"]["value"] for each in found["each"]] == [[1, 1], [1, 1]]
+        assert found["left_right"] is None
 
 
 def test_what_came_true_is_the_whole_phrase(judged: Judged):
@@ -128,7 +128,7 @@ def test_baselines_and_controls_say_both_numbers(judged: Judged):
     assert judged.truth.hard.mean(axis=0) == pytest.approx([2 / 3, 2 / 3])  # all that do not go upwards
 
 
-def test_the_mean_leaves_out_a_number_whose_motion_cannot_be_told():
+def test_the_mean_leaves_out_a_number_whose_motion_is_unknown():
     nan = np.array([np.nan, 0.3])
     assert mean_over_numbers("motion_auc", [nan, np.array([0.5, 0.6])]).tolist() == [0.5, 0.6]
     assert np.isnan(mean_over_numbers("motion_auc", [nan])).tolist() == [True, False]
@@ -168,12 +168,12 @@ def test_tables_and_figures_show_each_number(judged: Judged, capsys: pytest.Capt
     tables.print_rows(rows, "both")
     tables.print_observers({"episodes": 0, "rows": []}, rows)
     said = capsys.readouterr().out
-    assert "Each number of the instruction by itself" in said
-    assert "no simulated observer: it listens to one number, here there are 2" in said
+    assert "Each component of the instruction" in said
+    assert "no simulated observer: it reads one component, here there are 2" in said
     titles = [axis.get_title() for axis in figures.by_explainer(rows, 5).axes]
     assert titles == [
         "all moments\n(mean of 2 numbers)",
-        "where it did not do as told\n(mean of 2 numbers)",
+        "where it did not follow the instruction\n(mean of 2 numbers)",
         "height: all moments",
         "speed: all moments",
     ]

@@ -1,4 +1,4 @@
-"""Extra reward for having done what one was told: by hand, and against the definition step by step."""
+"""Extra reward for following the instruction: by hand, and against the definition step by step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -41,8 +41,10 @@ def way(delta: Array) -> Array:
     return np.sign(delta[:, :1])
 
 
-def row(state: Sequence[float], after: Sequence[float], told: Sequence[float | None], done: str = "") -> TensorDict:
-    """One environment ``[1, T]`` whose state is one number; told None is silence, "x" marks an end."""
+def row(
+    state: Sequence[float], after: Sequence[float], instructions: Sequence[float | None], done: str = ""
+) -> TensorDict:
+    """One environment ``[1, T]`` whose state is one number; None is silence, "x" marks an end."""
     steps = len(state)
 
     def numbers(values: Sequence[float]) -> torch.Tensor:
@@ -50,16 +52,16 @@ def row(state: Sequence[float], after: Sequence[float], told: Sequence[float | N
 
     ends = torch.tensor([mark == "x" for mark in done.ljust(steps)]).reshape(1, steps, 1)
     after_it = TensorDict({"state": numbers(after), "done": ends}, [1, steps])
-    given = numbers([float(one is not None) for one in told])
-    instruction = numbers([one or 0.0 for one in told])
+    given = numbers([float(one is not None) for one in instructions])
+    instruction = numbers([one or 0.0 for one in instructions])
     inside = {"state": numbers(state), "instruction": instruction, "instruction_given": given, "next": after_it}
     return TensorDict(inside, [1, steps])
 
 
-def climbing(told: Sequence[float | None], done: str = "", start: float = 0.0) -> TensorDict:
+def climbing(instruction: Sequence[float | None], done: str = "", start: float = 0.0) -> TensorDict:
     """One up at each step."""
-    places = start + np.arange(len(told) + 1)
-    return row(places[:-1].tolist(), places[1:].tolist(), told, done)
+    places = start + np.arange(len(instruction) + 1)
+    return row(places[:-1].tolist(), places[1:].tolist(), instruction, done)
 
 
 def judged(obedience: InstructionReward, batch: TensorDictBase, frames: int = 0) -> list[float]:
@@ -74,14 +76,14 @@ def make(horizon_steps: int = 2, judge: Callable[[], Judge | None] = lambda: way
     return InstructionReward(ORACLE, lambda: horizon_steps, judge)
 
 
-def test_the_step_that_ends_a_window_gets_what_its_beginning_was_told():
+def test_the_step_that_ends_a_window_gets_what_its_beginning_was_instructed():
     """Told up and gone up: all of the weight. Told nothing to do: none of it. Told down: minus as much."""
     batch = climbing([1, 1, -1, -1, 0, 1])
-    told = make().add(batch, 0)
+    found = make().add(batch, 0)
     assert batch["next", "extra_reward"][0, :, 0].tolist() == [0, 0.5, 0.5, -0.5, -0.5, 0]
-    assert told == {"obeyed": 0.0, "extra_reward": 0.0}
-    told = make().add(climbing([1, 0, 0]), 0)
-    assert told == {"obeyed": 0.5, "extra_reward": pytest.approx(0.5 / 3)}
+    assert found == {"obeyed": 0.0, "extra_reward": 0.0}
+    found = make().add(climbing([1, 0, 0]), 0)
+    assert found == {"obeyed": 0.5, "extra_reward": pytest.approx(0.5 / 3)}
 
 
 def test_what_is_said_later_does_not_count():
@@ -119,9 +121,9 @@ def test_what_began_in_silence_is_not_judged():
     batch = climbing([None, 1, None, 1])
     assert make().add(batch, 0) == {"obeyed": 1.0, "extra_reward": 0.125}
     assert batch["next", "extra_reward"][0, :, 0].tolist() == [0, 0, 0.5, 0]
-    told = make().add(climbing([None] * 4), 0)
-    assert np.isnan(told["obeyed"])
-    assert told["extra_reward"] == 0
+    found = make().add(climbing([None] * 4), 0)
+    assert np.isnan(found["obeyed"])
+    assert found["extra_reward"] == 0
 
 
 def test_the_weight_falls_to_nothing():
@@ -131,9 +133,9 @@ def test_the_weight_falls_to_nothing():
     assert shown == pytest.approx([0.5, 0.375, 0.25, 0.0005, 0, 0])
     assert shown[-2:] == [0, 0]
     assert len(calls) == 4  # then nothing is judged any more
-    told = obedience.add(batch, 1_000)
-    assert np.isnan(told["obeyed"])
-    assert told["extra_reward"] == 0
+    found = obedience.add(batch, 1_000)
+    assert np.isnan(found["obeyed"])
+    assert found["extra_reward"] == 0
 
 
 def test_of_several_numbers_the_worst_counts():
@@ -161,10 +163,10 @@ def by_the_definition(batch: TensorDictBase, horizon_steps: int) -> Array:
 def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, lengths: list[int]):
     random, size = np.random.default_rng(horizon_steps), (6, 40, 1)
     given = torch.from_numpy(random.random(size) < 0.7).float()
-    told = torch.from_numpy(random.choice([-1.0, 0.0, 1.0], size)).float() * given
+    instruction = torch.from_numpy(random.choice([-1.0, 0.0, 1.0], size)).float() * given
     state, after = (torch.from_numpy(random.normal(size=size)).float() for _ in range(2))
     done = torch.from_numpy(random.random(size) < 0.15)
-    inside = {"state": state, "instruction": told, "instruction_given": given}
+    inside = {"state": state, "instruction": instruction, "instruction_given": given}
     whole = TensorDict(inside | {"next": TensorDict({"state": after, "done": done}, size[:2])}, size[:2])
     obedience = make(horizon_steps, lambda: lambda delta: np.clip(delta, -1, 1))
     parts = whole.split(lengths, 1)
@@ -194,8 +196,8 @@ def test_the_vocabulary_judges_once_it_is_there(tmp_path: Path):
     after = {"state": batch["state"] + 3, "done": torch.zeros(1, 6, 1, dtype=torch.bool)}
     batch["next"] = TensorDict(after, size[:2])
     assert [development.mapping_of(steps) for steps in (3, 4, 5)] == [None] * 3
-    told = obedience.add(batch, 0)
-    assert np.isnan(told["obeyed"])
+    found = obedience.add(batch, 0)
+    assert np.isnan(found["obeyed"])
     assert not batch["next", "extra_reward"].any()
     obey(log)
     development.refresh(log, stay)
@@ -229,9 +231,9 @@ def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path:
     """Then it begins with the steps that follow."""
     development = VocabularyTracker(config(horizon_steps=None), TASK, 0)
     obedience, batch = made(settings(judge), development), climbing([1] * 6)
-    told = obedience.add(batch, 0)
-    assert np.isnan(told["obeyed"])
-    assert told["extra_reward"] == 0
+    found = obedience.add(batch, 0)
+    assert np.isnan(found["obeyed"])
+    assert found["extra_reward"] == 0
     assert batch["next", "extra_reward"].shape == (1, 6, 1)
     assert obedience.state_dict() == {}
     log = TrajectoryLog(tmp_path / "log", 10_000, TASK.contexts)
@@ -285,10 +287,10 @@ def test_ppo_learns_from_the_extra_reward_and_not_at_all_from_none():
     env = make_vector_env(
         [make_gym(LANDER_ID, {}) for _ in range(4)], make_instructor(InstructorConfig("oracle"), LANDER_TASK), 0
     )
-    flown = env.rollout(64, learner().policy, break_when_any_done=False)
+    rolled_out = env.rollout(64, learner().policy, break_when_any_done=False)
 
     def learnt(judge: str | None) -> Array:
-        agent, batch, seen = learner(), flown.clone(), np.random.default_rng(0).normal(size=(50, 11))
+        agent, batch, seen = learner(), rolled_out.clone(), np.random.default_rng(0).normal(size=(50, 11))
         if judge:
             cfg = settings(judge)
             made(cfg, VocabularyTracker(cfg.mapping, LANDER_TASK, 0), LANDER_TASK).add(batch, 0)

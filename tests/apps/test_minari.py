@@ -39,16 +39,16 @@ def datasets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def made_up(number: int) -> Episode:
     """It drifts the way it is told, at times nothing is said, and the numbers have all their digits."""
     random, steps = np.random.default_rng(number), 20 + number
-    told = np.repeat(random.integers(-1, 2, steps), 7)[:steps, None].astype(np.float32)
+    instruction = np.repeat(random.integers(-1, 2, steps), 7)[:steps, None].astype(np.float32)
     given = random.random(steps) < 0.8
     states = random.normal(size=(steps + 1, 9)).astype(np.float32)
-    states[:, 0] = np.concatenate([[0], 0.03 * told[:, 0].cumsum()]) + random.normal(0, 0.003, steps + 1)
+    states[:, 0] = np.concatenate([[0], 0.03 * instruction[:, 0].cumsum()]) + random.normal(0, 0.003, steps + 1)
     states[:, 8] = (-0.6, 0.0, 0.6)[number % 3]
     return Episode(
         states=states,
         actions=random.integers(0, 4, steps),
         rewards=random.normal(size=steps).astype(np.float32),
-        instructions=told * given[:, None],
+        instructions=instruction * given[:, None],
         given=given,
         terminated=number % 2 == 0,
         success=number % 4 == 0,
@@ -155,7 +155,7 @@ def test_a_dataset_of_others_comes_in_with_the_rule_of_the_environment(collected
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_what_was_said_is_taken_from_the_observations_of_who_was_told(collected: Any, tmp_path: Path) -> None:
+def test_what_was_said_is_taken_from_the_observations_of_who_was_instructed(collected: Any, tmp_path: Path) -> None:
     collected("theirs/told-v0", Instructed(gymnasium.make(LANDER_ID, pad="left")), 4)
     folder = import_log("theirs/told-v0", [*QUICK, f"run_dir={tmp_path / 'told'}"])
     for episode, data in zip(logged(folder), minari.load_dataset("theirs/told-v0"), strict=True):
@@ -214,7 +214,7 @@ def test_what_does_not_fit_is_refused_before_a_folder_is_made(tmp_path: Path) ->
     refused(r"dataset=by/many-v0: its actions are Discrete\(5\)", "by/many-v0")
     refused(r"instruction=instruction: it has the shape \(7, 1\) in an episode of 30 steps", "by/short-v0")
     refused(r"instruction=two: it has the shape \(30, 2\)", "by/short-v0", "two")
-    refused("instruction=large: it reaches from 2 to 2; allowed is -1 to 1", "by/short-v0", "large")
+    refused("instruction=large: its values range from 2 to 2; allowed is -1 to 1", "by/short-v0", "large")
     refused("instruction=other: allowed are instruction, large, two of its infos, or rule", "by/short-v0", "other")
     refused("it has no episode", "by/none-v0")
     refused("dataset=by/absent-v0: Dataset by/absent-v0 not found", "by/absent-v0")

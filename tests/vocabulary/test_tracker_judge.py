@@ -111,10 +111,10 @@ def test_what_the_agent_did_not_know_is_counted_and_judged_all_the_same(log: Tra
     refresh = refreshed(log, says(-1, 0, 1))
     said = predicted([UP] * 8, refresh.standing)
     unsure = [replace(one, known=step not in (1, 6, 7)) for step, one in enumerate(said)]
-    told = development().judge(refresh, upwards(8), unsure, 1)
-    assert told == {"ibe/came_true": 0.75, "ibe/unknown": 3 / 8}
-    told = development().judge(refresh, upwards(8), unsure, 2)  # new at 0, 2, 4 and 6
-    assert told == {"ibe/came_true": 0.75, "ibe/unknown": 1 / 4}
+    found = development().judge(refresh, upwards(8), unsure, 1)
+    assert found == {"ibe/came_true": 0.75, "ibe/unknown": 3 / 8}
+    found = development().judge(refresh, upwards(8), unsure, 2)  # new at 0, 2, 4 and 6
+    assert found == {"ibe/came_true": 0.75, "ibe/unknown": 1 / 4}
 
 
 def one_way(mapping: ClusterMapping, **known: bool) -> ClusterMapping:
@@ -125,17 +125,17 @@ def test_what_the_agent_cannot_tell_does_not_count(log: TrajectoryLog):
     """Up is not known: of six ups and two stills only the stills are words."""
     refresh = refreshed(log, one_way(says(-1, 0, 1), positive=False))
     ours = development()
-    told = ours.judge(refresh, upwards(8), predicted(RIGHT, refresh.standing), 1)
-    assert told == {"ibe/came_true": 1.0, "ibe/unknown": 6 / 8}
+    found = ours.judge(refresh, upwards(8), predicted(RIGHT, refresh.standing), 1)
+    assert found == {"ibe/came_true": 1.0, "ibe/unknown": 6 / 8}
     assert same(ours.calibration, fitted([(1.0, 1.0)] * 2, [True] * 2))
 
 
 def test_of_no_word_nothing_is_learnt(log: TrajectoryLog):
     last = one_way(says(-1, 0, 1), negative=False, positive=False)
     refresh, ours = refreshed(log, one_way(says(-1, 0, 1), negative=False, positive=False), last), development()
-    told = ours.judge(refresh, upwards(8), predicted(RIGHT, refresh.standing), 1)
-    assert np.isnan([told["ibe/came_true"], told["ibe/came_true_stale"]]).all()
-    assert told["ibe/unknown"] == 1
+    found = ours.judge(refresh, upwards(8), predicted(RIGHT, refresh.standing), 1)
+    assert np.isnan([found["ibe/came_true"], found["ibe/came_true_stale"]]).all()
+    assert found["ibe/unknown"] == 1
     assert ours.calibration is None
     assert ours.state_dict()["judged"] == []
 
@@ -186,15 +186,15 @@ def test_the_agent_speaks_with_what_stands(log: TrajectoryLog):
     ours = VocabularyTracker(config(spans_steps=[2]), TASK, seed=0)
     obey(log)
     refresh = ours.refresh(log, stay)
-    assert ours.voice() == ExplainerState(refresh.mapping, 5, TASK.phrases, refresh.spans)
-    assert list(ours.voice().spans) == [2]
+    assert ours.explainer_state() == ExplainerState(refresh.mapping, 5, TASK.phrases, refresh.spans)
+    assert list(ours.explainer_state().spans) == [2]
     ours.judge(refresh, upwards(8), predicted([UP] * 8, refresh.standing), every_steps=1)
     obey(log)
     second = ours.refresh(log, stay)
-    voice = ours.voice(futures=7, min_confidence=0.25)
-    assert (voice.mapping, voice.spans) == (second.mapping, second.spans)
-    assert (voice.futures, voice.min_confidence) == (7, 0.25)
-    assert voice.calibration is ours.calibration is not None
+    explainer = ours.explainer_state(futures=7, min_confidence=0.25)
+    assert (explainer.mapping, explainer.spans) == (second.mapping, second.spans)
+    assert (explainer.futures, explainer.min_confidence) == (7, 0.25)
+    assert explainer.calibration is ours.calibration is not None
 
 
 def test_a_vocabulary_that_stays_is_spoken_on(log: TrajectoryLog):
@@ -203,7 +203,7 @@ def test_a_vocabulary_that_stays_is_spoken_on(log: TrajectoryLog):
     first = ours.refresh(log, stay)
     obey(log)
     assert not ours.refresh(log, stay).taken
-    assert (ours.voice().mapping, ours.voice().spans) == (first.mapping, first.spans)
+    assert (ours.explainer_state().mapping, ours.explainer_state().spans) == (first.mapping, first.spans)
 
 
 def test_a_refresh_keeps_the_calibration_of_the_episodes_before_it(log: TrajectoryLog, tmp_path: Path):

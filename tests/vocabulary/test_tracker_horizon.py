@@ -1,4 +1,4 @@
-"""How far ahead is explained is found anew at each refresh; with another horizon everything begins anew."""
+"""How far ahead is explained is found again at each refresh; with another horizon everything begins again."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def begun(log: TrajectoryLog) -> VocabularyTracker:
     return development
 
 
-def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: VocabularyTracker):
+def test_another_horizon_begins_everything_again(log: TrajectoryLog, begun: VocabularyTracker):
     before, given = begun.mapping, names(begun)
     obey_for_long(log)
     assert begun.settle(log) == 18
@@ -51,7 +51,7 @@ def test_another_horizon_begins_everything_anew(log: TrajectoryLog, begun: Vocab
     second = begun.refresh(log, stay)
     assert second.horizon_found
     assert second.change is None
-    assert second.top.horizon_steps == begun.voice().horizon_steps == 18
+    assert second.top.horizon_steps == begun.explainer_state().horizon_steps == 18
     assert set(second.spans) == {2, 5}
     assert begun.mapping is second.mapping is not before
     assert begun.probe is not None

@@ -9,15 +9,15 @@ from ibe_rl.ibe.delta import LoggedSteps
 from ibe_rl.types import Episode
 
 
-def episode(places: list[float], told: list[float | None], rewards: list[float] | None = None) -> Episode:
+def episode(places: list[float], instruction: list[float | None], rewards: list[float] | None = None) -> Episode:
     """One number moves; None is silence, under which the environment says 0 or what was said last."""
-    steps = len(told)
+    steps = len(instruction)
     return Episode(
         states=np.array(places, float)[:, None],
         actions=np.zeros(steps, int),
         rewards=np.array([0.0] * steps if rewards is None else rewards),
-        instructions=np.array([9.0 if one is None else one for one in told])[:, None],
-        given=np.array([one is not None for one in told]),
+        instructions=np.array([9.0 if one is None else one for one in instruction])[:, None],
+        given=np.array([one is not None for one in instruction]),
         terminated=False,
         success=False,
         context="here" if places[0] == 0 else "there",
@@ -78,8 +78,8 @@ def test_each_number_has_its_own_signs() -> None:
     assert record.signs(1).tolist() == [-1, 0]
 
 
-def heard(told: list[float | None], horizon_steps: int) -> list[int]:
-    steps = LoggedSteps.of([episode([0.0] * (len(told) + 1), told)], horizon_steps).last_heard(0).tolist()
+def heard(instruction: list[float | None], horizon_steps: int) -> list[int]:
+    steps = LoggedSteps.of([episode([0.0] * (len(instruction) + 1), instruction)], horizon_steps).last_heard(0).tolist()
     assert steps == sorted(steps)
     return steps
 
@@ -99,8 +99,8 @@ def test_nobody_is_heard_in_another_episode() -> None:
 
 
 def test_onsets_are_between_two_things_that_were_said_in_one_episode() -> None:
-    told: list[float | None] = [1, 1, -1, None, 1, 0, 0, 0.5]
-    record = LoggedSteps.of([episode([0.0] * 9, told), episode([0, 0], [-1])], 1)
+    instruction: list[float | None] = [1, 1, -1, None, 1, 0, 0, 0.5]
+    record = LoggedSteps.of([episode([0.0] * 9, instruction), episode([0, 0], [-1])], 1)
     assert record.onsets(0).tolist() == [2, 5, 7]  # not over silence, and not to the next episode
 
 

@@ -107,14 +107,14 @@ def touch(page: Page) -> Iterator[int]:
 @pytest.mark.parametrize("way", [key, other_key, button, touch])
 def test_each_way_to_instruct_counts_as_long_as_it_lasts(classroom: Classroom, way):
     page = classroom.page
-    until(page, "lesson.now.frame.by === 'nobody' && lesson.now.frame.told === null")
+    until(page, "lesson.now.frame.by === 'nobody' && lesson.now.frame.instruction === null")
     with way(page) as value:
-        until(page, f"lesson.now.frame.by === 'person' && lesson.now.frame.told === {value}")
+        until(page, f"lesson.now.frame.by === 'person' && lesson.now.frame.instruction === {value}")
         marked = page.locator("#values button.on").evaluate_all("all => all.map((one) => Number(one.dataset.value))")
         assert marked == [value]
-        until(page, f"document.getElementById('told').textContent === 'you say {signed(value)}'")
+        until(page, f"document.getElementById('instruction').textContent === 'you say {signed(value)}'")
     until(page, "lesson.now.frame.by === 'nobody'")
-    until(page, "document.getElementById('told').textContent === 'nobody says anything'")
+    until(page, "document.getElementById('instruction').textContent === 'no instruction'")
 
 
 def signed(value: int) -> str:
@@ -124,7 +124,7 @@ def signed(value: int) -> str:
 def test_a_pause_by_button_and_its_end_by_the_space_bar(classroom: Classroom):
     page = classroom.page
     page.click("#pause")
-    until(page, "lesson.now.controls.paused && document.getElementById('pause').textContent === 'go on'")
+    until(page, "lesson.now.controls.paused && document.getElementById('pause').textContent === 'resume'")
     before = stands(page)
     page.locator("#pause").blur()
     page.keyboard.press("Space")
@@ -154,7 +154,7 @@ def test_the_speed(classroom: Classroom):
 def test_the_oracle_takes_over_and_gives_back(classroom: Classroom):
     page = classroom.page
     page.click("#oracle")
-    until(page, "lesson.now.frame.by === 'oracle' && lesson.now.frame.told !== null")
+    until(page, "lesson.now.frame.by === 'oracle' && lesson.now.frame.instruction !== null")
     assert page.inner_text("#oracle") == "take over from the oracle"
     with key(page):
         until(page, "lesson.sent.at(-1).counted !== undefined")
@@ -250,7 +250,7 @@ def test_a_second_page_watches_and_may_sit_down_later(classroom: Classroom):
     second.click("#sit")
     until(second, "lesson.now.seat.instructs")
     with key(second):
-        until(second, "lesson.now.frame.by === 'person' && lesson.now.frame.told === -1")
+        until(second, "lesson.now.frame.by === 'person' && lesson.now.frame.instruction === -1")
     second.close()
     first.goto(classroom.training.address)
     until(first, "lesson.now.seat && lesson.now.seat.instructs")
@@ -259,7 +259,7 @@ def test_a_second_page_watches_and_may_sit_down_later(classroom: Classroom):
 def test_the_training_is_killed(classroom: Classroom):
     """The last test of this training."""
     classroom.training.process.send_signal(signal.SIGKILL)
-    until(classroom.page, "document.getElementById('notice').textContent.startsWith('The training has gone.')")
+    until(classroom.page, "document.getElementById('notice').textContent.startsWith('The training process has ended.')")
     assert classroom.page.inner_text("#connection") == "over"
 
 
@@ -305,7 +305,7 @@ def test_words_that_it_is_not_sure_of_are_grey_and_the_next_ones_are_not(browser
 def test_a_word_whose_meaning_is_not_known_is_not_said(browser: Browser, room: Room):
     """No needle, no number, no word in the vocabulary; why is said instead."""
     page = shown(browser, room, live_view=None)
-    why = "I cannot tell what “going right” means: those who earned most did not do it (412 episodes)"
+    why = "I cannot tell what “going right” means: the only evidence is what is rewarded (412 episodes)"
     cluster = {"id": 0, "expression": 0.9, "phrase": "I cannot tell", "share": 1.0, "colour": [1, 2, 3], "known": False}
     room.server.post("vocabulary", {"frame": 9, "horizon_steps": 60, "clusters": [cluster], "meaning": [why]})
     said = {"said": "I cannot tell", "in_time": "I cannot tell", "known": False, "meant": False, "path": None}
@@ -328,7 +328,7 @@ def test_a_word_whose_meaning_is_not_known_is_not_said(browser: Browser, room: R
 def test_two_frames_at_once_are_drawn_one_after_the_other_and_of_many_the_newest(browser: Browser, room: Room):
     page = shown(browser, room, live_view=None)
     room.server.post("scene", {"episode": 0, "size": [600, 400], "background": []})
-    frame = {"episode": 0, "shapes": [], "at": None, "told": None, "by": "nobody", "heard": 0, "return": 0.0}
+    frame = {"episode": 0, "shapes": [], "at": None, "instruction": None, "by": "nobody", "heard": 0, "return": 0.0}
     until(page, "lesson.now.scene !== null")
     for together, drawn in [(2, 2), (40, 2)]:
         before = page.evaluate("lesson.drawn")
@@ -361,9 +361,9 @@ def test_it_says_that_the_connection_is_gone_and_connects_again(browser: Browser
 
 def test_the_farewell(browser: Browser, room: Room):
     page = shown(browser, room, live_view=None)
-    room.server.post("farewell", {"text": "The training is over."})
+    room.server.post("farewell", {"text": "Training has ended."})
     room.server.close()
     until(page, "!lesson.connected")
-    assert page.inner_text("#notice") == "The training is over. The run is in the folder a run."
+    assert page.inner_text("#notice") == "Training has ended. The run is in the folder a run."
     assert page.inner_text("#connection") == "over"
     page.close()

@@ -13,7 +13,6 @@ from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import ClusterTransition, Meaning, TooLittleDataError
 from ibe_rl.metrics.drift import VocabularyDrift
-from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array
 from ibe_rl.vocabulary import tracker as module
@@ -105,108 +104,6 @@ def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog,
     assert second.change.drift == VocabularyDrift(pytest.approx(2 / 3), pytest.approx(2 * 2 / 3), 1.0)
 
 
-def test_staleness_is_what_the_new_vocabulary_tells_better(log: TrajectoryLog, only_the_newest_count: MappingConfig):
-    obey(log)
-    development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
-    first = development.refresh(log, stay)
-    defy(log)
-    second = development.refresh(log, stay)
-    assert second.change is not None
-    assert first.scores["motion_auc"] == second.change.last_scores["motion_auc"] == 1
-    assert second.scores["motion_auc"] == 0  # it says down for what it was told down before, and went up
-    assert second.change.staleness == -1
-    obey(log)
-    third = development.refresh(log, stay)
-    assert third.change is not None
-    assert (third.change.last_scores["motion_auc"], third.scores["motion_auc"], third.change.staleness) == (0, 1, 1)
-
-
-def test_what_is_scored_is_the_same_for_both_and_of_the_newest_episodes(
-    log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch
-):
-    seen = []
-
-    def noting(*given: Any) -> list[dict[str, float]]:
-        seen.append(given)
-        return [dict.fromkeys(SCORES, 0.5)]
-
-    monkeypatch.setattr(module, "SCORED_EPISODES", 2)
-    monkeypatch.setattr(module, "number_scores", noting)
-    obey(log)
-    add(log, 1.0, 1.0, given=False)  # in silence: not scored
-    development = VocabularyTracker(config(), TASK, seed=0)
-    first = development.refresh(log, stay)
-    obey(log)
-    second = development.refresh(log, stay)
-    assert second.change is not None
-    assert [mapping for mapping, _, _ in seen] == [first.mapping, first.mapping, second.mapping]
-    assert all(task is TASK for _, _, task in seen)
-    assert len(seen[0][1]) == 3  # the last episode with an instruction, at every fourth step of twelve
-    assert seen[1][1] is seen[2][1]
-    assert seen[1][1].step.tolist() == [0, 4, 8, 0, 4, 8]
-    assert set(seen[1][1].instruction[:, 0]) == {-1, 0}  # the last two of three
-    np.testing.assert_allclose(seen[1][1].delta[:, 0], [-5, -5, -4, 0, 0, 0], atol=0.1)  # to the end where that is near
-
-
-def test_a_vocabulary_that_is_good_enough_stays(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig, tmp_path: Path
-):
-    obey(log)
-    development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=0.0)
-    first = development.refresh(log, stay)
-    defy(log)
-    second = development.refresh(log, stay)
-    assert second.change is not None
-    assert second.change.staleness == -1
-    assert not second.taken
-    assert second.standing is development.mapping is first.mapping
-    assert names(first) == [0, 1, 2]
-    for refresh in (first, second):
-        development.save(tmp_path, refresh)
-    assert sorted(path.name for path in tmp_path.glob("*.json")) == ["000000000036.json"]
-    obey(log)
-    third = development.refresh(log, stay)
-    assert third.change is not None
-    assert third.change.since_frame == first.frame  # that one still stands
-    assert third.change.last is first.mapping
-
-
-@pytest.mark.parametrize(("when_stale", "taken"), [(None, True), (0.99, True), (1.0, False), (-1.0, True)])
-def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig, when_stale: float | None, taken: bool
-):
-    defy(log)
-    development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=when_stale)
-    first = development.refresh(log, stay)
-    obey(log)
-    second = development.refresh(log, stay)
-    assert second.change is not None
-    assert second.change.staleness == 1
-    assert second.taken is taken
-    assert second.standing is development.mapping is (second if taken else first).mapping
-
-
-def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_the_newest_count: MappingConfig):
-    obey(log)
-    development = VocabularyTracker(replace(only_the_newest_count, n_clusters=2), TASK, seed=0, when_stale=1.0)
-    development.refresh(log, stay)
-    for told in (0.0, 0.0, 1.0):
-        add(log, 1.0, told)  # never down
-    second = development.refresh(log, stay)
-    assert second.change is not None
-    assert np.isnan(second.change.staleness)
-    assert second.taken
-
-
-def test_silence_in_the_newest_episodes_does_not_end_a_run(log: TrajectoryLog, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(module, "SCORED_EPISODES", 1)
-    obey(log)
-    development = VocabularyTracker(config(), TASK, seed=0)
-    development.refresh(log, stay)
-    add(log, 1.0, 1.0, given=False)
-    assert np.isnan(list(development.refresh(log, stay).scores.values())).all()
-
-
 def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: MappingConfig):
     """Three lifts of the old kind, three racing ones, and the old kind again: all come under new names."""
     development, given = VocabularyTracker(only_the_newest_count, TASK, seed=0), []
@@ -254,39 +151,6 @@ def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, o
     assert len(refresh.change.transition.survived) >= 1
 
 
-def test_policy_drift_is_told_from_the_policy_of_the_last_refresh(log: TrajectoryLog):
-    """One action where the lift was told up, or everywhere, or nowhere; a third of the probe was told up."""
-
-    def when_told(*values: float) -> Any:
-        return lambda observations: np.isin(observations[:, -2], values).astype(int)
-
-    obey(log)
-    development, drifts = VocabularyTracker(config(), TASK, seed=0), []
-    for policy in (stay, stay, when_told(1), when_told(1, 0), when_told(-1)):
-        refresh = development.refresh(log, policy)
-        drifts.append(refresh.change.policy_drift if refresh.change else None)
-    assert drifts == [None, 0, pytest.approx(1 / 3), pytest.approx(1 / 3), 1]
-
-
-def test_policy_drift_is_told_since_the_vocabulary_that_stands(log: TrajectoryLog):
-    obey(log)
-    development = VocabularyTracker(config(), TASK, seed=0, when_stale=1.0)  # never another one
-    development.refresh(log, stay)
-    for policy, expected in ((lambda seen: stay(seen) + 1, 1), (stay, 0)):
-        refresh = development.refresh(log, policy)
-        assert refresh.change is not None
-        assert refresh.change.policy_drift == expected
-
-
-def test_actions_of_several_numbers_are_compared_too(log: TrajectoryLog):
-    obey(log)
-    development = VocabularyTracker(config(), TASK, seed=0)
-    development.refresh(log, lambda seen: np.zeros((len(seen), 2)))
-    refresh = development.refresh(log, lambda seen: np.outer(seen[:, -2] == 1, [0, 1]))
-    assert refresh.change is not None
-    assert refresh.change.policy_drift == pytest.approx(1 / 3)
-
-
 def test_the_probe_is_kept_with_the_first_refresh_and_a_file_with_each(log: TrajectoryLog, tmp_path: Path):
     development = VocabularyTracker(config(), TASK, seed=0)
     folder = tmp_path / "refreshes"
@@ -328,13 +192,13 @@ def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, onl
 def test_the_same_seed_gives_the_same(tmp_path: Path):
     def run(name: str, seed: int) -> tuple[Any, Array]:
         log = TrajectoryLog(tmp_path / name, 10_000, TASK.contexts)
-        development, told = VocabularyTracker(config(n_clusters=4), TASK, seed), []
+        development, found = VocabularyTracker(config(n_clusters=4), TASK, seed), []
         for fly in (obey, race, defy):
             fly(log)
             refresh = development.refresh(log, stay)
-            told.append((refresh.mapping.to_dict(), figures(refresh)))
+            found.append((refresh.mapping.to_dict(), figures(refresh)))
         assert development.probe is not None
-        return told, development.probe.observations
+        return found, development.probe.observations
 
     (once, probe), (again, same), (_, other) = run("a", 3), run("b", 3), run("c", 4)
     for (mapping, row), (mapping_again, row_again) in zip(once, again, strict=True):
@@ -395,7 +259,7 @@ def test_a_horizon_that_nobody_set_is_found_at_the_first_refresh_and_stays(log: 
     first = development.refresh(log, stay)
     assert first.horizon_found
     assert (development.horizon_steps, development.horizons_steps, list(first.spans)) == (5, [5, 2], [2])
-    assert first.top.horizon_steps == development.voice().horizon_steps == 5
+    assert first.top.horizon_steps == development.explainer_state().horizon_steps == 5
     for _ in range(20):
         add(log, 100.0, 1.0, steps=90)
     second = development.refresh(log, stay)

@@ -27,9 +27,9 @@ def groups() -> tuple[Array, Array]:
     """Changes ``(72, 3)`` and what was told; in each group one window in eight was told to go nowhere."""
     near = np.random.default_rng(0).normal(0, 0.01, (len(WAYS) * EACH, 2))
     delta = np.column_stack([np.repeat(MOVES, EACH, axis=0) + near, np.zeros(len(near))])
-    told = np.repeat(WAYS, EACH, axis=0)
-    told[::EACH] = 0
-    return delta, told
+    instruction = np.repeat(WAYS, EACH, axis=0)
+    instruction[::EACH] = 0
+    return delta, instruction
 
 
 def heard() -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ def test_every_combination_gets_a_cluster_and_its_name(settings: dict[str, Any])
     ]
 
 
-def test_purity_is_of_what_was_told_in_both_numbers_at_once():
+def test_purity_is_of_the_instructions_in_both_numbers_at_once():
     assert fit().mapping_.purities.tolist() == [7 / 8] * 4 + [1] + [7 / 8] * 4
 
 
@@ -74,19 +74,21 @@ def test_the_axes_are_those_on_which_the_words_turn():
 
 
 def test_a_dimension_that_moves_one_way_whatever_is_said_is_left_out():
-    """The second number depends on a third dimension too, which always falls, the less the more it is told to rise."""
-    delta, told = groups()
+    """The second number depends on a third dimension too, which always falls, less if instructed to rise."""
+    delta, instruction = groups()
     axes = np.array([[1.0, 0], [0, -1], [0.5, -1]])
-    np.testing.assert_array_equal(consequences(axes, delta, told), axes)  # what does not move at all is no matter
-    delta[:, 2] = told[:, 1] - 5
-    np.testing.assert_array_equal(consequences(axes, delta, told), [[1, 0], [0, -1], [0, 0]])
+    np.testing.assert_array_equal(
+        consequences(axes, delta, instruction), axes
+    )  # what does not move at all is no matter
+    delta[:, 2] = instruction[:, 1] - 5
+    np.testing.assert_array_equal(consequences(axes, delta, instruction), [[1, 0], [0, -1], [0, 0]])
 
 
 def test_an_axis_on_which_nothing_moves_both_ways_stays():
-    delta, told = groups()
+    delta, instruction = groups()
     axes = np.array([[1.0, 0], [0, -1], [0, 0]])
-    np.testing.assert_array_equal(consequences(axes, np.abs(delta), told), axes)
-    np.testing.assert_array_equal(consequences(axes, delta, np.abs(told)), axes)
+    np.testing.assert_array_equal(consequences(axes, np.abs(delta), instruction), axes)
+    np.testing.assert_array_equal(consequences(axes, delta, np.abs(instruction)), axes)
 
 
 def test_centres_are_their_own_mirror_image_in_both_numbers_at_once():
@@ -98,9 +100,9 @@ def test_centres_are_their_own_mirror_image_in_both_numbers_at_once():
 
 
 def test_clusters_are_known_again_and_what_moved_in_either_number_is_seen():
-    delta, told = groups()
+    delta, instruction = groups()
     before = fit().mapping_
-    after = IBEMapping(9, random_state=3).fit(delta, told * [1, -1]).mapping_  # up and down have changed places
+    after = IBEMapping(9, random_state=3).fit(delta, instruction * [1, -1]).mapping_  # up and down have changed places
     named, transition = keep_identity(before, after, delta, next_id=9)
     assert sorted(transition.survived) == list(range(9))
     where = {int(name): row for row, name in enumerate(named.ids)}

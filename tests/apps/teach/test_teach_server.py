@@ -337,9 +337,9 @@ def test_the_newest_of_each_kind_is_told_to_a_page_that_comes_later(room: Room):
         room.server.post("frame", {"step": step})
     room.server.post("scene", {"episode": 5})
     page = room.page()
-    told = [page.next() for _ in range(4)]
-    assert {message["kind"] for message in told} == {"frame", "scene", "seat", "controls"}
-    assert [message["step"] for message in told if message["kind"] == "frame"] == [2]
+    messages = [page.next() for _ in range(4)]
+    assert {message["kind"] for message in messages} == {"frame", "scene", "seat", "controls"}
+    assert [message["step"] for message in messages if message["kind"] == "frame"] == [2]
 
 
 def test_a_number_that_json_has_not_is_not_sent_and_hurts_nobody(room: Room):
