@@ -48,7 +48,7 @@ def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, c
     exec(quickly(three), names)  # noqa: S102 - our own page
     assert judged == [names["study"]]
     assert (place / "runs" / "mine" / "refreshes").is_dir()
-    assert "about its next 20 steps went as predicted" in capsys.readouterr().out
+    assert "of the next 20 steps went as predicted" in capsys.readouterr().out
     exec(quickly(function), names)  # noqa: S102
     assert names["study"].run.config.agent.sees_instruction is False
     exec(answer, names)  # noqa: S102

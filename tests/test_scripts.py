@@ -277,7 +277,7 @@ def said_of_spans(output: str) -> list[tuple[str, ...]]:
 def test_explain_tells_what_is_said_of_each_span_of_time(
     run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", "250")
     call("explain", f"run={run}", "seed=3", "viewer=off", "min_confidence=0")
     wide = capsys.readouterr().out
     assert "of its explanations of the next 20 steps went as predicted" in wide.splitlines()[-1]
@@ -295,7 +295,7 @@ def test_explain_tells_what_is_said_of_each_span_of_time(
 def test_explain_does_not_say_what_the_agent_is_not_sure_of(
     run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", "250")
     call("explain", f"run={run}", "seed=7", "viewer=off", "min_confidence=1")  # which no probability is
     spoken = said_of_spans(capsys.readouterr().out)
     assert spoken
@@ -341,7 +341,7 @@ def test_a_horizon_that_nobody_set_is_found_told_once_and_kept(
     assert told.count(line) == told.count("explains the next") == 1
     assert load_run(tmp_path / "found").horizon_steps == steps
     call("explain", f"run={tmp_path / 'found'}", "viewer=off", "predictor=regression")
-    assert f"its next {steps} steps" in capsys.readouterr().out
+    assert f"of the next {steps} steps" in capsys.readouterr().out
 
 
 def test_it_is_said_what_can_be_done_if_refresh_after_refresh_is_skipped(

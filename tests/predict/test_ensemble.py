@@ -158,7 +158,7 @@ def test_only_what_had_ended_by_a_frame_is_learnt_from(log: TrajectoryLog):
 
 
 def test_what_does_not_fit_is_refused(learnt: Ensemble):
-    with pytest.raises(ValueError, match="learnt nothing yet"):
+    with pytest.raises(ValueError, match="not been trained yet"):
         make().rollout([moment(0.0)], right, 3)
     state = learnt.state_dict()
     with pytest.raises(ValueError, match=r"layer 0 has the shapes .* expected"):

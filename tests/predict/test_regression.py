@@ -58,7 +58,7 @@ def test_it_keeps_what_it_has_learnt_in_arrays(log: TrajectoryLog):
 
 def test_what_does_not_fit_is_refused(log: TrajectoryLog, tmp_path: Path):
     regression = Regression(RegressionConfig(), 0, lambda: [20, 40])
-    with pytest.raises(ValueError, match="learnt nothing yet"):
+    with pytest.raises(ValueError, match="not been trained yet"):
         regression.rollout([moment(0.0)], coast, 5)
     with pytest.raises(ValueError, match="no whole episode"):
         regression.learn(TrajectoryLog(tmp_path, 10_000, ["cart"]))

@@ -134,7 +134,7 @@ def test_sizes_that_do_not_fit_are_named() -> None:
 
 
 def test_what_is_no_agent_is_refused() -> None:
-    with pytest.raises(ConfigError, match="a recurrent policy"):
+    with pytest.raises(ConfigError, match="it is recurrent"):
         policy_of(pilots.recurrent())
     with pytest.raises(ConfigError, match="agent=7: allowed is a model"):
         policy_of(7, False)

@@ -29,7 +29,7 @@ def observed_episodes(names: list[str]) -> dict[str, dict[str, ObservedEpisodes]
 
 
 def few(names: list[str], run: str = "dqn0") -> dict[str, Any]:
-    """With three episodes of each agent to be foretold."""
+    """With three episodes of each agent for the prediction task."""
     made = found(names, run)
     for agent in made["prediction"]:
         for cut in agent["cuts"].values():

@@ -92,7 +92,7 @@ def test_episodes_that_teach_no_vocabulary_end_in_one_clear_error(opened: Report
     short = Episode(
         long.states[:3], long.actions[:2], long.rewards[:2], long.instructions[:2], long.given[:2], True, False, "left"
     )
-    with pytest.raises(ConfigError, match=r"figures.episodes=200: agent C's teach no vocabulary .*allowed are more"):
+    with pytest.raises(ConfigError, match=r"figures.episodes=200: agent C's give no vocabulary .*allowed are more"):
         experiments.teach(opened, replace(agent, episodes=[short]))
 
 

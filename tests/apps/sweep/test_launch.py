@@ -120,7 +120,7 @@ def test_how_a_sweep_ends(
     assert f"explain.py sweep={tmp_path}\n" in said
     assert "they are recorded, not served" in said
     assert ("failed: 0: error: broken" in said) == (became == FAILED)
-    assert ("goes on" in said) == (became == NOT_BEGUN)
+    assert ("resumes it" in said) == (became == NOT_BEGUN)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(tmp_path: Path)
     again = start("train.py", *asked)
     output, _ = again.communicate(timeout=200)
     assert again.returncode == 0, output
-    assert "seed=0: finished before" in output
+    assert "seed=0: finished earlier" in output
     assert "seed=1: resumes at about" in output
     assert "resuming at" in (killed / "output.log").read_text()
     assert (other / "summary.json").stat().st_mtime_ns == before
@@ -186,7 +186,7 @@ def test_ctrl_c_ends_a_sweep_in_order(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "0_seed=0" / "summary.json").read_text())["stopped_early"] is True
     assert not (tmp_path / "1_seed=1").exists()
     assert "seed=0: stopped" in output
-    assert f"the same command with run_dir={tmp_path} goes on" in output
+    assert f"the same command with run_dir={tmp_path} resumes it" in output
     assert "Traceback" not in output
 
 

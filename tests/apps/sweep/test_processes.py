@@ -124,7 +124,7 @@ def test_what_is_finished_stays_what_has_a_state_goes_on_and_the_rest_begins(tmp
     assert (done.folder / "summary.json").stat().st_mtime_ns == before
     assert (begun.folder / "output.log").read_text() == "as it was\nthreads 1 goes on True\n"
     assert (new.folder / "output.log").read_text() == "threads 1 goes on False\n"
-    assert "done: finished before" in said.getvalue()
+    assert "done: finished earlier" in said.getvalue()
 
 
 def test_what_it_said_another_time_is_not_why_it_failed(tmp_path: Path) -> None:

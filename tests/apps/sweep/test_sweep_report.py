@@ -74,7 +74,7 @@ def test_it_prints_the_table_and_where_the_rest_is(place: Path, capsys: pytest.C
     assert "mapping=paper" in said
     assert f"report: {place / 'figures' / 'report.html'}" in said
     assert f"-m ibe_rl.viewer {place}" in said
-    assert "note: one run only" in said
+    assert "note: a single run" in said
 
 
 def test_curves_are_drawn_with_their_means_and_bands(found: dict[str, Any]) -> None:
