@@ -20,7 +20,8 @@ from omegaconf import OmegaConf
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config import settings as schemas
-from ibe_rl.config.kinds import GROUPS, ROOMS, SEVERAL, check_config, implementation, register, settings_of
+from ibe_rl.config.kind_files import register
+from ibe_rl.config.kinds import GROUPS, ROOMS, SEVERAL, check_config, implementation, settings_of
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
     CODE_SETTINGS,
@@ -28,13 +29,12 @@ from ibe_rl.config.settings import (
     ExplainConfig,
     InstructorConfig,
     LogConfig,
-    MappingConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
 from ibe_rl.envs.lander_task import LANDER_TASK
-from ibe_rl.ibe import IBEMapping
+from ibe_rl.ibe import IBEConfig, IBEMapping
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.fitting import check_mapping
 from ibe_rl.vocabulary.tracker import check_refreshing
@@ -166,7 +166,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     for group, kind in [choice for choice in CHOICES if choice[0] in ROOMS and choice[1] not in NEEDED]:
         config = getattr(composed("train", f"{group}={kind}"), group)
         assert replace(config) == settings_of(group, kind)(kind=kind)
-    assert composed("train", "mapping=paper").mapping == MappingConfig(horizon_steps=60)  # of the lander
+    assert composed("train", "mapping=paper").mapping == IBEConfig(horizon_steps=60)  # of the lander
     assert cfg.predictor == PredictorConfig()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):
@@ -179,7 +179,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
 
 def default(schema: type) -> Any:
     """An instance with every part of it; what has no default stays missing."""
-    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": MappingConfig}
+    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": IBEConfig}
     parts |= {"predictor": PredictorConfig, "viewer": ViewerConfig}
     names = {item.name for item in fields(schema)}
     return schema(**{name: part() for name, part in parts.items() if name in names})

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 
-from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterTransition, Meaning, TooLittleDataError
+from ibe_rl.ibe import ClusterTransition, IBEConfig, Meaning, TooLittleDataError
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
@@ -89,7 +88,7 @@ def test_without_memory_a_vocabulary_starts_from_nothing_but_keeps_its_names(log
     assert sorted(names(second)) == [0, 1, 2]
 
 
-def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     first = development.refresh(log, stay)
@@ -105,7 +104,7 @@ def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog,
     assert second.change.drift == VocabularyDrift(pytest.approx(2 / 3), pytest.approx(2 * 2 / 3), 1.0)
 
 
-def test_staleness_is_what_the_new_vocabulary_tells_better(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_staleness_is_what_the_new_vocabulary_tells_better(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     first = development.refresh(log, stay)
@@ -148,9 +147,7 @@ def test_what_is_scored_is_the_same_for_both_and_of_the_newest_episodes(
     np.testing.assert_allclose(seen[1][1].delta[:, 0], [-5, -5, -4, 0, 0, 0], atol=0.1)  # to the end where that is near
 
 
-def test_a_vocabulary_that_is_good_enough_stays(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig, tmp_path: Path
-):
+def test_a_vocabulary_that_is_good_enough_stays(log: TrajectoryLog, only_the_newest_count: IBEConfig, tmp_path: Path):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=0.0)
     first = development.refresh(log, stay)
@@ -173,7 +170,7 @@ def test_a_vocabulary_that_is_good_enough_stays(
 
 @pytest.mark.parametrize(("when_stale", "taken"), [(None, True), (0.99, True), (1.0, False), (-1.0, True)])
 def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig, when_stale: float | None, taken: bool
+    log: TrajectoryLog, only_the_newest_count: IBEConfig, when_stale: float | None, taken: bool
 ):
     defy(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=when_stale)
@@ -186,7 +183,7 @@ def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
     assert second.standing is development.mapping is (second if taken else first).mapping
 
 
-def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(replace(only_the_newest_count, n_clusters=2), TASK, seed=0, when_stale=1.0)
     development.refresh(log, stay)
@@ -207,7 +204,7 @@ def test_silence_in_the_newest_episodes_does_not_end_a_run(log: TrajectoryLog, m
     assert np.isnan(list(development.refresh(log, stay).scores.values())).all()
 
 
-def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     """Three lifts of the old kind, three racing ones, and the old kind again: all come under new names."""
     development, given = VocabularyTracker(only_the_newest_count, TASK, seed=0), []
     for fly in (obey, race, obey):
@@ -233,7 +230,7 @@ def test_names_of_a_vocabulary_that_was_not_taken_are_free(log: TrajectoryLog):
     assert sorted(names(taken)) == [3, 4, 5]
 
 
-def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     def second(**changes: float) -> Refresh:
         again = TrajectoryLog(log.folder.parent / str(changes), 10_000, TASK.contexts)
         development = VocabularyTracker(replace(only_the_newest_count, **changes), TASK, seed=0)
@@ -307,7 +304,7 @@ def test_the_probe_is_kept_with_the_first_refresh_and_a_file_with_each(log: Traj
     assert saved["scores"]["motion_auc"] == second.scores["motion_auc"]
 
 
-def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     with pytest.raises(TooLittleDataError, match="no episode has ended yet"):
         development.refresh(log, stay)

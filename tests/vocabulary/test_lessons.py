@@ -1,6 +1,6 @@
 """Which episodes and windows of a log made by hand a vocabulary is learnt from, and what cannot be learnt."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 
+from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import IBEMapping, TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError, Episode
@@ -291,6 +292,24 @@ def test_settings_that_do_not_go_together_are_refused(changes: dict[str, Any], m
     with pytest.raises(ConfigError) as refused:
         check_mapping(config(**changes), TASK)
     assert str(refused.value).startswith(message)
+
+
+@dataclass
+class WideConfig(MappingConfig):
+    depth: int = 1
+    width: int = 1
+
+
+class Narrow:
+    settings = WideConfig
+
+    def __init__(self, depth: int):
+        self.depth = depth
+
+
+def test_a_setting_that_the_class_does_not_take_is_refused():
+    with pytest.raises(ConfigError, match=r"^mapping\.kind=.*:Narrow: its constructor takes no width; allowed is a"):
+        check_mapping(WideConfig(kind=f"{__name__}:Narrow", spans_steps=[]), TASK)
 
 
 @pytest.mark.parametrize(
