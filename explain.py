@@ -28,6 +28,7 @@ from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
 from ibe_rl.evaluation.narration import check_context, explain_rollout, print_narration
+from ibe_rl.evaluation.own_metrics import check_metrics
 from ibe_rl.evaluation.predictors import judge_predictors
 from ibe_rl.evaluation.run_predictor import as_trained
 from ibe_rl.evaluation.runs import open_run, refuse_external_settings
@@ -42,6 +43,7 @@ from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
 
 def main(cfg: ExplainConfig) -> None:
     """Open the run and do its ``task``, or report a sweep."""
+    check_metrics(cfg)
     if cfg.sweep_dir is not None:
         load_app("sweep=")(cfg)
         return

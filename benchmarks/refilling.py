@@ -10,10 +10,11 @@ import numpy as np
 
 from benchmarks.plan import ROOT
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.settings import InstructorConfig, MappingConfig
+from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_gym
 from ibe_rl.evaluation.runs import load_run
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.operating_system import peak_memory_mb
 from ibe_rl.storage.log import TrajectoryLog
@@ -92,6 +93,6 @@ def refresh(folder: str) -> dict[str, float]:
     """Seconds of a refresh, and by how many megabytes it raised the most memory this process ever held."""
     log = TrajectoryLog.open(Path(folder))
     before, start = peak_memory_mb(), time.perf_counter()
-    learnt = learn_vocabulary(log, MappingConfig(horizon_steps=60), LANDER_TASK, seed=0)
+    learnt = learn_vocabulary(log, IBEConfig(horizon_steps=60), LANDER_TASK, seed=0)
     seconds = time.perf_counter() - start
     return {"seconds": seconds, "mb": peak_memory_mb() - before, "windows": len(learnt.top)}

@@ -21,12 +21,13 @@ from rich.console import Console
 
 from benchmarks.child import run as run_command
 from benchmarks.robustness_report import write_report
-from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, MappingConfig, PredictorConfig, ViewerConfig
+from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig, ViewerConfig
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import TrainedRun, load_run
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.run_folder import write_json
@@ -51,7 +52,7 @@ ANEW = {
     ),
 }
 """Trained with such an instructor from the beginning."""
-PAPER = MappingConfig()
+PAPER = IBEConfig()
 COMMON = ("viewer=off", "total_frames=1_000_000", "keep_policy_every_frames=null", "eval_every_frames=500_000")
 QUICK = (
     *(

@@ -28,9 +28,9 @@ from ibe_rl.agents import make_agent
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import MappingConfig, TrainConfig
+from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
-from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows
+from ibe_rl.ibe import IBEConfig, TooLittleDataError, Windows, cut_windows
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.metrics.quality import motion_scores
@@ -65,7 +65,7 @@ class Flown:
 
     name: str
     log: TrajectoryLog
-    base: MappingConfig
+    base: IBEConfig
     task: Task
     success: float
     windows: Windows
@@ -132,11 +132,11 @@ def fly(folder: Path, episodes: int) -> Flown:
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))
     instructor = make_instructor(stand_in(config.instructor), task)
     flights = play(envs, agent.greedy, instructor, range(FIRST_SEED, FIRST_SEED + episodes))
-    base = MappingConfig(horizon_steps=config.mapping.horizon_steps)
+    base = IBEConfig(horizon_steps=config.mapping.horizon_steps)
     return landed(folder.resolve().name, log, base, task, flights)
 
 
-def landed(name: str, log: TrajectoryLog, base: MappingConfig, task: Task, flights: Sequence[Episode]) -> Flown:
+def landed(name: str, log: TrajectoryLog, base: IBEConfig, task: Task, flights: Sequence[Episode]) -> Flown:
     """Cut the flights into windows."""
     windows = cut_windows(flights, base.horizon_steps, "clamp")
     windows = windows[windows.given & (windows.step % EVERY_STEPS == 0)]

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping, Windows
+from ibe_rl.ibe import ClusterMapping, IBEConfig, Windows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array
@@ -28,7 +27,7 @@ class Variant:
     Attributes:
         name: in tables.
         group: heading over it there.
-        settings: of ``MappingConfig``, where they differ from the paper's.
+        settings: of ``IBEConfig``, where they differ from the paper's.
         told_only: learn from windows whose instruction was not 0 only.
         named: "own"; or the clusters are named anew by the mean movement of their windows: "axis", along the
             instructor's axis; "explained", in the dimension that the task names by hand.
@@ -107,20 +106,20 @@ class School:
         task: the environment's own.
     """
 
-    def __init__(self, log: TrajectoryLog, base: MappingConfig, task: Task):
+    def __init__(self, log: TrajectoryLog, base: IBEConfig, task: Task):
         self.base, self.task, self._log = replace(base, memory=None), task, log
         self._lessons: dict[tuple[Any, ...], TrainingEpisodes] = {}
         self._windows: dict[tuple[Any, ...], Windows] = {}
         self._axes: dict[int, ClusterMapping] = {}
 
-    def lessons(self, config: MappingConfig) -> TrainingEpisodes:
+    def lessons(self, config: IBEConfig) -> TrainingEpisodes:
         """The episodes that a variant learns from."""
         key = (config.top_fraction, config.top_within)
         if key not in self._lessons:
             self._lessons[key] = read_training_episodes(self._log, config, seed=0)
         return self._lessons[key]
 
-    def windows(self, config: MappingConfig) -> Windows:
+    def windows(self, config: IBEConfig) -> Windows:
         """The windows that a variant learns from."""
         key = (config.top_fraction, config.top_within, config.window_end, config.failed_ends)
         if key not in self._windows:

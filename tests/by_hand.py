@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe import ClusterMapping, IBEConfig
 from ibe_rl.ibe.space import Space, scaled
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Phrases, Task
@@ -112,13 +111,13 @@ def stay(observations: Array) -> Array:
     return np.zeros(len(observations), int)
 
 
-def config(**changes: Any) -> MappingConfig:
+def config(**changes: Any) -> IBEConfig:
     """Three clusters of five steps, of all whole windows of all episodes, too few to test what the words mean."""
     settings = {"horizon_steps": 5, "spans_steps": [], "n_clusters": 3, "window_end": "drop", "meaning": "assumed"}
-    return MappingConfig(**(settings | {"top_fraction": 1.0, "newest_frames": None} | changes))
+    return IBEConfig(**(settings | {"top_fraction": 1.0, "newest_frames": None} | changes))
 
 
-def better_half(**changes: Any) -> MappingConfig:
+def better_half(**changes: Any) -> IBEConfig:
     """The same of the better half of the episodes."""
     return config(**({"top_fraction": 0.5} | changes))
 

@@ -25,8 +25,7 @@ from benchmarks.why_facts import explained_variance, losses
 from benchmarks.why_figures import draw
 from benchmarks.why_report import markdown, summarise
 from benchmarks.why_variants import renamed
-from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe import ClusterMapping, IBEConfig
 from ibe_rl.ibe.space import scaled
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.log import TrajectoryLog
@@ -312,7 +311,7 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         obey(log, seen_speed=False)  # or the axis would be the speed's, which never changes
     obey(flights)
     defy(flights)
-    rolled_out = why.landed("lift", log, MappingConfig(horizon_steps=5), TASK, flights.read(range(6)))
+    rolled_out = why.landed("lift", log, IBEConfig(horizon_steps=5), TASK, flights.read(range(6)))
     run, rows = why.measure(rolled_out, seeds=2, resamples=5)
     return {"protocol": {}, "runs": [run], "table": summarise([run], [rows])}
 

@@ -24,7 +24,7 @@ from ibe_rl.envs.cart_pole import CartPoleTarget
 from ibe_rl.ibe import IBEMapping
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.predict.regression import Regression
-from ibe_rl.vocabulary.listener import Listener
+from ibe_rl.vocabulary.listener import Listener, Metric
 """
 KINDS = {
     "mapping": "Calm",

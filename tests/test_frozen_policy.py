@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from benchmarks.refilling import steps_of_episode
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.kinds import register
+from ibe_rl.config.kind_files import register
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.evaluation.trained_run import TrainedRun

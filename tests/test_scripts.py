@@ -24,10 +24,10 @@ from view_data import column, eventually, frames, read
 import explain
 from benchmarks import foreseeing
 from ibe_rl.config.command_line import load_config
-from ibe_rl.config.settings import EvaluateConfig, MappingConfig, TrainConfig
+from ibe_rl.config.settings import EvaluateConfig, TrainConfig
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
-from ibe_rl.ibe import ClusterMapping, normalise
+from ibe_rl.ibe import ClusterMapping, IBEConfig, normalise
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.predict.ensemble import EnsembleConfig
@@ -130,7 +130,7 @@ def test_clusters_keep_their_names_and_every_change_is_told(run: Path) -> None:
         assert change["since_frame"] == before["frame"]
         assert survived | set(transition["emerged"]) == set(names(refresh))
         assert survived | set(transition["vanished"]) == set(names(before))
-        assert all(one["overlap"] >= MappingConfig().survival_overlap for one in transition["survived"])
+        assert all(one["overlap"] >= IBEConfig().survival_overlap for one in transition["survived"])
         assert not ever & set(transition["emerged"])
         before, ever = refresh, ever | set(names(refresh))
 

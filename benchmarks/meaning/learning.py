@@ -11,9 +11,8 @@ import numpy as np
 
 from benchmarks.meaning.trial import Trial
 from ibe_rl.config.command_line import composed
-from ibe_rl.config.settings import MappingConfig
 from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed
-from ibe_rl.ibe import ClusterMapping, Reactions
+from ibe_rl.ibe import ClusterMapping, IBEConfig, Reactions
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary.fitting import learn_vocabulary
@@ -52,7 +51,7 @@ def filled(folder: Path, trial: Trial) -> TrajectoryLog:
 
 
 @cache
-def axis() -> MappingConfig:
+def axis() -> IBEConfig:
     """``configs/mapping/axis.yaml``."""
-    config: MappingConfig = composed("train", ["mapping=axis", "run_dir=unused"]).mapping
+    config: IBEConfig = composed("train", ["mapping=axis", "run_dir=unused"]).mapping
     return config

@@ -2,6 +2,7 @@
 
 In: a command line, the YAML files in ``configs/`` and below a ``--config-dir``, or the config of a run folder.
 Out: dataclasses with values within their limits, or a one-line error. ``settings`` has what all kinds of a part share.
-``kinds`` finds the class that a ``kind`` names, with its own settings; nothing else lists kinds.
+``kinds`` finds the class that a ``kind`` names, with its own settings; nothing else lists kinds. ``kind_files`` shows
+these settings to hydra.
 Imports: ``types``, ``runtime``, ``storage``. No other package knows hydra or omegaconf.
 """

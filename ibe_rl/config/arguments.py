@@ -3,36 +3,42 @@
 from __future__ import annotations
 
 import re
-from argparse import ArgumentParser
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from itertools import pairwise
 
 from hydra.core.override_parser.types import Quote, QuotedString
 
-from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles
-from ibe_rl.storage.run_folder import CONFIG, read_yaml
-
 SPELT = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
 """Settings that name a path but clash with a config group, mapped to their field in the config."""
+WITH_PATH = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn")
+"""Options whose value is the next argument, which may have an equals sign in it."""
 OF_A_TRAINING = re.compile(r"(env|mapping)[.=]")
 """Settings that ``explain.py`` passes on when it creates an external agent's run folder."""
 
 
-def as_hydra_reads(arguments: Sequence[str], script: str, configs: Path) -> list[str]:
-    """Translate the arguments of a script into hydra overrides.
+def as_hydra_reads(arguments: Sequence[str], script: str, resumed: Sequence[str]) -> list[str]:
+    """Translate the arguments of a script into those of hydra.
 
     Args:
-        arguments: as typed.
+        arguments: as typed after the script, options and settings in any order.
         script: "train" or "explain".
-        configs: folder of the hydra files.
+        resumed: the choices of a resumed run, from ``resumed_choices``.
     """
-    renamed = [_renamed(one, script) for one in arguments]
+    options, settings = sorted_arguments(arguments)
+    renamed = [_renamed(one, script) for one in settings]
     if script == "explain":
-        return _passed_on(renamed)
-    at = next((place for place, one in enumerate(renamed) if one.startswith("resume=")), len(renamed))
-    renamed[at:at] = _resumed_choices(renamed, configs)  # next to it: hydra refuses settings on both sides of an option
-    return renamed
+        return [*options, *_passed_on(renamed)]
+    return [*options, *resumed, *renamed]
+
+
+def sorted_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The options and the settings; hydra refuses settings on both sides of an option."""
+    options: list[str] = []
+    settings: list[str] = []
+    for before, one in pairwise(["", *arguments]):
+        is_setting = before not in WITH_PATH and not one.startswith("-") and ("=" in one or one.startswith("~"))
+        (settings if is_setting else options).append(one)
+    return options, settings
 
 
 def _renamed(argument: str, script: str) -> str:
@@ -49,39 +55,6 @@ def _passed_on(arguments: list[str]) -> list[str]:
     at = arguments.index(passed[0])
     rest = [one for one in arguments if one not in passed]
     return [*rest[:at], f"guest_settings=[{','.join(map(quoted, passed))}]", *rest[at:]]
-
-
-def _resumed_choices(arguments: Sequence[str], configs: Path) -> list[str]:
-    """The group choices of a resumed run, from which hydra knows the settings of their kinds."""
-    resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
-    try:
-        saved = read_yaml(Path(resumed[0]) / CONFIG)
-        given = {one.partition("=")[0] for one in arguments}
-        folders = [KindFiles("", str(folder)) for folder in (configs, *own_folders(arguments))]
-        return [
-            f"{group}={chosen}"
-            for group in GROUPS
-            if group not in given and (chosen := _chosen(group, saved, folders)) is not None
-        ]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
-        return []  # resuming the run reports the error
-
-
-def _chosen(group: str, saved: dict[str, Any], folders: Sequence[KindFiles]) -> str | None:
-    """The choice of a group that matches a saved config, as on the command line; None if there is none."""
-    names = {kind: name for folder in folders for kind, name in folder.kinds(group).items()}
-    if group in SEVERAL:
-        several = saved.get(SEVERAL[group], {})
-        return f"[{','.join(several)}]" if several and all(one["kind"] in names for one in several.values()) else None
-    return names.get(saved[group].get("kind"))
-
-
-def own_folders(arguments: Sequence[str]) -> list[str]:
-    """The folders that ``--config-dir`` names."""
-    parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--config-dir", "-cd", action="append", default=[])
-    found: list[str] = parser.parse_known_args(list(arguments))[0].config_dir
-    return found
 
 
 def quoted(text: str) -> str:

@@ -21,9 +21,10 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
 
-from ibe_rl.config.arguments import as_hydra_reads
+from ibe_rl.config.arguments import as_hydra_reads, sorted_arguments
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles, check_config, register, with_settings
+from ibe_rl.config.kind_files import KindFiles, register, resumed_choices
+from ibe_rl.config.kinds import GROUPS, SEVERAL, check_config, with_settings
 from ibe_rl.config.settings import CODE_SETTINGS
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
@@ -42,7 +43,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
     register()
-    sys.argv = as_hydra_reads(sys.argv, name, configs)
+    sys.argv[1:] = as_hydra_reads(sys.argv[1:], name, resumed_choices(sys.argv[1:], configs))
     started = False
     refused: list[str] = []
 
@@ -55,11 +56,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
             started = True
             with threadpool_limits(1):  # more threads are slower when processes share the cores
                 script(values)
-        except (
-            ConfigError,
-            LostWorkerError,
-            OmegaConfBaseException,
-        ) as error:  # hydra would add lines; a sweep continues
+        except (ConfigError, LostWorkerError, OmegaConfBaseException) as error:  # hydra would end the sweep
             refused.append(f"error: {one_line(error)}")
 
     try:
@@ -105,7 +102,8 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
     """
     try:
         with settings_at_hand():
-            values = OmegaConf.to_object(hydra.compose(name, as_hydra_reads(overrides, name, CONFIGS)))
+            arguments = as_hydra_reads(overrides, name, resumed_choices(overrides, CONFIGS))
+            values = OmegaConf.to_object(hydra.compose(name, arguments))
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(one_line(error)) from None
     check_config(values)
@@ -156,7 +154,7 @@ def run_name(folder: Path) -> str:
 def _swept() -> set[str]:
     """The settings that a sweep varies; none if the command line is another process's or does not parse."""
     params = HydraConfig.get().sweeper.get("params") or {}
-    given = [f"{key}={values}" for key, values in params.items()] + [one for one in sys.argv[1:] if "=" in one]
+    given = [*(f"{key}={values}" for key, values in params.items()), *sorted_arguments(sys.argv[1:])[1]]
     try:
         return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
     except OverrideParseException:

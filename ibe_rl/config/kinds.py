@@ -3,6 +3,7 @@
 A kind is a class, and a YAML file in ``configs/GROUP`` (or below a ``--config-dir``) whose ``kind`` names it:
 ``my_package.my_module:MyMapping``, or for those of this package the name of their module. The class attribute
 ``settings`` is a dataclass derived from the group's; hydra takes fields, types and defaults from it.
+An environment is named by its ``id`` instead; its ``settings`` are the arguments of its constructor (``env.kwargs``).
 Nothing else lists kinds.
 """
 
@@ -10,36 +11,25 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-from hydra._internal.core_plugins.file_config_source import FileConfigSource
-from hydra._internal.sources_registry import SourcesRegistry
-from hydra.core.config_store import ConfigStore
-from hydra.core.object_type import ObjectType
-from hydra.core.plugins import Plugins
-from hydra.plugins.config_source import ConfigResult
-from omegaconf import DictConfig, OmegaConf
+import gymnasium
+from gymnasium.envs.registration import load_env_creator
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
     AgentConfig,
-    EnvConfig,
-    ExplainConfig,
     InstructorConfig,
     ListenerConfig,
     MappingConfig,
     MetricConfig,
     PredictorConfig,
-    TrainConfig,
-    ViewerConfig,
 )
-from ibe_rl.runtime.import_string import import_named, raised
+from ibe_rl.runtime.import_string import import_from_here, import_named, raised
 from ibe_rl.types import ConfigError
 
 GROUPS: dict[str, type] = {
@@ -57,15 +47,15 @@ ROOMS = {"agent": "ibe_rl.agents", "instructor": "ibe_rl.instructors", "predicto
 """The package with the module that a kind without a colon names."""
 MAPPING = "ibe_rl.ibe.estimator:IBEMapping"
 """The class of a mapping whose kind has no colon."""
-SETTINGS = ".settings"
-"""Suffix of a file's name for the settings of its kind, a config that hydra merges before the file."""
+BASES = {"listener": "ibe_rl.vocabulary.listener:Listener", "metric": "ibe_rl.vocabulary.listener:Metric"}
+"""The class that all kinds of a group derive from, where there is one."""
 
 
 def implementation(group: str, kind: str) -> type[Any]:
     """The class of a kind.
 
     Raises:
-        ConfigError: if there is none, it cannot be imported, or its settings are not of this group.
+        ConfigError: if there is none, it cannot be imported, or it or its settings are not of this group.
     """
     if group in ROOMS and ":" not in kind:
         found = _of_room(ROOMS[group], kind)
@@ -78,6 +68,8 @@ def implementation(group: str, kind: str) -> type[Any]:
         raise ConfigError(
             f"{group}.kind={kind}: its settings are {settings}; allowed is a dataclass derived from {base.__name__}"
         )
+    if group in BASES and not issubclass(found, import_named(group, BASES[group], "module:Class")):
+        raise ConfigError(f"{group}.kind={kind}: allowed is a class derived from {BASES[group]}")
     return found
 
 
@@ -93,11 +85,18 @@ def _of_room(room: str, kind: str) -> Any:
 
 def settings_of(group: str, kind: str | None) -> type[Any]:
     """The settings dataclass of a kind; for None the group's."""
-    base = GROUPS[group]
-    if kind is None or (group == "mapping" and ":" not in kind):
-        return base
-    found: type[Any] = getattr(implementation(group, kind), "settings", base)
+    found: type[Any] = getattr(None if kind is None else implementation(group, kind), "settings", GROUPS[group])
     return found
+
+
+def settings_of_env(env_id: str) -> type[Any] | None:
+    """The dataclass ``settings`` of a registered environment's class; None if it has none."""
+    module, colon, name = env_id.rpartition(":")
+    if colon:
+        import_from_here(module)
+    entry = gymnasium.registry[name].entry_point
+    settings = getattr(load_env_creator(entry) if isinstance(entry, str) else entry, "settings", None)
+    return settings if inspect.isclass(settings) and is_dataclass(settings) else None
 
 
 def made(group: str, config: Any, *args: Any, **kwargs: Any) -> Any:
@@ -107,21 +106,12 @@ def made(group: str, config: Any, *args: Any, **kwargs: Any) -> Any:
     return make(config, *args, **kwargs)
 
 
-def make_listeners(cfg: TrainConfig) -> list[Any]:
-    """Make the configured listeners.
+def make_several(group: str, configs: Mapping[str, Any]) -> list[Any]:
+    """Make the configured listeners or metrics.
 
     Raises:
         ConfigError: if one raises an error.
     """
-    return _make_several("listener", cfg.listeners)
-
-
-def make_metrics(cfg: TrainConfig) -> list[Any]:
-    """Make the configured metrics; see ``make_listeners``."""
-    return _make_several("metric", cfg.metrics)
-
-
-def _make_several(group: str, configs: dict[str, Any]) -> list[Any]:
     several = []
     for name, config in configs.items():
         try:
@@ -151,7 +141,7 @@ def checked(settings: type[Any], values: Mapping[str, Any], key: str) -> Any:
 
 
 def check_config(values: Any) -> None:
-    """Refuse values outside their limits, unknown settings, and the settings of another kind.
+    """Refuse values outside their limits, unknown settings, those of another kind, and those that nothing reads.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
@@ -159,10 +149,24 @@ def check_config(values: Any) -> None:
     check(values)
     for group in GROUPS:
         config = getattr(values, group, None)
-        if config is not None and type(config) is not settings_of(group, config.kind):
+        if config is None:
+            continue
+        if type(config) is not settings_of(group, config.kind):
             raise ConfigError(
                 f"{group}.kind={config.kind}: these are the settings of another kind; allowed is {group}=NAME, "
                 "of a file with that kind"
+            )
+        _refuse_unread(group, config)
+
+
+def _refuse_unread(group: str, config: Any) -> None:
+    """Refuse what is set but has no effect; a dataclass of settings lists such fields in ``unread()``."""
+    default = type(config)()
+    for name, because in getattr(config, "unread", dict)().items():
+        if getattr(config, name) != getattr(default, name):
+            raise ConfigError(
+                f"{group}.{name}={getattr(config, name)}: nothing reads it with {group}.{because}; "
+                f"allowed is {getattr(default, name)}"
             )
 
 
@@ -180,81 +184,3 @@ def with_settings(saved: dict[str, Any]) -> dict[str, Any]:
 def _typed(group: str, values: dict[str, Any]) -> Any:
     schema = settings_of(group, str(values.get("kind", getattr(GROUPS[group], "kind", None))))
     return OmegaConf.select(OmegaConf.merge({group: OmegaConf.structured(schema)}, {group: values}), group)
-
-
-class KindFiles(FileConfigSource):
-    """A folder of config files; a file with a ``kind`` is merged onto the settings of that kind.
-
-    These settings are the first entry of the file's defaults list, so hydra knows them when it merges the file and
-    the command line.
-    """
-
-    def load_config(self, config_path: str) -> ConfigResult:
-        """Read a file, or make a config from the settings of its kind."""
-        path = config_path.removesuffix(".yaml")
-        group, _, name = path.partition("/")
-        if self._is_virtual(path):
-            kind = None if name == "schema" else _kind_in(super().load_config(path.removesuffix(SETTINGS)), group)
-            node = OmegaConf.structured(SHARED[group] if kind is None else settings_of(group, kind))
-            return ConfigResult(self.provider, self.full_path(), node, {"package": None})
-        loaded: ConfigResult = super().load_config(config_path)
-        if group in GROUPS and name:
-            _lead_with_settings(loaded, group, name)
-        return loaded
-
-    def is_group(self, config_path: str) -> bool:
-        """Whether it is a folder or a group of kinds, even one without files."""
-        return config_path in GROUPS or bool(super().is_group(config_path))
-
-    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
-        """The files or folders of a group."""
-        return super().list(config_path, results_filter) if super().is_group(config_path) else []
-
-    def is_config(self, config_path: str) -> bool:
-        """Whether it is a file, or the settings of one."""
-        return self._is_virtual(config_path.removesuffix(".yaml")) or bool(super().is_config(config_path))
-
-    def _is_virtual(self, path: str) -> bool:
-        group, _, name = path.partition("/")
-        if group in GROUPS and name.endswith(SETTINGS):
-            return bool(super().is_config(path.removesuffix(SETTINGS)))
-        return name == "schema" and group in SHARED
-
-    def kinds(self, group: str) -> dict[str, str]:
-        """Map the kinds of a group to the names of their files."""
-        found: dict[str, str] = {}
-        for file in sorted((Path(self.path) / group).glob("*.yaml")):
-            with suppress(YAMLError, OSError, OmegaConfBaseException):  # a broken file names no kind
-                kind = _kind_in(super().load_config(f"{group}/{file.stem}"), group)
-                found |= {} if kind is None else {kind: file.stem}
-        return found
-
-
-def _kind_in(loaded: ConfigResult, group: str) -> str | None:
-    """The kind that a file names, or None."""
-    own = loaded.config.get(group) if loaded.header["package"] == "_global_" else loaded.config
-    kind = own.get("kind") if isinstance(own, DictConfig) else None
-    return None if kind is None else str(kind)
-
-
-SHARED: dict[str, type] = GROUPS | {"env": EnvConfig, "viewer": ViewerConfig}
-"""What ``schema`` in a file's defaults list stands for."""
-
-
-def _lead_with_settings(loaded: ConfigResult, group: str, name: str) -> None:
-    whole, kind = loaded.header["package"] == "_global_", _kind_in(loaded, group)
-    if group in SEVERAL and loaded.header["package"] is None:
-        loaded.header["package"] = f"{SEVERAL[group]}.{name}"
-    if kind is None or (group == "mapping" and ":" not in kind):
-        return
-    entry = f"/{group}/{name}{SETTINGS}@{group if whole else '_here_'}"
-    loaded.config["defaults"] = [entry, *loaded.config.get("defaults", [])]
-
-
-def register() -> None:
-    """Register the two root configs and ``KindFiles`` with hydra."""
-    store = ConfigStore.instance()
-    store.store(name="train_schema", node=TrainConfig)
-    store.store(name="explain_schema", node=ExplainConfig)
-    Plugins.instance()  # registers hydra's own sources first
-    SourcesRegistry.instance().types["file"] = KindFiles

@@ -127,7 +127,10 @@ class ObedienceConfig:
 
 @dataclass
 class MappingConfig:
-    """How the vocabulary is learnt; the defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md)."""
+    """What all mappings share: the training data, the meaning of the words, and how clusters keep their identity.
+
+    The defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md).
+    """
 
     kind: str = "paper"  # name in summaries and tables
     horizon_steps: int | None = setting(None, low=1)  # None: estimated from the episodes at each refresh
@@ -137,22 +140,11 @@ class MappingConfig:
     window_end: str = setting("clamp", choices=("drop", "clamp"))
     failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of a failed episode
     n_clusters: int = setting(8, low=2)  # per number of an instruction; two numbers get twice as many in total
-    space: str = setting("all", choices=("all", "information", "lasso", "network", "rule"))  # see ibe_rl.ibe.IBEMapping
-    split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
-    power: float = setting(1.0, low=0.05, high=1.0)  # exponent of magnitudes; below 1: more clusters for small ones
-    symmetric: bool = False  # mirror the clusters, as many on each side of 0
-    normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
-    membership: str = setting("hard", choices=("hard", "soft", "direct"))
     meaning: str = setting("tested", choices=("tested", "assumed"))  # assumed: as the best episodes moved, untested
-    weigh_followed: bool = False  # weight windows by how well the instruction was followed
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster; empty: all
-    hidden: list[int] = field(default_factory=lambda: [32, 32])  # layer widths of space=network
-    n_init: int = setting(4, low=1)  # k-means initialisations when no earlier vocabulary is used
     newest_frames: int | None = setting(250_000, low=1)  # fit on episodes that ended in these; None: the whole log
-    memory: float | None = setting(0.85, low=0.0, high=0.99)  # factor on earlier windows' weight; None: from scratch
     survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # least overlap with which a cluster keeps its identity
     hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving expression changes only by more than this
-    max_fit_windows: int = setting(20_000, low=100)  # at most this many windows, sampled at random, are clustered
 
 
 @dataclass
@@ -284,4 +276,5 @@ class ExplainConfig:
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
     compare: CompareConfig = field(default_factory=CompareConfig)
     figures: FiguresConfig = field(default_factory=FiguresConfig)
+    metrics: dict[str, MetricConfig] = field(default_factory=dict)  # beside the run's own; chosen as metric=[NAME,...]
     output: str | None = None  # path of the recording; None: in the run folder

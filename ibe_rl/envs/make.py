@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import is_dataclass
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
-from gymnasium.envs.registration import load_env_creator
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.config.kinds import checked
+from ibe_rl.config.kinds import checked, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
 from ibe_rl.envs.snapshots import Stoppable, stoppable
@@ -65,11 +62,8 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
 
 def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Check the arguments and add defaults if the environment's class has a dataclass ``settings``."""
-    made = gymnasium.registry[env_id.rpartition(":")[2]].entry_point
-    settings: Any = getattr(load_env_creator(made) if isinstance(made, str) else made, "settings", None)
-    if not inspect.isclass(settings) or not is_dataclass(settings):
-        return dict(kwargs)
-    return dict(vars(checked(settings, kwargs, "env.kwargs")))
+    settings = settings_of_env(env_id)
+    return dict(kwargs) if settings is None else dict(vars(checked(settings, kwargs, "env.kwargs")))
 
 
 def _check_registered(env_id: str) -> None:

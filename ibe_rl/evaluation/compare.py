@@ -11,6 +11,7 @@ from ibe_rl.evaluation import report, tables
 from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
 from ibe_rl.evaluation.judging import judge, paired_of, rows_of
 from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts
@@ -29,17 +30,19 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Learn every mapping from the log of a run and evaluate all on the same moments, at the run's own horizon.
 
     Raises:
-        ConfigError: before any episode, if the run lacks a needed file or a mapping is unknown.
+        ConfigError: before any episode, if the run lacks a needed file, a mapping is unknown or a metric
+            cannot be made.
     """
     configs = asked_for(cfg.compare.mappings, choices("mapping"))
     refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
+    own_metrics = OwnMetrics.of({**run.config.metrics, **cfg.metrics})
     report.make_folders(run.folder)
     learnt = learn_mappings(run, refits, configs, cfg)
     with shared_predictor(run, cfg) as predictor:
         both, held_out = Rollouts(run, cfg, predictor).judged_and_held_out((own,))
     moments = both.judged()
     weights = episode_weights(moments.episode, config.resamples, config.seed)
-    judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed)
+    judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed, own=own_metrics.score)
     rows = rows_of(judged)
     true_change = held_out.real_change(own, run.task.explained)[:, 0]
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}

@@ -16,10 +16,11 @@ from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.judging import confidence_of, judge, paired_of, rows_of
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.observers import add_errors, observe_all
+from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
-from ibe_rl.evaluation.rows import Judged
+from ibe_rl.evaluation.rows import Judged, OwnScores
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
@@ -39,17 +40,18 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Evaluate the explanations of a run; ``docs/QUALITY.md`` defines the metrics.
 
     Raises:
-        ConfigError: before any episode, if the run lacks a needed file.
+        ConfigError: before any episode, if the run lacks a needed file or a metric cannot be made.
     """
     horizons = horizons_of(cfg.evaluate, run)
     refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
+    own_metrics = OwnMetrics.of({**run.config.metrics, **cfg.metrics})
     report.make_folders(run.folder)
     learnt = learn_all(run, refits, horizons, cfg, ours)
     with shared_predictor(run, cfg) as predictor:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
-    judged = judge_all(learnt, moments.judged(), held_out, run, cfg)
+    judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
     own = run.horizon_steps
     observers, rows = add_observers(judged, learnt, moments, held_out, run, cfg, ours)
     quality = {
@@ -91,14 +93,19 @@ def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> Cluste
 
 
 def judge_all(
-    learnt: dict[int, Learnt], moments: Moments, held_out: Moments, run: TrainedRun, cfg: ExplainConfig
+    learnt: dict[int, Learnt],
+    moments: Moments,
+    held_out: Moments,
+    run: TrainedRun,
+    cfg: ExplainConfig,
+    own: OwnScores,
 ) -> dict[int, Judged]:
     """Evaluate all explainers at all horizons, on the same resamples of the episodes."""
     config = cfg.evaluate
     weights = episode_weights(moments.episode, config.resamples, config.seed)
     with progress_bar("explainers", len(learnt) * (EXPLAINERS + ENSEMBLES * config.shuffles)) as step:
         return {
-            horizon: judge(one, moments, held_out, horizon, run.task, weights, config.seed, step)
+            horizon: judge(one, moments, held_out, horizon, run.task, weights, config.seed, step, own)
             for horizon, one in learnt.items()
         }
 

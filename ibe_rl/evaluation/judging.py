@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from ibe_rl.evaluation.controls import Flipped, of_another_moment
 from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.evaluation.rows import (
     Judged,
+    OwnScores,
     Samples,
+    Statements,
     Truth,
     add_loss,
     balance,
@@ -20,9 +23,9 @@ from ibe_rl.evaluation.rows import (
     estimate_json,
     fixed,
     laid_out,
+    own_columns,
+    score,
     score_confidence,
-    score_motion,
-    score_words,
     spread_over,
 )
 from ibe_rl.evaluation.verbalise import calibrate, speak
@@ -43,6 +46,7 @@ def judge(
     weights: Array,
     seed: int,
     step: Callable[[], None] = lambda: None,
+    own: OwnScores = lambda _: {},
 ) -> Judged:
     """Evaluate every explainer at one horizon.
 
@@ -55,16 +59,17 @@ def judge(
         weights: ``(R, N)`` of the resamples.
         seed: of the control with predictions of another moment.
         step: called after each explainer.
+        own: the scores of metrics of one's own.
     """
     truth = Truth.of(moments, horizon_steps, task, forecasts(learnt.regressors, moments.state), weights)
     judged = Judged(truth, task.number_names, mappings=dict(learnt.vocabularies))
     for name, said in _simple(learnt, moments, horizon_steps, task).items():
         on_scale = as_instruction(name, said, task.explained_band)
-        judged.samples[f"baseline:{name}"] = score_motion(said, judged.truth, on_scale)
+        judged.samples[f"baseline:{name}"] = score(Statements(f"baseline:{name}", said, on_scale, truth), own)
         step()
-    _judge_vocabularies(judged, moments, held_out, horizon_steps, task, step)
+    _judge_vocabularies(judged, moments, held_out, horizon_steps, task, step, own)
     if learnt.ensembles:
-        _judge_controls(judged, learnt, moments, horizon_steps, task, seed, step)
+        _judge_controls(judged, learnt, moments, horizon_steps, task, seed, step, own)
     refits = [each for several in judged.refits.values() for each in several]
     for samples in (*judged.samples.values(), *refits):
         if "came_true" in samples:
@@ -82,13 +87,19 @@ def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) ->
 
 
 def _judge_vocabularies(
-    judged: Judged, moments: Moments, held_out: Moments, horizon_steps: int, task: Task, step: Callable[[], None]
+    judged: Judged,
+    moments: Moments,
+    held_out: Moments,
+    horizon_steps: int,
+    task: Task,
+    step: Callable[[], None],
+    own: OwnScores,
 ) -> None:
     for name, mapping in judged.mappings.items():
         spoken = speak(mapping, moments, horizon_steps, task.phrases)
         calibration = calibrate(speak(mapping, held_out, horizon_steps, task.phrases))
         probability = calibration.probability(spoken.features)
-        judged.samples[name] = _score(spoken, judged.truth) | score_confidence(
+        judged.samples[name] = _score(name, spoken, judged.truth, own) | score_confidence(
             probability, spoken.voted_true, judged.truth, spoken.known
         )
         judged.spoken[name], judged.calibrations[name] = spoken, calibration
@@ -104,45 +115,53 @@ def _judge_controls(
     task: Task,
     seed: int,
     step: Callable[[], None],
+    own: OwnScores,
 ) -> None:
     """Negative controls: the vocabulary flipped, another moment's future, vocabularies of shuffled instructions."""
     ours = next(iter(learnt.vocabularies.values()))
-    judged.samples["baseline:flipped"] = _score(
-        speak(Flipped(ours), moments, horizon_steps, task.phrases), judged.truth
-    )
-    step()
     elsewhere = of_another_moment(moments, np.random.default_rng(seed))
-    judged.samples["baseline:another_moment"] = _score(
-        speak(ours, elsewhere, horizon_steps, task.phrases), judged.truth
-    )
-    step()
+    for name, mapping, where in (("flipped", Flipped(ours), moments), ("another_moment", ours, elsewhere)):
+        spoken, name = speak(mapping, where, horizon_steps, task.phrases), f"baseline:{name}"
+        judged.samples[name] = _score(name, spoken, judged.truth, own)
+        step()
     alone, first = judged.truth.unweighed(), moments.first_future()
     for name, several in learnt.ensembles.items():
         judged.refits[name] = []
         for mapping in several:
-            scores = _score(speak(mapping, first, horizon_steps, task.phrases), alone)
+            scores = _score(name, speak(mapping, first, horizon_steps, task.phrases), alone, own)
             judged.refits[name].append({metric: scores[metric] for metric in scores if metric != "came_true_voted"})
             step()
 
 
-def _score(spoken: Spoken, truth: Truth) -> Samples:
-    return score_motion(spoken.expression, truth, spoken.expression) | score_words(spoken, truth)
+def _score(name: str, spoken: Spoken, truth: Truth, own: OwnScores) -> Samples:
+    return score(Statements(name, spoken.expression, spoken.expression, truth, spoken), own)
 
 
 def rows_of(judged: Judged) -> list[dict[str, Any]]:
     """The rows of the report for one horizon, evaluated explainers first; null where a metric is undefined."""
     horizon = judged.truth.horizon_steps
+    refits = {name: _complete(several) for name, several in judged.refits.items()}
+    own = own_columns([*chain(*judged.samples.values(), *refits.values())])
     rows = []
     for name, samples in judged.samples.items():
         metrics = {metric: estimate_json(values) for metric, values in samples.items()}
         metrics |= balance(judged.mappings[name]) if name in judged.mappings else {}
-        rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(metrics, judged.names))
-    for name, several in judged.refits.items():
-        metrics = {metric: spread_over(float(each[metric][0]) for each in several) for metric in several[0]}
-        refits = {metric: [_rounded(each[metric][0]) for each in several] for metric in several[0]}
-        row = {"explainer": name, "horizon_steps": horizon} | laid_out(metrics, judged.names)
-        rows.append(row | {"over": "refits", "refits": refits})
+        rows.append({"explainer": name, "horizon_steps": horizon} | laid_out(metrics, judged.names, own))
+    for name, scores in refits.items():
+        metrics = {metric: spread_over(map(float, values)) for metric, values in scores.items()}
+        row = {"explainer": name, "horizon_steps": horizon} | laid_out(metrics, judged.names, own)
+        each = {metric: [_rounded(value) for value in values] for metric, values in scores.items()}
+        rows.append(row | {"over": "refits", "refits": each})
     return sorted(rows, key=lambda row: not row["explainer"].startswith("ibe:"))
+
+
+def _complete(several: Sequence[Samples]) -> dict[str, list[float]]:
+    """Metric to its value of each refit, where all have it: a metric of one's own may fail in between."""
+    return {
+        metric: [each[metric][0] for each in several]
+        for metric in several[0]
+        if all(metric in each for each in several)
+    }
 
 
 def _rounded(value: float) -> float | None:

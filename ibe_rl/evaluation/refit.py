@@ -13,6 +13,7 @@ from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, ExpressionMapping
@@ -40,7 +41,9 @@ def fit_shuffled(
     times ``count`` redraws fewer vocabularies are returned.
     """
     random = np.random.default_rng(seed)
-    quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
+    quick = config
+    if isinstance(config, IBEConfig):
+        quick = replace(config, n_init=1, max_fit_windows=NONSENSE_WINDOWS)
     found: list[ExpressionMapping] = []
     for _ in range(MOST_REDRAWN * count):
         lessons = shuffle_instructions(best, heard, random)

@@ -5,7 +5,7 @@ Shapes: ``N`` moments, ``d`` numbers in an instruction, ``R`` resamples; row 0 i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -28,6 +28,8 @@ CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
 ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
 """The metrics of a row, in the order of the report."""
+IN_EACH_ROW = ("explainer", "horizon_steps", "each", "over", "refits")
+"""What else a row may hold; other columns are of metrics of one's own."""
 EACH = (*MOTION, "vocabulary_loss", "instruction_f1")
 """Metrics reported for each number; the row itself holds their mean."""
 COVERAGE = 0.8
@@ -69,6 +71,26 @@ class Truth:
         return replace(self, weights=self.weights[:1])
 
 
+@dataclass(frozen=True)
+class Statements:
+    """What one explainer said at ``N`` moments, and what was true; what metrics of one's own score.
+
+    Attributes:
+        explainer: its name in the report, as ``ibe:axis`` or ``baseline:constant``.
+        said: ``(N, d)`` the expressions of a vocabulary, in [-1, 1]; for a baseline the changes that it foretells, in
+            units of the state.
+        on_scale: ``(N, d)`` the same on the instructor's scale.
+        truth: real changes, instructions, and the weights of the moments on each resample.
+        spoken: the phrases of a vocabulary; None for a baseline without one.
+    """
+
+    explainer: str
+    said: Array
+    on_scale: Array
+    truth: Truth
+    spoken: Spoken | None = None
+
+
 @dataclass
 class Judged:
     """The results at one horizon.
@@ -92,6 +114,13 @@ class Judged:
     calibrations: dict[str, Calibration] = field(default_factory=dict)
     probabilities: dict[str, Array] = field(default_factory=dict)
     mappings: dict[str, ExpressionMapping] = field(default_factory=dict)
+
+
+def score(statements: Statements, own: OwnScores) -> Samples:
+    """All metrics of an explainer that need no more than its statements."""
+    spoken, truth = statements.spoken, statements.truth
+    scores = score_motion(statements.said, truth, statements.on_scale)
+    return scores | (score_words(spoken, truth) if spoken else {}) | own(statements)
 
 
 def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
@@ -126,6 +155,10 @@ def add_loss(samples: Samples, ceiling: Samples) -> None:
         samples[metric.replace("motion_auc", "vocabulary_loss")] = most - samples[metric]
 
 
+OwnScores = Callable[[Statements], Samples]
+"""The scores of metrics of one's own; see ``own_metrics.OwnMetrics``."""
+
+
 def score_words(spoken: Spoken, truth: Truth) -> Samples:
     """Phrase accuracy of a vocabulary, where the meaning of the words is known."""
     true = {"came_true": (spoken.true, spoken.first_known), "came_true_voted": (spoken.voted_true, spoken.known)}
@@ -155,9 +188,14 @@ def balance(mapping: Any) -> dict[str, Any]:
     return found | {numbered("left_right", number): each for number, each in enumerate(sides)}
 
 
-def laid_out(metrics: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """A row of the report: all metrics in order; with several numbers those of each number under ``each``."""
-    row: dict[str, Any] = {metric: metrics.get(metric) for metric in ROW_METRICS}
+def own_columns(names: Iterable[str]) -> list[str]:
+    """Those of metrics of one's own, each once."""
+    return [name for name in dict.fromkeys(names) if name not in (*ROW_METRICS, *IN_EACH_ROW) and "[" not in name]
+
+
+def laid_out(metrics: dict[str, Any], names: Sequence[str], own: Sequence[str] = ()) -> dict[str, Any]:
+    """A row of the report: all metrics in order, then one's ``own``; with several numbers each under ``each``."""
+    row: dict[str, Any] = {metric: metrics.get(metric) for metric in (*ROW_METRICS, *own)}
     if len(names) > 1:
         row["each"] = [
             {"number": name} | {metric: metrics.get(numbered(metric, i)) for metric in (*EACH, "left_right")}

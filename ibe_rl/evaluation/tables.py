@@ -9,6 +9,8 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from ibe_rl.evaluation.rows import own_columns
+
 TABLE_WIDTH = 110
 SHORT = {
     "motion_auc": "motion AUC",
@@ -74,6 +76,19 @@ def numbers_table(rows: Sequence[dict[str, Any]]) -> Table:
     return table
 
 
+def own_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """The metrics of one's own, of all explainers at one horizon."""
+    table = Table(box=SIMPLE, title="Metrics of your own", title_justify="left", show_edge=False)
+    table.add_column("explainer", no_wrap=True)
+    metrics = own_columns(rows[0])
+    for metric in metrics:
+        table.add_column(metric, no_wrap=True, justify="right")
+    for row in rows:
+        ours = row["explainer"].startswith("ibe:")
+        table.add_row(_name(row), *(_cell(row[metric], True) for metric in metrics), style="bold" if ours else None)
+    return table
+
+
 def horizons_table(rows: Sequence[dict[str, Any]], explainers: Sequence[str]) -> Table:
     """Some explainers over all horizons."""
     horizons = sorted({row["horizon_steps"] for row in rows})
@@ -83,9 +98,9 @@ def horizons_table(rows: Sequence[dict[str, Any]], explainers: Sequence[str]) ->
     for horizon in horizons:
         table.add_column(str(horizon), justify="right", no_wrap=True)
     found = {(row["explainer"], row["horizon_steps"]): row for row in rows}
-    for metric in OVER_HORIZONS:
+    for metric in (*OVER_HORIZONS, *own_columns(name for row in rows for name in row)):
         for name in explainers:
-            cells = [_cell(found[name, horizon][metric]) for horizon in horizons]
+            cells = [_cell(found[name, horizon].get(metric)) for horizon in horizons]
             if any(cells):
                 table.add_row(CALLED.get(metric, metric), _name({"explainer": name}), *cells)
     return table
@@ -142,6 +157,8 @@ def print_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
     shown.print("as p.: share that went as predicted, voted: by the majority of the futures")
     if "each" in rows[0]:
         shown.print(numbers_table(rows))
+    if own_columns(rows[0]):
+        shown.print(own_table(rows))
 
 
 def print_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:

@@ -13,7 +13,7 @@ mean.
 
 In: episodes, or arrays of changes of the state and instructions.
 Out: a ClusterMapping from changes to expressions, with the Meaning of each number of the instruction.
-Imports: types, task; numpy, scipy and scikit-learn, no torch.
+Imports: types, task, config; numpy, scipy and scikit-learn, no torch.
 """
 
 from ibe_rl.ibe.delta import Windows, cut_windows, delta_states, top_episodes
@@ -24,7 +24,7 @@ from ibe_rl.ibe.interpret import interpret
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Evidence, Interpretation, Meaning, Reactions, UnknownMeaningWarning, sayable
 from ibe_rl.ibe.meaning_lines import asked, meaning_lines, positive_phrase
-from ibe_rl.ibe.settings import check_settings
+from ibe_rl.ibe.settings import IBEConfig, check_settings
 from ibe_rl.ibe.space import TooLittleDataError, rule_axes
 from ibe_rl.ibe.vocabulary import normalise, phrase, phrases_of
 
@@ -32,6 +32,7 @@ __all__ = [
     "ClusterMapping",
     "ClusterTransition",
     "Evidence",
+    "IBEConfig",
     "IBEMapping",
     "Interpretation",
     "Meaning",

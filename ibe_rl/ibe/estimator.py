@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
 from ibe_rl.ibe.meaning import Interpretation, Meaning, UnknownMeaningWarning
-from ibe_rl.ibe.settings import OF_INSTRUCTIONS, check_settings
+from ibe_rl.ibe.settings import OF_INSTRUCTIONS, IBEConfig, check_settings
 from ibe_rl.ibe.space import (
     Space,
     TooLittleDataError,
@@ -79,6 +79,8 @@ class IBEMapping(BaseEstimator):
         meanings_: one ``Meaning`` for each number of an instruction; empty if it was fitted without an interpretation.
         labels_: ``(W,)`` cluster of each window it was fitted on.
     """
+
+    settings = IBEConfig
 
     def __init__(
         self,

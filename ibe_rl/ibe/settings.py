@@ -1,12 +1,38 @@
-"""Validity of the settings of an ``IBEMapping``, one by one and together."""
+"""The settings of an ``IBEMapping``, and their validity, one by one and together."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any
+
+from ibe_rl.config.limits import setting
+from ibe_rl.config.settings import MappingConfig
 
 SPACES = ("all", "information", "lasso", "network", "rule")
 OF_INSTRUCTIONS = ("lasso", "network", "rule")
 """Spaces with an axis for each number of the instruction, in units of what the instruction 1 typically brings about."""
+
+
+@dataclass
+class IBEConfig(MappingConfig):
+    """Settings of ``IBEMapping``; the defaults are the paper's."""
+
+    space: str = setting("all", choices=SPACES)
+    split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
+    power: float = setting(1.0, low=0.05, high=1.0)  # exponent of magnitudes; below 1: more clusters for small ones
+    symmetric: bool = False  # mirror the clusters, as many on each side of 0
+    normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
+    membership: str = setting("hard", choices=("hard", "soft", "direct"))
+    weigh_followed: bool = False  # weight windows by how well the instruction was followed
+    hidden: list[int] = field(default_factory=lambda: [32, 32])  # layer widths of space=network
+    n_init: int = setting(4, low=1)  # k-means initialisations when no earlier vocabulary is used
+    memory: float | None = setting(0.85, low=0.0, high=0.99)  # factor on earlier windows' weight; None: from scratch
+    max_fit_windows: int = setting(20_000, low=100)  # at most this many windows, sampled at random, are clustered
+
+    def unread(self) -> dict[str, str]:
+        """Settings that nothing reads, each with the other setting that makes it so; see ``check_config``."""
+        unread = {} if self.space == "network" else {"hidden": f"space={self.space}"}
+        return unread | ({"n_init": "split=quantile"} if self.split == "quantile" else {})
 
 
 def check_settings(estimator: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from torchrl import timeit
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
 from ibe_rl.config.command_line import output_folder, run_name, save_config
-from ibe_rl.config.kinds import make_listeners, make_metrics
+from ibe_rl.config.kinds import make_several
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in
@@ -30,7 +30,7 @@ from ibe_rl.storage.run_folder import (
     create_run_folder,
     hold_folder,
 )
-from ibe_rl.training.check import check_run
+from ibe_rl.training.check import check_columns, check_run
 from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
@@ -40,7 +40,7 @@ from ibe_rl.training.run import Run
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live
 from ibe_rl.view.run_recorder import RunRecorder
-from ibe_rl.vocabulary.listener import Listener
+from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
@@ -58,6 +58,8 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
     env = make_env(cfg.env)
     for note in check_run(cfg, env):
         print(note)  # noqa: T201 - for the user
+    listeners, metrics = make_several("listener", cfg.listeners), make_several("metric", cfg.metrics)
+    check_columns(dict(zip(cfg.metrics, metrics, strict=True)))
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
@@ -72,7 +74,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
             if teach:
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
-            yield _begin(cfg, folder, stop, owned, live, classroom, state)
+            yield _begin(cfg, folder, stop, owned, [LiveView(live), *listeners], metrics, classroom, state)
 
 
 def _restore_folder(cfg: TrainConfig, folder: Path, state: State) -> None:
@@ -88,7 +90,8 @@ def _begin(
     folder: Path,
     stop: StopRequest,
     owned: ExitStack,
-    live: News,
+    listeners: Sequence[Listener],
+    metrics: Sequence[Metric],
     classroom: Any,
     state: State | None,
 ) -> Run:
@@ -96,6 +99,7 @@ def _begin(
     timeit.erase()
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
+        run.metrics = list(metrics)
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
         columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]
@@ -103,8 +107,7 @@ def _begin(
         optional = [one for one in (run.recorder, progress, classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
-        asked = make_listeners(cfg)
-        run.tell = Listeners([Table(table), *optional, LiveView(live), *asked, checkpoints], progress.say)
+        run.tell = Listeners([Table(table), *optional, *listeners, checkpoints], progress.say)
         _collect(run, owned, classroom)
         run.tell.begin(run)
         if state:
@@ -184,7 +187,6 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         env=env,
         evaluation_envs=[make_env(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
         recorder=recorder,
-        metrics=make_metrics(cfg),
     )
     if state:
         run.load_state_dict(state)

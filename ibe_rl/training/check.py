@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -16,8 +17,26 @@ from ibe_rl.predict import check_predictor, is_learnt
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.instruction_reward import check_instruction_reward
 from ibe_rl.types import ConfigError
+from ibe_rl.vocabulary.listener import Metric
 from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.tracker import check_refreshing
+
+TAKEN = ("train/", "eval/", "ibe/", "time/")
+"""Beginnings of the columns of metrics.csv that are not of a metric of one's own."""
+
+
+def check_columns(metrics: Mapping[str, Metric]) -> None:
+    """Refuse metrics of one's own, by name, that would write the columns of others.
+
+    Raises:
+        ConfigError: naming the metric and the column.
+    """
+    seen = {"frames"}
+    for name, metric in metrics.items():
+        for column in metric.columns:
+            if column in seen or column.startswith(TAKEN):
+                raise ConfigError(f"metrics.{name}: its column {column} is taken; allowed is another one, as {name}/x")
+            seen.add(column)
 
 
 def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:

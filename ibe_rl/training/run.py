@@ -26,7 +26,7 @@ from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import InstructionReward
 from ibe_rl.training.resume import PARTS, State, must_fit
 from ibe_rl.types import ConfigError, Instructor
-from ibe_rl.vocabulary.listener import Listener
+from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 TIMES = ("setup", "collect", "learn", "log", "refresh", "explain", "stream", "eval", "checkpoint")
@@ -91,7 +91,7 @@ class Run:
     env: gymnasium.Env[Any, Any]
     evaluation_envs: list[gymnasium.Env[Any, Any]]
     recorder: Any = None
-    metrics: list[Any] = field(default_factory=list)
+    metrics: list[Metric] = field(default_factory=list)
     say: Callable[[str], None] = print
     tell: Listener = field(default_factory=Listener)
     batches: Iterator[TensorDictBase] = field(default_factory=lambda: iter(()))

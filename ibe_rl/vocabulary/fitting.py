@@ -51,7 +51,7 @@ def fit_mapping(
         config: see ``MappingConfig``.
         task: the environment's own names.
         seed: of the clustering.
-        last: the previous vocabulary, the starting point unless ``config.memory`` is None.
+        last: the previous vocabulary, the starting point unless ``memory`` is None.
         horizon_steps: n; None uses the config's.
         interpretation: the meaning of the words; None takes it from the movements of the best episodes.
 
@@ -120,11 +120,12 @@ def _estimator(config: MappingConfig, task: Task, seed: int, last: ClusterMappin
     (indices, None for all), ``last``, ``memory`` and ``random_state`` mean the same as in ``IBEMapping``.
     """
     estimator = implementation("mapping", config.kind)
+    memory = getattr(config, "memory", 0.0)
     given = vars(config) | {
         "n_clusters": clusters_of(config, task),
         "dimensions": _dimensions(config, task),
-        "last": None if config.memory is None else last,
-        "memory": config.memory or 0.0,
+        "last": None if memory is None else last,
+        "memory": memory or 0.0,
         "random_state": seed,
     }
     return estimator(**{name: given[name] for name in signature(estimator).parameters if name in given})
@@ -150,20 +151,34 @@ def check_mapping(config: MappingConfig, task: Task) -> None:
     if unknown:
         allowed = ", ".join(task.state_names)
         raise ConfigError(f"mapping.dimensions={list(config.dimensions)}: allowed are {allowed}")
-    refreshed = config.memory is not None  # then each refresh starts from the previous one
+    memory = getattr(config, "memory", None)  # if it is set, each refresh starts from the previous one
     if config.failed_ends == "drop" and not task.judges_success:
         raise ConfigError("mapping.failed_ends=drop: allowed is keep where the environment does not report success")
+    _refuse_untaken(config)
     try:
         estimator = _estimator(config, task, 0, None)
         if isinstance(estimator, IBEMapping):
-            for name, value in (("memory", 0.0), ("last", refreshed or None)):  # a subclass need not take these
+            for name, value in (
+                ("memory", 0.0),
+                ("last", memory is not None or None),
+            ):  # a subclass need not take these
                 setattr(estimator, name, value)
             check_settings(estimator)
     except ValueError as error:
-        reason = str(error).replace("last: allowed is None", f"memory={config.memory}: allowed is null")
+        reason = str(error).replace("last: allowed is None", f"memory={memory}: allowed is null")
         raise ConfigError(f"mapping.{reason}") from None
     except TypeError as error:
         raise ConfigError(f"mapping.kind={config.kind}: it cannot be made of its settings ({error})") from None
+
+
+def _refuse_untaken(config: MappingConfig) -> None:
+    """Refuse a class that does not take what its settings have: setting it would do nothing."""
+    shared, taken = MappingConfig.__dataclass_fields__, signature(implementation("mapping", config.kind)).parameters
+    if untaken := [name for name in vars(config) if name not in shared and name not in taken]:
+        raise ConfigError(
+            f"mapping.kind={config.kind}: its constructor takes no {', '.join(untaken)}; allowed is a class whose "
+            "settings have only what it takes, beside those of MappingConfig"
+        )
 
 
 def _check_steps(config: MappingConfig, longest: int) -> None:
@@ -195,7 +210,7 @@ def learn_vocabulary(
         config: see ``MappingConfig``; its horizon is set or ``settled``.
         task: the environment's own names.
         seed: of the clustering.
-        last: the previous vocabularies by horizon, the starting points unless ``config.memory`` is None.
+        last: the previous vocabularies by horizon, the starting points unless ``memory`` is None.
         reactions: of the agent to opposite instructions; None if it was not asked.
 
     Raises:

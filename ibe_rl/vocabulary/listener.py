@@ -1,4 +1,4 @@
-"""The events of a training, for the table, recording, terminal, teaching page and a user's own listeners."""
+"""The events of a training, for the table, recording, terminal, page and a user's own listeners and metrics."""
 
 from __future__ import annotations
 
@@ -69,3 +69,31 @@ class Listener:
     def news(self) -> Iterable[str]:
         """Messages for the terminal, each returned once."""
         return ()
+
+
+class Metric:
+    """A metric of one's own, at each refresh of a training and in an evaluation; a subclass overrides what it needs.
+
+    One that raises is named and no longer asked; all other results stay.
+
+    Attributes:
+        columns: the columns of metrics.csv that it fills.
+    """
+
+    columns: Sequence[str] = ()
+
+    def __call__(self, event: Refreshed) -> Mapping[str, float]:
+        """A vocabulary has been learnt; returns a value for each of ``columns``."""
+        return {}
+
+    def score(self, statements: Any) -> Mapping[str, Any]:
+        """Score one explainer in ``task=evaluate`` and ``task=compare``.
+
+        Args:
+            statements: an ``ibe_rl.evaluation.own_metrics.Statements``: what it said, and what was true.
+
+        Returns:
+            Names to values ``(R,)``, one for each row of ``statements.truth.weights`` ``(R, N)``; the first is the
+            point estimate, the others give the interval. Without a name if the metric does not apply.
+        """
+        return {}

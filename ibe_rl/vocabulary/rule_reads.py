@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import rule_axes
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
@@ -41,7 +42,7 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
     Raises:
         ConfigError: naming the key, the value, what the rule depends on and what is allowed.
     """
-    if config.space != "rule" or not config.dimensions:
+    if not _clusters_by_rule(config) or not config.dimensions:
         return []
     states = random_states(env)
     kept = np.isin(task.state_names, config.dimensions)
@@ -58,6 +59,10 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
             )
     still = [task.state_names[row] for row in np.flatnonzero(kept & (np.ptp(states, axis=0) == 0))]
     return [f"note: mapping.dimensions: {', '.join(still)} did not change in random episodes"] if still else []
+
+
+def _clusters_by_rule(config: MappingConfig) -> bool:
+    return isinstance(config, IBEConfig) and config.space == "rule"
 
 
 def random_states(env: gymnasium.Env[Any, Any]) -> Array:
@@ -117,7 +122,7 @@ def lead_on(config: MappingConfig, skipped: int) -> str:
         return ""
     ways: Sequence[str] = [
         *(["leave mapping.dimensions empty"] if config.dimensions else []),
-        *(["use mapping=lasso, which uses the movements and not the rule"] if config.space == "rule" else []),
+        *(["use mapping=lasso, which uses the movements and not the rule"] if _clusters_by_rule(config) else []),
         "let the rule say -1 and 1 in states that good episodes reach",
     ]
     return f"; {skipped} refreshes were skipped so far and there are no words yet: train longer, {', or '.join(ways)}"

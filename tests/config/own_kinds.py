@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from ibe_rl.config.limits import setting
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import IBEMapping
+from ibe_rl.ibe import IBEConfig, IBEMapping
 
 @dataclass
 class LoudConfig(MappingConfig):
@@ -25,6 +25,22 @@ class Loud:
         found = self.inner.fit(delta, instruction).mapping_
         self.mapping_ = replace(found, expressions=np.clip(self.loudness * found.expressions, -1, 1))
         return self
+
+@dataclass
+class StretchedConfig(IBEConfig):
+    stretch: float = setting(1.0, low=0.5, high=2.0)
+
+class Stretched(IBEMapping):
+    """Has all settings of the mappings that come along, and one more."""
+
+    settings = StretchedConfig
+
+    def __init__(self, stretch=1.0, n_clusters=8, space="all", split="kmeans", power=1.0, symmetric=False,
+                 normalisation="minmax", membership="hard", weigh_followed=False, hidden=(32, 32), n_init=4, last=None,
+                 memory=0.0, max_fit_windows=20_000, dimensions=None, random_state=None):
+        super().__init__(n_clusters, space, split, power, symmetric, normalisation, membership, weigh_followed,
+                         dimensions, hidden, n_init, last, memory, max_fit_windows, random_state)
+        self.stretch = stretch
 '''
 PREDICTOR = '''
 from dataclasses import dataclass
@@ -119,16 +135,22 @@ METRIC = """
 from dataclasses import dataclass
 from ibe_rl.config.limits import setting
 from ibe_rl.config.settings import MetricConfig
+from ibe_rl.metrics.bootstrap import weighted_mean
+from ibe_rl.vocabulary.listener import Metric
 
 @dataclass
 class DistinctConfig(MetricConfig):
     share: float = setting(1.0, low=0.0, high=1.0)
 
-class Distinct:
+class Distinct(Metric):
     settings, columns = DistinctConfig, ("mine/words",)
 
     def __init__(self, config): self.share = config.share
     def __call__(self, event): return {"mine/words": self.share * len({one.phrase for one in event.said})}
+
+    def score(self, statements):
+        right = (statements.said * statements.truth.change).min(axis=1) > 0
+        return {"mine/right": self.share * weighted_mean(right, statements.truth.weights)}
 """
 ENV = """
 from dataclasses import dataclass

@@ -47,6 +47,12 @@ def test_a_run_of_a_sweep_is_named_after_what_differs(
     assert names(monkeypatch, "-m", *swept, *fixed) == expected
 
 
+def test_settings_may_stand_on_both_sides_of_an_option(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (place := tmp_path / "a=b").mkdir()
+    given = ["seed=0,1", "-m", "agent=dqn", "--config-dir", str(place), "viewer=off", f"run_dir={tmp_path}"]
+    assert names(monkeypatch, *given) == ["seed=0", "seed=1"]
+
+
 def test_a_sweep_in_a_config_file_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "sweep").mkdir()
     lines = ["# @package _global_", "hydra:", "  sweeper:", "    params:", "      seed: 4,5"]

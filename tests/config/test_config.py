@@ -19,20 +19,20 @@ from omegaconf import OmegaConf
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config import settings as schemas
-from ibe_rl.config.kinds import GROUPS, ROOMS, SEVERAL, check_config, implementation, register, settings_of
+from ibe_rl.config.kind_files import register
+from ibe_rl.config.kinds import GROUPS, ROOMS, SEVERAL, check_config, implementation, settings_of
 from ibe_rl.config.settings import (
     CODE_SETTINGS,
     CollectConfig,
     ExplainConfig,
     InstructorConfig,
     LogConfig,
-    MappingConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
 from ibe_rl.envs.lander_task import LANDER_TASK
-from ibe_rl.ibe import IBEMapping
+from ibe_rl.ibe import IBEConfig, IBEMapping
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.fitting import check_mapping
 from ibe_rl.vocabulary.tracker import check_refreshing
@@ -149,7 +149,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     for group, kind in [choice for choice in CHOICES if choice[0] in ROOMS and choice[1] not in NEEDED]:
         config = getattr(composed("train", f"{group}={kind}"), group)
         assert replace(config) == settings_of(group, kind)(kind=kind)
-    assert composed("train", "mapping=paper").mapping == MappingConfig(horizon_steps=60)  # of the lander
+    assert composed("train", "mapping=paper").mapping == IBEConfig(horizon_steps=60)  # of the lander
     assert cfg.predictor == PredictorConfig()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import yaml
 from own_kinds import KINDS, write_kinds
-from processes import ROOT, call
+from processes import ROOT, call, start
 
-from ibe_rl.config.command_line import load_config, run_script
-from ibe_rl.config.kinds import GROUPS, implementation, make_listeners
+from ibe_rl.config.command_line import composed, load_config, run_script
+from ibe_rl.config.kinds import GROUPS, implementation, make_several
 from ibe_rl.config.settings import ListenerConfig, TrainConfig
 from ibe_rl.storage.run_folder import CONFIG, METRICS, read_json, read_rows
 from ibe_rl.types import ConfigError
@@ -93,11 +93,63 @@ def test_it_goes_on_with_them(trained: Path):
             call("train", *mine(f"resume={trained}", "total_frames=4096", kept))
 
 
-def test_mappings_are_compared_with_it(trained: Path):
+def test_mappings_are_compared_with_it_and_by_its_metric(trained: Path, capsys: pytest.CaptureFixture[str]):
     few = ["evaluate.episodes=2", "evaluate.calibration_episodes=2", "evaluate.resamples=20", "predictor.futures=1"]
     call("explain", *mine(f"run={trained}", "task=compare", "compare.mappings=[mine]", *few))
     rows = read_json(trained / "evaluation" / "compare.json")["rows"]
     assert "ibe:mine" in {row["explainer"] for row in rows}
+    assert all(0 <= row["mine/right"]["value"] <= 1 for row in rows)
+    assert "mine/right" in capsys.readouterr().out
+
+
+def test_a_metric_is_added_to_the_evaluation_of_a_run_that_had_none(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sys, "argv", ["explain.py", *mine("metric=[mine]", "task=evaluate", "metrics.mine.share=0.5")])
+    found: list[Any] = []
+    run_script(found.append, ROOT / "configs", "explain")
+    [metric] = make_several("metric", found[0].metrics)
+    assert (type(metric).__name__, metric.share) == ("Distinct", 0.5)
+    with pytest.raises(SystemExit, match=r"^error: metric=\[mine\] with task=episode: allowed with task=evaluate or"):
+        call("explain", *mine(f"run={folder / 'run'}", "metric=[mine]"))
+
+
+def test_runs_of_a_sweep_train_with_them_in_processes_of_their_own(folder: Path, tmp_path: Path):
+    few = [
+        *TINY,
+        "collect.processes=1",
+        "total_frames=256",
+        "refresh_every_frames=null",
+        f"run_dir={tmp_path / 'swept'}",
+    ]
+    script = start(str(ROOT / "train.py"), "-m", "seed=0,1", *mine(*CHOSEN, *few, "runs_at_once=2"), cwd=folder)
+    output, _ = script.communicate(timeout=240)
+    assert script.returncode == 0, output
+    for seed in (0, 1):
+        run = tmp_path / "swept" / f"{seed}_seed={seed}"
+        assert yaml.safe_load((run / CONFIG).read_text())["mapping"]["loudness"] == 1.25
+        assert (run / "diary.txt").read_text()
+
+
+def test_all_settings_of_an_environment_are_shown(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    for name, text in {
+        "bare": "id: kinds_of_mine.env:Windy-v0\n",
+        "of_mine": "defaults: [mine, _self_]\nid: kinds_of_mine.env:Windy-v0\n",
+        "whole": "# @package _global_\nenv:\n  id: kinds_of_mine.env:Windy-v0\n",
+        "broken": "id: kinds_of_mine.nowhere:Windy-v0\n",
+    }.items():
+        (folder / f"mine/env/{name}.yaml").write_text(text)
+    kwargs = {}
+    for name in ("mine", "bare", "of_mine", "whole", "broken"):
+        [config] = settings(monkeypatch, *mine(f"env={name}"))
+        kwargs[name] = config.env.kwargs
+    assert kwargs == {
+        "mine": {"wind": 0.01},
+        "bare": {"wind": 0},
+        "of_mine": {"wind": 0.01},
+        "whole": {"wind": 0},
+        "broken": {},
+    }
+    with pytest.raises(SystemExit, match=r"^error: env\.id=kinds_of_mine\.nowhere:Windy-v0: .* cannot be imported"):
+        call("train", *mine("env=broken"))
 
 
 @pytest.mark.usefixtures("folder")
@@ -105,7 +157,7 @@ def test_a_sweep_varies_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     swept = ["-m", *mine("mapping=mine,axis", "listener=[mine]", f"run_dir={tmp_path}")]
     configs = settings(monkeypatch, *swept)
     assert [config.mapping.kind for config in configs] == ["kinds_of_mine.mapping:Loud", "axis"]
-    assert [len(make_listeners(config)) for config in configs] == [1, 1]
+    assert [len(make_several("listener", config.listeners)) for config in configs] == [1, 1]
     stretched = settings(monkeypatch, "-m", *mine("mapping=mine", "mapping.loudness=1,2", f"run_dir={tmp_path}"))
     assert [config.mapping.loudness for config in stretched] == [1.0, 2.0]
 
@@ -113,19 +165,28 @@ def test_a_sweep_varies_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
 def test_a_file_may_start_from_another_and_its_settings_are_still_its_kinds(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    text = "defaults: [axis, _self_]\nkind: kinds_of_mine.mapping:Loud\nn_clusters: 5\n"
+    text = "defaults: [axis, _self_]\nkind: kinds_of_mine.mapping:Stretched\nn_clusters: 5\n"
     (folder / "mine/mapping/mine_of_axis.yaml").write_text(text)
-    [config] = settings(monkeypatch, *mine("mapping=mine_of_axis"))
-    assert (config.mapping.space, config.mapping.loudness, config.mapping.n_clusters) == ("rule", 1.0, 5)
+    [config] = settings(monkeypatch, *mine("mapping=mine_of_axis", "mapping.stretch=2"))
+    assert (config.mapping.space, config.mapping.stretch, config.mapping.n_clusters) == ("rule", 2.0, 5)
+    (folder / "mine/agent/mine_of_ppo.yaml").write_text("defaults: [ppo, _self_]\nkind: kinds_of_mine.agent:Shy\n")
+    [config] = settings(monkeypatch, *mine("agent=mine_of_ppo", "agent.shyness=0.25"))
+    assert (config.agent.kind, config.agent.shyness) == ("kinds_of_mine.agent:Shy", 0.25)
     (folder / "mine/agent/mine_of_mine.yaml").write_text("defaults: [mine, _self_]\nkind: kinds_of_mine.agent:Shy\n")
     [config] = settings(monkeypatch, *mine("agent=mine_of_mine", "agent.shyness=0.75"))
     assert (config.agent.hidden, config.agent.shyness) == ([16], 0.75)
+    (folder / "mine/listener/other.yaml").write_text(
+        "defaults: [mine, _self_]\nkind: kinds_of_mine.listener:Diary\nname: o.txt\n"
+    )
+    [config] = settings(monkeypatch, *mine("listener=[other]"))
+    assert {name: one.name for name, one in config.listeners.items()} == {"other": "o.txt"}
 
 
 BAD = {
     "mapping.loudness=9": r"mapping\.loudness=9\.0: allowed is at least 0\.5 and at most 2",
     "mapping.loudness=very": r"mapping\.loudness: Value 'very' of type 'str' could not be converted to Float",
     "mapping.colour=1": r"mapping\.colour: no such setting; allowed are kind, .*, loudness",
+    "mapping.power=0.5": r"mapping\.power: no such setting; allowed are kind, .*, hold_within, loudness",
     "predictor.drift=2": r"predictor\.drift=2\.0: allowed is at least 0 and at most 1",
     "agent.shyness=2": r"agent\.shyness=2\.0: allowed is at least 0 and at most 1",
     "instructor.every_steps=0": r"instructor\.every_steps=0: allowed is at least 1 and at most 9",
@@ -166,9 +227,37 @@ def test_a_file_that_names_nothing_or_sets_what_is_not_there_is_refused(folder: 
 
 
 def test_a_listener_that_cannot_be_made_is_named():
-    cfg = TrainConfig(listeners={"mine": ListenerConfig(kind="collections:OrderedDict")})
-    with pytest.raises(ConfigError, match=r"listeners\.mine=collections:OrderedDict: it cannot be made \(TypeError"):
-        make_listeners(cfg)
+    kind = "ibe_rl.training.listeners:Checkpoints"
+    with pytest.raises(ConfigError, match=rf"listeners\.mine={kind}: it cannot be made \(TypeError"):
+        make_several("listener", {"mine": ListenerConfig(kind=kind)})
+    with pytest.raises(ConfigError, match=r"kind=collections:OrderedDict: allowed is a class derived from .*:Listener"):
+        make_several("listener", {"mine": ListenerConfig(kind="collections:OrderedDict")})
+
+
+LATE = """
+from ibe_rl.vocabulary.listener import Listener, Metric
+
+class Late(Listener):
+    def __init__(self, config): raise ValueError("not today")
+
+class Greedy(Metric):
+    columns = ("ibe/windows",)
+    def __init__(self, config): pass
+"""
+REFUSED = {
+    "listener=[late]": r"listeners\.late=kinds_of_mine\.late:Late: it cannot be made \(ValueError: not today\)",
+    "metric=[late]": r"metrics\.late: its column ibe/windows is taken; allowed is another one, as late/x",
+}
+
+
+@pytest.mark.parametrize("chosen", REFUSED)
+def test_one_that_cannot_be_made_is_refused_before_there_is_a_folder(folder: Path, tmp_path: Path, chosen: str):
+    (folder / "kinds_of_mine/late.py").write_text(LATE)
+    (folder / "mine/listener/late.yaml").write_text("kind: kinds_of_mine.late:Late\n")
+    (folder / "mine/metric/late.yaml").write_text("kind: kinds_of_mine.late:Greedy\n")
+    with pytest.raises(SystemExit, match=f"^error: {REFUSED[chosen]}"):
+        call("train", *mine(chosen, f"run_dir={tmp_path / 'run'}", "viewer=off"))
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("group", GROUPS)
@@ -201,6 +290,19 @@ def test_a_folder_of_an_earlier_version_opens():
     config = load_config(ROOT / "demo" / CONFIG, TrainConfig)
     assert (config.agent.kind, config.instructor.kind, config.mapping.kind) == ("ppo", "oracle", "axis")
     assert config.predictor.kind == "simulator"
+
+
+def test_settings_that_nothing_reads_are_refused_when_they_are_asked_for(tmp_path: Path):
+    for setting, mapping, because, allowed in (
+        ("hidden=[8]", "axis", "space=rule", r"\[32, 32\]"),
+        ("n_init=9", "axis_quantile", "split=quantile", "4"),
+    ):
+        message = rf"^mapping\.{re.escape(setting)}: nothing reads it with mapping\.{because}; allowed is {allowed}$"
+        with pytest.raises(ConfigError, match=message):
+            composed("train", [f"mapping={mapping}", f"mapping.{setting}"])
+    assert composed("train", ["mapping=network", "mapping.hidden=[8]"]).mapping.hidden == [8]
+    old = saved(tmp_path, "mapping", "hidden", value=[8])  # as an earlier version took it
+    assert load_config(old, TrainConfig).mapping.hidden == [8]
 
 
 def test_code_is_found_under_the_name_that_its_room_had(tmp_path: Path):

@@ -13,17 +13,17 @@ from ibe_rl.config import settings as schemas
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import (
     InstructorConfig,
-    MappingConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.types import ConfigError
 
 
 def default(schema: type) -> Any:
     """An instance with every part of it; what has no default stays missing."""
-    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": MappingConfig}
+    parts = {"agent": PPOConfig, "env": schemas.EnvConfig, "instructor": InstructorConfig, "mapping": IBEConfig}
     parts |= {"predictor": PredictorConfig, "viewer": ViewerConfig}
     names = {item.name for item in fields(schema)}
     return schema(**{name: part() for name, part in parts.items() if name in names})

@@ -12,9 +12,8 @@ from by_hand import TASK
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from ibe_rl.config.kinds import register
-from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterMapping
+from ibe_rl.config.kind_files import register
+from ibe_rl.ibe import ClusterMapping, IBEConfig
 from ibe_rl.types import Array, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import fit_mapping
 
@@ -44,7 +43,7 @@ def episodes() -> tuple[Episode, ...]:
     return tuple(made)
 
 
-def settings(preset: str) -> MappingConfig:
+def settings(preset: str) -> IBEConfig:
     register()
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         chosen: Any = OmegaConf.to_object(compose("train", [f"mapping={preset}"]))

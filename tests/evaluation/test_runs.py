@@ -20,7 +20,6 @@ from ibe_rl.config.settings import (
     AgentConfig,
     EnvConfig,
     InstructorConfig,
-    MappingConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
@@ -28,7 +27,7 @@ from ibe_rl.config.settings import (
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.runs import load_run
-from ibe_rl.ibe import ClusterMapping, Reactions
+from ibe_rl.ibe import ClusterMapping, IBEConfig, Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.checkpoint import save_policy
 from ibe_rl.storage.run_folder import (
@@ -54,7 +53,7 @@ def mapping_of(first: float, dimensions: int = 9) -> ClusterMapping:
 
 
 def config_of(agent: AgentConfig) -> TrainConfig:
-    parts: dict[str, Any] = {"mapping": MappingConfig(), "predictor": PredictorConfig(), "viewer": ViewerConfig()}
+    parts: dict[str, Any] = {"mapping": IBEConfig(), "predictor": PredictorConfig(), "viewer": ViewerConfig()}
     env = EnvConfig(id=LANDER_ID, kwargs={"pad": "left"})
     return TrainConfig(run_dir="x", env=env, agent=agent, instructor=InstructorConfig(), **parts)
 

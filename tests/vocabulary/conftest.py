@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from by_hand import STEPS, TASK, config
 
-from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary import tracker as module
 
@@ -16,7 +16,7 @@ def log(tmp_path: Path) -> TrajectoryLog:
 
 
 @pytest.fixture
-def only_the_newest_count(monkeypatch: pytest.MonkeyPatch) -> MappingConfig:
+def only_the_newest_count(monkeypatch: pytest.MonkeyPatch) -> IBEConfig:
     """Vocabularies are learnt from, and scored on, the last three episodes, without any memory."""
     monkeypatch.setattr(module, "SCORED_EPISODES", 3)
     return config(newest_frames=3 * STEPS, memory=None)

@@ -1,6 +1,6 @@
 """A vocabulary learnt from a log made by hand: which settings reach the estimator, and which are refused."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 
+from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe import IBEMapping, TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
@@ -156,3 +157,21 @@ def test_a_horizon_that_is_to_be_found_lets_longer_spans_pass():
     check_mapping(config(horizon_steps=None, spans_steps=[20, 400]), TASK)
     with pytest.raises(ConfigError, match=r"mapping\.spans_steps=\[0\]: allowed is at least 1 and at most 100"):
         check_mapping(config(horizon_steps=None, spans_steps=[0]), TASK)
+
+
+@dataclass
+class WideConfig(MappingConfig):
+    depth: int = 1
+    width: int = 1
+
+
+class Narrow:
+    settings = WideConfig
+
+    def __init__(self, depth: int):
+        self.depth = depth
+
+
+def test_a_setting_that_the_class_does_not_take_is_refused():
+    with pytest.raises(ConfigError, match=r"^mapping\.kind=.*:Narrow: its constructor takes no width; allowed is a"):
+        check_mapping(WideConfig(kind=f"{__name__}:Narrow", spans_steps=[]), TASK)

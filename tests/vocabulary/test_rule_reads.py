@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rules import WORDS, declared
 
-from ibe_rl.config.settings import MappingConfig
 from ibe_rl.envs.make import make_gym, task_of
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.rule_reads import RANDOM_STEPS, check_dimensions, lead_on, random_states, reads
@@ -29,8 +29,8 @@ def reading(task: Task, *columns: int) -> Task:
     return replace(task, rule=rule)
 
 
-def mapping(*dimensions: str, **changes: Any) -> MappingConfig:
-    return MappingConfig(**({"space": "rule", "dimensions": list(dimensions)} | changes))
+def mapping(*dimensions: str, **changes: Any) -> IBEConfig:
+    return IBEConfig(**({"space": "rule", "dimensions": list(dimensions)} | changes))
 
 
 def test_the_states_are_the_same_each_time_and_not_too_many(env: Any):

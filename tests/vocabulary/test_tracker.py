@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, add, config, defy, obey, race, stay
 
-from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import ClusterTransition, Meaning, TooLittleDataError
+from ibe_rl.ibe import ClusterTransition, IBEConfig, Meaning, TooLittleDataError
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array
@@ -88,7 +87,7 @@ def test_without_memory_a_vocabulary_starts_from_nothing_but_keeps_its_names(log
     assert sorted(names(second)) == [0, 1, 2]
 
 
-def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     first = development.refresh(log, stay)
@@ -104,7 +103,7 @@ def test_names_follow_the_clusters_when_the_words_turn_round(log: TrajectoryLog,
     assert second.change.drift == VocabularyDrift(pytest.approx(2 / 3), pytest.approx(2 * 2 / 3), 1.0)
 
 
-def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_a_name_is_never_given_twice(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     """Three lifts of the old kind, three racing ones, and the old kind again: all come under new names."""
     development, given = VocabularyTracker(only_the_newest_count, TASK, seed=0), []
     for fly in (obey, race, obey):
@@ -130,7 +129,7 @@ def test_names_of_a_vocabulary_that_was_not_taken_are_free(log: TrajectoryLog):
     assert sorted(names(taken)) == [3, 4, 5]
 
 
-def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_limits_of_survival_and_of_holding_are_the_configs(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     def second(**changes: float) -> Refresh:
         again = TrajectoryLog(log.folder.parent / str(changes), 10_000, TASK.contexts)
         development = VocabularyTracker(replace(only_the_newest_count, **changes), TASK, seed=0)
@@ -171,7 +170,7 @@ def test_the_probe_is_kept_with_the_first_refresh_and_a_file_with_each(log: Traj
     assert saved["scores"]["motion_auc"] == second.scores["motion_auc"]
 
 
-def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_too_little_data_leaves_the_vocabulary_as_it_was(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     with pytest.raises(TooLittleDataError, match="no episode has ended yet"):
         development.refresh(log, stay)

@@ -3,7 +3,7 @@
 import pytest
 from by_hand import TASK, config, defy, obey, race, stay
 
-from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS, VocabularyTracker, figures
@@ -24,7 +24,7 @@ def test_figures_tell_of_a_first_refresh_what_it_stands_on_and_its_scores(log: T
     assert (row["ibe/episodes"], row["ibe/windows"], row["ibe/motion_auc"]) == (3, 24, 1)
 
 
-def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     development.refresh(log, stay)
@@ -40,9 +40,7 @@ def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_th
     assert (row["ibe/motion_auc_stale"], row["ibe/motion_auc"]) == (1, 0)
 
 
-def test_figures_tell_of_a_vocabulary_that_stays_its_own_scores(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig
-):
+def test_figures_tell_of_a_vocabulary_that_stays_its_own_scores(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=0.0)
     development.refresh(log, stay)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from by_hand import TASK, add, config, defy, obey, stay
 
-from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.metrics.quality import SCORES
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.vocabulary import tracker as module
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
-def test_staleness_is_what_the_new_vocabulary_tells_better(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_staleness_is_what_the_new_vocabulary_tells_better(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0)
     first = development.refresh(log, stay)
@@ -58,9 +58,7 @@ def test_what_is_scored_is_the_same_for_both_and_of_the_newest_episodes(
     np.testing.assert_allclose(seen[1][1].delta[:, 0], [-5, -5, -4, 0, 0, 0], atol=0.1)  # to the end where that is near
 
 
-def test_a_vocabulary_that_is_good_enough_stays(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig, tmp_path: Path
-):
+def test_a_vocabulary_that_is_good_enough_stays(log: TrajectoryLog, only_the_newest_count: IBEConfig, tmp_path: Path):
     obey(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=0.0)
     first = development.refresh(log, stay)
@@ -83,7 +81,7 @@ def test_a_vocabulary_that_is_good_enough_stays(
 
 @pytest.mark.parametrize(("when_stale", "taken"), [(None, True), (0.99, True), (1.0, False), (-1.0, True)])
 def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
-    log: TrajectoryLog, only_the_newest_count: MappingConfig, when_stale: float | None, taken: bool
+    log: TrajectoryLog, only_the_newest_count: IBEConfig, when_stale: float | None, taken: bool
 ):
     defy(log)
     development = VocabularyTracker(only_the_newest_count, TASK, seed=0, when_stale=when_stale)
@@ -96,7 +94,7 @@ def test_a_new_vocabulary_is_taken_if_it_tells_more_by_more_than_asked_for(
     assert second.standing is development.mapping is (second if taken else first).mapping
 
 
-def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_the_newest_count: MappingConfig):
+def test_a_vocabulary_that_cannot_be_judged_is_taken(log: TrajectoryLog, only_the_newest_count: IBEConfig):
     obey(log)
     development = VocabularyTracker(replace(only_the_newest_count, n_clusters=2), TASK, seed=0, when_stale=1.0)
     development.refresh(log, stay)

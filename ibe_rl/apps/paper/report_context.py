@@ -25,6 +25,7 @@ from ibe_rl.evaluation.rollouts import EPISODES_AT_ONCE, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.run_predictor import PROCESSES
 from ibe_rl.evaluation.runs import kept_policies
 from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.instructors import make_instructor, speaks, stand_in
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED
@@ -51,6 +52,20 @@ def check_task(task: Task) -> None:
         raise ConfigError(f"task=figures: {task.name} does not declare {', '.join(missing)}; allowed is one that does")
 
 
+def as_ibe(config: MappingConfig) -> IBEConfig:
+    """The settings of a mapping that can be compared with the paper's, one by one.
+
+    Raises:
+        ConfigError: naming the mapping and what is allowed.
+    """
+    if not isinstance(config, IBEConfig):
+        raise ConfigError(
+            f"task=figures with mapping.kind={config.kind}: it has no normalisation and membership to compare; "
+            "allowed is one whose settings derive from ibe_rl.ibe.IBEConfig (task=evaluate takes any)"
+        )
+    return config
+
+
 def check_report(cfg: TrainConfig, task: Task) -> None:
     """Refuse, before the training, what its report would have to refuse after it.
 
@@ -60,6 +75,7 @@ def check_report(cfg: TrainConfig, task: Task) -> None:
     if not cfg.report:
         return
     check_task(task)
+    as_ibe(cfg.mapping)
     if cfg.refresh_every_frames is None or not speaks(cfg.instructor):
         key = "instructor=silent" if cfg.refresh_every_frames is not None else "refresh_every_frames=null"
         raise ConfigError(f"report=true with {key}: allowed is a training that learns a vocabulary")
@@ -100,7 +116,7 @@ class ReportContext:
     """A run and the settings of its experiments.
 
     Raises:
-        ConfigError: if its environment does not declare what the experiments need.
+        ConfigError: if its environment does not declare what the experiments need, or its mapping lacks it.
     """
 
     run: TrainedRun
@@ -108,6 +124,7 @@ class ReportContext:
 
     def __post_init__(self) -> None:
         check_task(self.run.task)
+        as_ibe(self.run.config.mapping)
 
     @property
     def config(self) -> FiguresConfig:
@@ -127,7 +144,7 @@ class ReportContext:
     @cached_property
     def mappings(self) -> dict[str, MappingConfig]:
         """The paper's vocabulary and the run's own, and each with a half of the other."""
-        known, own = choices("mapping"), self.run.config.mapping
+        known, own = choices("mapping"), as_ibe(self.run.config.mapping)
         return variants(known["paper"], known[DEFAULT_MAPPING] if own.kind == "paper" else own)
 
     @cached_property

@@ -13,6 +13,7 @@ from ibe_rl.apps.paper.names import DEFAULT, PAPERS, SIGNS_KEPT, SPLIT_MINMAX
 from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe.delta import cut_windows, top_episodes
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.metrics.bootstrap import episode_weights, estimate, weighted_mean
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array, Episode
@@ -25,7 +26,7 @@ SMALL = (1, 5)
 """What a small movement is, in bands."""
 
 
-def variants(paper: MappingConfig, ours: MappingConfig) -> dict[str, MappingConfig]:
+def variants(paper: IBEConfig, ours: IBEConfig) -> dict[str, MappingConfig]:
     """Both vocabularies, and two between them: the paper's split without min-max, and our split with it."""
     return {
         PAPERS: paper,

@@ -12,11 +12,12 @@ from processes import call
 
 from ibe_rl.apps.paper import experiments
 from ibe_rl.apps.paper.agents import PaperAgent
-from ibe_rl.apps.paper.report_context import ReportContext, check_report
+from ibe_rl.apps.paper.report_context import ReportContext, as_ibe, check_report
 from ibe_rl.config.command_line import load_config
 from ibe_rl.config.settings import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.evaluation.runs import load_run
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.types import ConfigError, Episode
 
@@ -65,7 +66,7 @@ def opened(trained: Path) -> ReportContext:
     settings.figures.shuffles = settings.figures.clusterings = 1
     made = ReportContext(load_run(trained), settings)
     own = load_config(trained / CONFIG, TrainConfig).mapping
-    made.__dict__["mappings"] = {"paper": MappingConfig(kind="paper"), "default": own}  # which only the script reads
+    made.__dict__["mappings"] = {"paper": IBEConfig(kind="paper"), "default": own}  # which only the script reads
     return made
 
 
@@ -124,6 +125,13 @@ def test_a_report_that_could_not_be_made_is_refused_before_the_training(setting:
     with pytest.raises(SystemExit, match=f"^error: report=true with {setting}: allowed is a training that learns"):
         call("train", f"run_dir={tmp_path / 'run'}", "viewer=off", "report=true", setting)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_mapping_without_the_papers_settings_is_refused() -> None:
+    own = IBEConfig(kind="mine:Own")
+    assert as_ibe(own) is own
+    with pytest.raises(ConfigError, match=r"^task=figures with mapping\.kind=mine:Own: it has no normalisation and "):
+        as_ibe(MappingConfig(kind="mine:Own"))
 
 
 def test_an_environment_without_a_report_is_refused_before_the_training(opened: ReportContext) -> None:

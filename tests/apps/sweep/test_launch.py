@@ -23,11 +23,11 @@ from ibe_rl.config.settings import (
     CollectConfig,
     EnvConfig,
     InstructorConfig,
-    MappingConfig,
     PredictorConfig,
     TrainConfig,
     ViewerConfig,
 )
+from ibe_rl.ibe import IBEConfig
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.storage.run_folder import read_rows
@@ -38,7 +38,7 @@ CFG = TrainConfig(
     env=EnvConfig(id="game"),
     agent=PPOConfig(),
     instructor=InstructorConfig(),
-    mapping=MappingConfig(),
+    mapping=IBEConfig(),
     predictor=PredictorConfig(),
     viewer=ViewerConfig(),
 )
