@@ -334,7 +334,7 @@ def test_two_frames_at_once_are_drawn_one_after_the_other_and_of_many_the_newest
         before = page.evaluate("lesson.drawn")
         frames = [{**frame, "step": step} for step in range(together)]
         page.evaluate("frames => { for (const one of frames) hear.frame(one); }", frames)
-        until(page, f"document.getElementById('episode').textContent.startsWith('game 1, step {together - 1},')")
+        until(page, f"document.getElementById('episode').textContent.startsWith('episode 1, step {together - 1},')")
         assert page.evaluate("lesson.drawn") == before + drawn
     page.close()
 
@@ -344,7 +344,7 @@ def test_it_says_that_the_connection_is_gone_and_connects_again(browser: Browser
     room.server.close()
     until(page, "!lesson.connected")
     assert page.inner_text("#connection") == "no connection"
-    assert page.inner_text("#notice").startswith("The connection to the training is gone")
+    assert page.inner_text("#notice").startswith("No connection to the training")
     with key(page):
         pass
     assert page.evaluate("lesson.sent") == []
