@@ -33,6 +33,7 @@ from ibe_rl.config.settings import (
     ExplainConfig,
     InstructorConfig,
     ListenerConfig,
+    LoggerConfig,
     MappingConfig,
     MetricConfig,
     PredictorConfig,
@@ -48,10 +49,11 @@ GROUPS: dict[str, type] = {
     "mapping": MappingConfig,
     "predictor": PredictorConfig,
     "listener": ListenerConfig,
+    "logger": LoggerConfig,
     "metric": MetricConfig,
 }
 """Groups of ``configs/`` whose files have a ``kind``, with the settings that all kinds share."""
-SEVERAL = {"listener": "listeners", "metric": "metrics"}
+SEVERAL = {"listener": "listeners", "logger": "loggers", "metric": "metrics"}
 """Groups of which a run can have several, and the setting that holds them by name."""
 ROOMS = {"agent": "ibe_rl.agents", "instructor": "ibe_rl.instructors", "predictor": "ibe_rl.predict"}
 """The package with the module that a kind without a colon names."""
@@ -114,6 +116,11 @@ def make_listeners(cfg: TrainConfig) -> list[Any]:
         ConfigError: if one raises an error.
     """
     return _make_several("listener", cfg.listeners)
+
+
+def make_loggers(cfg: TrainConfig) -> list[Any]:
+    """Make the configured loggers; see ``make_listeners``."""
+    return _make_several("logger", cfg.loggers)
 
 
 def make_metrics(cfg: TrainConfig) -> list[Any]:

@@ -14,7 +14,7 @@ from torchrl import timeit
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
 from ibe_rl.config.command_line import output_folder, run_name, save_config
-from ibe_rl.config.kinds import make_listeners, make_metrics
+from ibe_rl.config.kinds import make_listeners, make_loggers, make_metrics
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in
@@ -58,6 +58,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
     env = make_env(cfg.env)
     for note in check_run(cfg, env):
         print(note)  # noqa: T201 - for the user
+    loggers = make_loggers(cfg)
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
@@ -72,7 +73,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
             if teach:
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
-            yield _begin(cfg, folder, stop, owned, live, classroom, state)
+            yield _begin(cfg, folder, stop, owned, live, classroom, loggers, state)
 
 
 def _restore_folder(cfg: TrainConfig, folder: Path, state: State) -> None:
@@ -90,6 +91,7 @@ def _begin(
     owned: ExitStack,
     live: News,
     classroom: Any,
+    loggers: list[Any],
     state: State | None,
 ) -> Run:
     """Make all parts and notify the listeners of the start."""
@@ -104,7 +106,8 @@ def _begin(
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
         asked = make_listeners(cfg)
-        run.tell = Listeners([Table(table), *optional, LiveView(live), *asked, checkpoints], progress.say)
+        run.tell = Listeners([Table(table), *optional, LiveView(live), *asked, *loggers, checkpoints], progress.say)
+        owned.callback(run.tell.close)
         _collect(run, owned, classroom)
         run.tell.begin(run)
         if state:

@@ -284,7 +284,11 @@ def test_every_setting_is_read_somewhere(schema: type):
 
 
 def test_every_kind_of_listener_and_metric_is_listed_under_its_name():
-    assert {SEVERAL[group] for group in GROUPS.keys() - ROOMS.keys() - {"mapping"}} == {"listeners", "metrics"}
+    assert {SEVERAL[group] for group in GROUPS.keys() - ROOMS.keys() - {"mapping"}} == {
+        "listeners",
+        "loggers",
+        "metrics",
+    }
 
 
 def attributes_read(path: Path, owner: str) -> set[str]:
