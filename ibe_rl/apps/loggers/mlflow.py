@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ class Mlflow(RunLogger):
         """See ``RunLogger``."""
         import mlflow
 
+        logging.getLogger("mlflow").setLevel(logging.WARNING)
         own = (folder / FOLDER).absolute()
         self._uri = self.config.uri or f"sqlite:///{own / 'mlflow.db'}"
         artifacts = None if self.config.uri else f"file://{own / 'mlflow'}"

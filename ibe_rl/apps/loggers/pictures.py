@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -75,7 +76,7 @@ def _scatter(axis: Axes, refresh: Refresh, task: Task) -> None:
     across = picture.axis(task, first, delta, symmetric=True)
     up = picture.axis(task, second, delta, symmetric=False)
     axis.scatter(delta[:, first], delta[:, second], color=expression_colours(mapping.express(delta)), s=7)
-    style = {"color": INK, "ha": "center", "va": "center", "fontsize": 9, "fontweight": "bold"}
+    style: dict[str, Any] = {"color": INK, "ha": "center", "va": "center", "fontsize": 9, "fontweight": "bold"}
     for row, (cluster, centre) in enumerate(zip(mapping.ids, mapping.centre_changes(), strict=True)):
         place = np.clip(centre[first], across.low, across.high), np.clip(centre[second], up.low, up.high)
         apart = (0, 12 * (row % 3 - 1))  # points; neighbours would cover each other

@@ -53,11 +53,12 @@ class Wandb(RunLogger):
         """See ``RunLogger``."""
         import wandb
 
+        self._folder = folder / FOLDER / self.name
         identity = folder / FOLDER / "wandb.json"
         if not identity.exists():
             write_json(identity, {"id": secrets.token_hex(4)})
         limits = {"finish_timeout": self.config.closing_s} if self.config.closing_s else {}
-        return WandbLogger(
+        logger = WandbLogger(
             folder.name,
             offline=self.config.mode == "offline",
             log_dir=folder / FOLDER,
@@ -68,11 +69,13 @@ class Wandb(RunLogger):
             log_env_packages=False,
             settings=wandb.Settings(console="off", silent=True, symlink=False, **limits),
         )
+        _remove_links(self._folder)
+        return logger
 
     def place(self) -> str:
         """See ``RunLogger``."""
         run = self.logger.experiment
-        return str(run.url or f"wandb sync {Path(run.dir).parent}")
+        return f"wandb sync {Path(run.dir).parent}" if run.offline else str(run.url)
 
     def text(self, name: str, text: str, frames: int) -> None:
         """See ``RunLogger``."""
@@ -92,10 +95,22 @@ class Wandb(RunLogger):
 
         self._log(name, wandb.Table(columns=list(columns), data=[list(row) for row in rows]), frames)
 
+    def shut(self) -> None:
+        """See ``RunLogger``."""
+        super().shut()
+        _remove_links(self._folder)
+
     def _log(self, name: str, value: Any, frames: int) -> None:
         """Log over frames, as ``WandbLogger`` logs numbers: each group of names has a step of its own."""
         group, slash, _ = name.rpartition("/")
         self.logger.experiment.log({name: value, f"{group}{slash}step": frames})
+
+
+def _remove_links(folder: Path) -> None:
+    """Remove the link to the package's own log: a run folder with links is not resumed."""
+    for path in folder.rglob("*"):
+        if path.is_symlink():
+            path.unlink()
 
 
 def _logged_in() -> bool:
