@@ -8,7 +8,7 @@ from contextlib import suppress
 from queue import Full, Queue
 from threading import Thread
 
-Call = Callable[[], object]
+_Call = Callable[[], object]
 
 
 class Background:
@@ -23,12 +23,12 @@ class Background:
 
     def __init__(self, most_waiting: int) -> None:
         self.left_out = 0
-        self._calls: Queue[Call | None] = Queue(most_waiting)
+        self._calls: Queue[_Call | None] = Queue(most_waiting)
         self._error: Exception | None = None
         self._thread = Thread(target=self._work, name="logger", daemon=True)
         self._thread.start()
 
-    def do(self, call: Call) -> None:
+    def do(self, call: _Call) -> None:
         """Have a call made; returns at once.
 
         Raises:
@@ -40,7 +40,7 @@ class Background:
         except Full:
             self.left_out += 1
 
-    def finish(self, call: Call, timeout_s: float) -> bool:
+    def finish(self, call: _Call, timeout_s: float) -> bool:
         """Have a last call made after all others; returns whether that was within ``timeout_s`` seconds.
 
         Raises:

@@ -8,11 +8,11 @@ from ibe_rl.task import Task
 from ibe_rl.view.sentences import cluster_phrases, phrases_before
 from ibe_rl.vocabulary.refresh import Refresh
 
-COLUMNS = ("cluster", "expression", "phrase", "before", "windows", "purity", "evidence")
+PHRASE_COLUMNS = ("cluster", "expression", "phrase", "before", "windows", "purity", "evidence")
 
 
 def phrase_rows(refresh: Refresh, task: Task) -> list[list[Any]]:
-    """One row of ``COLUMNS`` for each cluster of the current vocabulary; ``before`` is empty if it is new."""
+    """One row of ``PHRASE_COLUMNS`` for each cluster of the current vocabulary; ``before`` is empty if it is new."""
     mapping, before = refresh.standing, phrases_before(refresh, task.phrases)
     return [
         [

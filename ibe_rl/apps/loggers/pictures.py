@@ -23,7 +23,7 @@ from ibe_rl.view.sentences import cluster_phrases
 from ibe_rl.vocabulary.listener import Refreshed
 from ibe_rl.vocabulary.refresh import Refresh
 
-DPI = 100
+_DPI = 100
 SILENT = hexed(colours.SILENT_GREY)
 _DRAWN: WeakKeyDictionary[Refreshed, dict[str, bytes]] = WeakKeyDictionary()
 
@@ -44,7 +44,7 @@ def pictures_of(event: Refreshed, task: Task) -> dict[str, bytes]:
 def _png(figure: Figure) -> bytes:
     FigureCanvasAgg(figure)
     stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=DPI)
+    figure.savefig(stream, format="png", dpi=_DPI)
     return stream.getvalue()
 
 

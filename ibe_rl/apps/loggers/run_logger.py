@@ -6,7 +6,7 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
@@ -15,8 +15,8 @@ from typing import Any
 
 from torchrl.record.loggers import Logger
 
-from ibe_rl.apps.loggers.background import Background, Call
-from ibe_rl.apps.loggers.phrase_table import COLUMNS, phrase_rows
+from ibe_rl.apps.loggers.background import Background
+from ibe_rl.apps.loggers.phrase_table import PHRASE_COLUMNS, phrase_rows
 from ibe_rl.apps.loggers.pictures import pictures_of
 from ibe_rl.config.settings import LoggerConfig
 from ibe_rl.types import ConfigError
@@ -120,7 +120,7 @@ class RunLogger(Listener, ABC):
         frames, task = event.frames, self._run.task
         text, rows = standing(event.refresh, task, None), phrase_rows(event.refresh, task)
         self._do(lambda: self.text("refresh/vocabulary", text, frames))
-        self._do(lambda: self.table("refresh/phrases", COLUMNS, rows, frames))
+        self._do(lambda: self.table("refresh/phrases", PHRASE_COLUMNS, rows, frames))
         for name, png in pictures_of(event, task).items() if self.config.pictures else ():
             self._do(partial(self.picture, f"refresh/{name}", png, frames))
 
@@ -147,7 +147,7 @@ class RunLogger(Listener, ABC):
         while self._news:
             yield self._news.popleft()
 
-    def _do(self, call: Call) -> None:
+    def _do(self, call: Callable[[], object]) -> None:
         if self._background is None:
             return
         self._background.do(call)

@@ -8,7 +8,7 @@ from PIL import Image
 from told import event
 from view_data import TASK, developed, refreshed
 
-from ibe_rl.apps.loggers.phrase_table import COLUMNS, phrase_rows
+from ibe_rl.apps.loggers.phrase_table import PHRASE_COLUMNS, phrase_rows
 from ibe_rl.apps.loggers.pictures import draw_clusters, draw_episode, pictures_of
 
 
@@ -42,11 +42,11 @@ def test_the_episode_shows_what_was_said_and_told() -> None:
 
 def test_the_table_has_what_the_file_of_the_refresh_has() -> None:
     first, second, _ = developed()
-    rows = [dict(zip(COLUMNS, row, strict=True)) for row in phrase_rows(second, TASK)]
+    rows = [dict(zip(PHRASE_COLUMNS, row, strict=True)) for row in phrase_rows(second, TASK)]
     assert [row["cluster"] for row in rows] == second.mapping.ids.tolist()
     assert [row["windows"] for row in rows] == [int(size) for size in second.mapping.sizes]
     new = [row["cluster"] for row in rows if not row["before"]]
     assert sorted(new) == sorted(second.change.transition.emerged if second.change else ())
     assert all(
-        row["before"] == "" for row in (dict(zip(COLUMNS, row, strict=True)) for row in phrase_rows(first, TASK))
+        row["before"] == "" for row in (dict(zip(PHRASE_COLUMNS, row, strict=True)) for row in phrase_rows(first, TASK))
     )
