@@ -80,7 +80,11 @@ def test_every_root_composes(root: str):
 
 @pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] not in ("experiment", "sweep")])
 def test_every_choice_composes(group: str, name: str):
-    chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
+    config = composed("train", f"{group}={name}", *NEEDED.get(name, ()))
+    if group in SEVERAL:
+        assert implementation(group, getattr(config, SEVERAL[group])[name].kind).name == name
+        return
+    chosen = getattr(config, group)
     told = getattr(chosen, "kind", getattr(chosen, "mode", None))
     if group != "env":
         assert told in (name, None)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -106,9 +107,9 @@ def _scene(axis: Axes, event: Refreshed, task: Task) -> None:
     """The path in the colours of what was said, and the predicted paths."""
     assert task.scene_path is not None
     draw_shapes(axis, event.rollout.background, width=1.5, alpha=1.0)
-    for step in np.unique(picture.made_at(event.said)):
-        predicted = task.scene_path(event.said[step].trusted_path)
-        axis.plot(*predicted.T, color=FAINT, linewidth=0.6, alpha=0.5)
+    made = np.unique(picture.made_at(event.said))
+    predicted = [task.scene_path(event.said[step].trusted_path) for step in made]
+    axis.add_collection(LineCollection(predicted, colors=FAINT, linewidths=0.6, alpha=0.5))
     path = task.scene_path(event.rollout.episode.states[:-1])
     axis.scatter(path[:, 0], path[:, 1], color=_shades(event), s=8, zorder=3)
     width, height = task.scene_size
