@@ -12,6 +12,9 @@ from ibe_rl.apps.loggers.mlflow import Mlflow, MlflowConfig
 from ibe_rl.storage.run_folder import read_json
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(autouse=True)
 def _installed() -> None:
     pytest.importorskip("mlflow")  # not among the packages of the tests: too many come with it

@@ -20,6 +20,9 @@ from ibe_rl.types import ConfigError
 OFFLINE = WandbConfig(kind="", mode="offline", closing_s=120.0)
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(autouse=True)
 def _installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     needed(find_spec("wandb") is not None, "wandb")
