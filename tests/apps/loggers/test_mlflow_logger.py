@@ -11,7 +11,6 @@ from told import run, train
 from ibe_rl.apps.loggers.mlflow import Mlflow, MlflowConfig
 from ibe_rl.storage.run_folder import read_json
 
-
 pytestmark = pytest.mark.slow
 
 
