@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from ibe_rl.task import Shape
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
 
@@ -52,6 +54,14 @@ def legend_of(axes: Sequence[Axes], figure: Figure, columns: int) -> None:
     pairs = [pair for axis in axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     entries = {label: handle for handle, label in pairs}
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
+
+
+def draw_shapes(axis: Axes, shapes: Sequence[Shape], width: float, alpha: float) -> None:
+    """Draw the outlines of shapes in their colours."""
+    lines = [np.concatenate([shape.points, shape.points[:1]]) if shape.closed else shape.points for shape in shapes]
+    axis.add_collection(
+        LineCollection(lines, colors=[hexed(shape.colour) for shape in shapes], linewidths=width, alpha=alpha)
+    )
 
 
 def interval(

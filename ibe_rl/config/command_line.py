@@ -280,7 +280,8 @@ def changed(saved: Any, fixed: Sequence[str]) -> Any:
         if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):
             raise ConfigError(f"{one.input_line} with resume: a run keeps its {', '.join(fixed)}; allowed is all else")
         if key in SEVERAL:
-            config[SEVERAL[key]] = {**chosen[SEVERAL[key]], **config[SEVERAL[key]]}
+            had = config[SEVERAL[key]]  # with their settings
+            config[SEVERAL[key]] = {name: had.get(name, new) for name, new in chosen[SEVERAL[key]].items()}
         elif key in chosen:
             OmegaConf.update(config, key, chosen[key], merge=False)
         else:

@@ -25,6 +25,7 @@ from ibe_rl.config.settings import (
     AgentConfig,
     InstructorConfig,
     ListenerConfig,
+    LoggerConfig,
     MappingConfig,
     MetricConfig,
     PredictorConfig,
@@ -38,10 +39,11 @@ GROUPS: dict[str, type] = {
     "mapping": MappingConfig,
     "predictor": PredictorConfig,
     "listener": ListenerConfig,
+    "logger": LoggerConfig,
     "metric": MetricConfig,
 }
 """Groups of ``configs/`` whose files have a ``kind``, with the settings that all kinds share."""
-SEVERAL = {"listener": "listeners", "metric": "metrics"}
+SEVERAL = {"listener": "listeners", "logger": "loggers", "metric": "metrics"}
 """Groups of which a run can have several, and the setting that holds them by name."""
 ROOMS = {"agent": "ibe_rl.agents", "instructor": "ibe_rl.instructors", "predictor": "ibe_rl.predict"}
 """The package with the module that a kind without a colon names."""
@@ -107,7 +109,7 @@ def made(group: str, config: Any, *args: Any, **kwargs: Any) -> Any:
 
 
 def make_several(group: str, configs: Mapping[str, Any]) -> list[Any]:
-    """Make the configured listeners or metrics.
+    """Make the configured listeners, loggers or metrics.
 
     Raises:
         ConfigError: if one raises an error.

@@ -176,6 +176,16 @@ class ListenerConfig:
 
 
 @dataclass
+class LoggerConfig:
+    """What all loggers share."""
+
+    kind: str = MISSING  # module:Class
+    pictures: bool = True  # of each refresh
+    waiting_events: int = setting(1_000, low=1)  # batches and refreshes that wait for it; later ones are left out
+    closing_s: float = setting(30.0, low=0.0, high=3600.0)  # seconds that the end of training waits for it
+
+
+@dataclass
 class MetricConfig:
     """What all metrics share."""
 
@@ -218,6 +228,7 @@ class TrainConfig:
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
     listeners: dict[str, ListenerConfig] = field(default_factory=dict)  # by name; chosen as listener=[NAME,...]
+    loggers: dict[str, LoggerConfig] = field(default_factory=dict)  # by name; chosen as logger=[NAME,...]
     metrics: dict[str, MetricConfig] = field(default_factory=dict)  # by name; chosen as metric=[NAME,...]
 
 

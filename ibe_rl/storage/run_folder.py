@@ -34,7 +34,7 @@ FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
-NOT_IN_NAMES = ("run_dir", "viewer", "runs_at_once", "runs_on")
+NOT_IN_NAMES = ("run_dir", "viewer", "logger", "runs_at_once", "runs_on")
 """Settings left out of a run's name."""
 
 

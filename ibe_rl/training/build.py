@@ -60,6 +60,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
         print(note)  # noqa: T201 - for the user
     listeners, metrics = make_several("listener", cfg.listeners), make_several("metric", cfg.metrics)
     check_columns(dict(zip(cfg.metrics, metrics, strict=True)))
+    listeners += make_several("logger", cfg.loggers)
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
@@ -108,6 +109,7 @@ def _begin(
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
         run.tell = Listeners([Table(table), *optional, *listeners, checkpoints], progress.say)
+        owned.callback(run.tell.close)
         _collect(run, owned, classroom)
         run.tell.begin(run)
         if state:

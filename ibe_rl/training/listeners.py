@@ -58,6 +58,10 @@ class Listeners(Listener):
         """See ``Listener``."""
         self._tell(lambda one: one.end(summary))
 
+    def close(self) -> None:
+        """See ``Listener``."""
+        self._tell(lambda one: one.close())
+
     def _tell(self, call: Callable[[Listener], None]) -> None:
         for listener in [*self._listeners]:
             try:
@@ -98,8 +102,7 @@ class Table(Listener):
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
         """See ``Listener``."""
-        times = {f"time/{name}": seconds for name, seconds in self._run.times_s().items()}
-        self._table.write({**row, **times})
+        self._table.write({**row, **self._run.time_row()})
 
 
 class Checkpoints(Listener):

@@ -129,6 +129,10 @@ class Run:
         seconds = timeit.todict(percall=False)
         return {name: seconds.get(name, 0.0) + self.counts.times_s.get(name, 0.0) for name in TIMES}
 
+    def time_row(self) -> dict[str, float]:
+        """``times_s`` as columns of metrics.csv."""
+        return {f"time/{name}": seconds for name, seconds in self.times_s().items()}
+
     def state_dict(self) -> State:
         """The current state to resume from; flushes the log to disk."""
         self.log.flush()

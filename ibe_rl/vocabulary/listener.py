@@ -12,7 +12,7 @@ from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.refresh import Refresh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Refreshed:
     """A newly learnt vocabulary, and the explanations of one greedy episode with it.
 
@@ -65,6 +65,9 @@ class Listener:
 
     def end(self, summary: Mapping[str, Any]) -> None:
         """Training has ended normally; ``summary`` is the content of summary.json."""
+
+    def close(self) -> None:
+        """The training is over, however it ended; called last, perhaps without ``end`` and more than once."""
 
     def news(self) -> Iterable[str]:
         """Messages for the terminal, each returned once."""

@@ -63,7 +63,11 @@ def test_every_root_composes(root: str):
 
 @pytest.mark.parametrize(("group", "name"), [choice for choice in CHOICES if choice[0] not in ("experiment", "sweep")])
 def test_every_choice_composes(group: str, name: str):
-    chosen = getattr(composed("train", f"{group}={name}", *NEEDED.get(name, ())), group)
+    config = composed("train", f"{group}={name}", *NEEDED.get(name, ()))
+    if group in SEVERAL:
+        assert implementation(group, getattr(config, SEVERAL[group])[name].kind).name == name
+        return
+    chosen = getattr(config, group)
     own = getattr(chosen, "kind", getattr(chosen, "mode", None))
     if group != "env":
         assert own in (name, None)
@@ -189,7 +193,11 @@ def test_every_setting_is_read_somewhere(schema: type):
 
 
 def test_every_kind_of_listener_and_metric_is_listed_under_its_name():
-    assert {SEVERAL[group] for group in GROUPS.keys() - ROOMS.keys() - {"mapping"}} == {"listeners", "metrics"}
+    assert {SEVERAL[group] for group in GROUPS.keys() - ROOMS.keys() - {"mapping"}} == {
+        "listeners",
+        "loggers",
+        "metrics",
+    }
 
 
 def attributes_read(path: Path, owner: str) -> set[str]:

@@ -12,7 +12,7 @@ from own_kinds import KINDS, write_kinds
 from processes import ROOT, call, start
 
 from ibe_rl.config.command_line import composed, load_config, run_script
-from ibe_rl.config.kinds import GROUPS, implementation, make_several
+from ibe_rl.config.kinds import GROUPS, SEVERAL, implementation, make_several
 from ibe_rl.config.settings import ListenerConfig, TrainConfig
 from ibe_rl.storage.run_folder import CONFIG, METRICS, read_json, read_rows
 from ibe_rl.types import ConfigError
@@ -262,7 +262,7 @@ def test_one_that_cannot_be_made_is_refused_before_there_is_a_folder(folder: Pat
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_a_kind_that_is_none_is_refused(group: str):
-    for kind in ("nonsense", "../x", "networks", "") if group not in ("mapping", "listener", "metric") else ():
+    for kind in ("nonsense", "../x", "networks", "") if group not in ("mapping", *SEVERAL) else ():
         with pytest.raises(ConfigError, match=rf"{group}\.kind={re.escape(kind)}: no such kind"):
             implementation(group, kind)
 
@@ -319,7 +319,7 @@ def test_code_is_found_under_the_name_that_its_room_had(tmp_path: Path):
     "keys",
     [
         *(("agent", "kind"), ("instructor", "kind"), ("mapping", "kind"), ("predictor", "kind")),
-        *(("listeners", "x", "kind"), ("metrics", "x", "kind"), ("env", "id")),
+        *(("listeners", "x", "kind"), ("loggers", "x", "kind"), ("metrics", "x", "kind"), ("env", "id")),
     ],
 )
 def test_code_that_no_file_of_ones_own_names_is_not_run(

@@ -12,6 +12,11 @@ from typing import Any
 import pytest
 from view_data import TASK, filmed, refreshed
 
+from ibe_rl.apps.loggers.csv import Csv
+from ibe_rl.apps.loggers.mlflow import Mlflow
+from ibe_rl.apps.loggers.run_logger import RunLogger
+from ibe_rl.apps.loggers.tensorboard import Tensorboard
+from ibe_rl.apps.loggers.wandb import Wandb
 from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.training.build import LiveView
@@ -23,6 +28,7 @@ from ibe_rl.vocabulary.listener import Listener, Refreshed
 ROW = {"frames": 10, "train/return_mean": 1.0, "train/success_rate": 0.5}
 EVENTS = [name for name, member in vars(Listener).items() if inspect.isfunction(member) and name != "news"]
 OURS = [Checkpoints, Classroom, Listeners, LiveView, RunRecorder, Table, TrainingProgress]
+LOGGERS = [RunLogger, Csv, Mlflow, Tensorboard, Wandb]
 
 
 def event() -> Refreshed:
@@ -41,6 +47,7 @@ def tell_all(listener: Listener) -> None:
     listener.skipped(20, "too little")
     listener.evaluated(20, 0.5, 1.0)
     listener.end({"frames": 20})
+    listener.close()
 
 
 class Heard(Listener):
@@ -72,6 +79,9 @@ class Heard(Listener):
     def end(self, summary: Mapping[str, Any]) -> None:
         self._hear("end")
 
+    def close(self) -> None:
+        self._hear("close")
+
     def news(self) -> Iterable[str]:
         return [f"news of {self._heard[-1]}"]
 
@@ -82,10 +92,10 @@ def known(kind: type) -> set[type]:
 
 def test_these_are_all_listeners_of_the_package() -> None:
     ours = {one for one in known(Listener) if one.__module__.startswith("ibe_rl.")}
-    assert ours == {Listener, *OURS}
+    assert ours == {Listener, *OURS, *LOGGERS}
 
 
-@pytest.mark.parametrize("kind", OURS)
+@pytest.mark.parametrize("kind", [*OURS, *LOGGERS])
 def test_each_takes_the_events_of_the_protocol(kind: type[Listener]) -> None:
     for name in EVENTS:
         expected = [*inspect.signature(getattr(Listener, name)).parameters]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ibe_rl.apps.paper.names import (
@@ -21,9 +20,8 @@ from ibe_rl.apps.paper.names import (
     VOCABULARY_NAMES,
 )
 from ibe_rl.apps.paper.prediction_task import ObservedEpisodes
-from ibe_rl.apps.plot_style import DARK, FAINT, INK, LINE, expression_colours, grid, hexed, legend_of
+from ibe_rl.apps.plot_style import DARK, FAINT, INK, LINE, draw_shapes, expression_colours, grid, hexed, legend_of
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.task import Shape
 from ibe_rl.view import palette as colours
 
 GUESSES = (NO_WORDS, PAPERS, DEFAULT)
@@ -81,20 +79,13 @@ def _scales(axis: Axes, observed: ObservedEpisodes, row: int) -> None:
 def _scene(axis: Axes, observed: ObservedEpisodes, row: int, steps: range) -> None:
     """The ground, the way over these steps and the outlines on it."""
     watched = observed.shown[row].watched
-    _lines(axis, watched.background, 1.5, 1.0)
+    draw_shapes(axis, watched.background, 1.5, 1.0)
     path = observed.path(row, steps[0], steps[-1])
     axis.plot(*path.T, color=hexed(colours.TRAIL), linewidth=1.3)
     marked = [*steps[:: OUTLINE_STEPS if len(steps) <= SEEN_STEPS else 3 * OUTLINE_STEPS], steps[-1]]
     for step in dict.fromkeys(marked):
         faded = 0.3 + 0.7 * (step - steps[0]) / max(1, len(steps) - 1)
-        _lines(axis, watched.figures[step], 1.3, faded)
-
-
-def _lines(axis: Axes, shapes: Sequence[Shape], width: float, alpha: float) -> None:
-    lines = [np.concatenate([shape.points, shape.points[:1]]) if shape.closed else shape.points for shape in shapes]
-    axis.add_collection(
-        LineCollection(lines, colors=[hexed(shape.colour) for shape in shapes], linewidths=width, alpha=alpha)
-    )
+        draw_shapes(axis, watched.figures[step], 1.3, faded)
 
 
 def _frame(axis: Axes, observed: ObservedEpisodes, highest: float) -> None:
@@ -143,13 +134,13 @@ def gallery(observed: ObservedEpisodes, title: str) -> Figure:
     axes = [axis for row in rows for axis in row]
     for row, axis in enumerate(axes[:count]):
         last, end = observed.last_seen(row), observed.shown[row].ends[observed.cut]
-        _lines(axis, observed.shown[row].watched.background, 1, 1)
+        draw_shapes(axis, observed.shown[row].watched.background, 1, 1)
         axis.plot(*observed.path(row, last, end).T, color=hexed(colours.PALE), linewidth=1)
         said = observed.said[DEFAULT][row]
         seen = observed.path(row, last - SEEN_STEPS + 1, last)
         axis.scatter(seen[:, 0], seen[:, 1], color=expression_colours(said), s=18, zorder=3)
         for step in (last, end):
-            _lines(axis, observed.shown[row].watched.figures[step], 0.9, 0.9)
+            draw_shapes(axis, observed.shown[row].watched.figures[step], 0.9, 0.9)
         _guesses(axis, observed, row, 5)
         _frame(axis, observed, highest)
         none, papers, ours = (errors[name][row] for name in GUESSES)
