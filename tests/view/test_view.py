@@ -18,20 +18,20 @@ from ibe_rl.view.relay import Relay
 from ibe_rl.view.relay import page as page_of_relay
 
 PANELS = {
-    "Lunar Lander with pads: flown, predicted (dots), predicted before (line)",
-    "Return",
-    "Success, truth",
-    "Moved since last",
-    "Expressions",
-    "Instruction (yellow), explanation (teal)",
-    "In words",
+    "Lunar Lander with pads: flown and predicted",
+    "What it is told and says, step by step",
     "Now",
-    "What the best episodes did, by cluster",
-    "Expressions now",
-    "Δx (half widths): best green, peak cut",
-    "Spoken",
+    "Its vocabulary",
+    "Movements in its best episodes, and their clusters",
+    "x change (half widths): best green, highest bar cut",
+    "Told (yellow), said (teal) by step; right-click goes there",
+    "Return per episode",
+    "Success (share of episodes)",
+    "Are its words true? (0 to 1)",
+    "What each refresh changed",
+    "Expression of each cluster",
 }
-CLUSTERS = ("What the best episodes did, by cluster", "Expressions now", "Now")
+CLUSTERS = ("Movements in its best episodes, and their clusters", "Expression of each cluster", "Its vocabulary")
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +67,9 @@ def test_the_view_opens_as_a_film_that_plays_to_its_end(viewer: ViewerClient, re
     assert eventually(lambda: not viewer.get_state().loading and viewer.get_state().recordings)
     [shown] = viewer.get_state().recordings
     ends: dict[str, Any] = {timeline.name: timeline.end for timeline in shown.timelines}
-    assert set(ends) == {"frames", "watched_step"}
-    assert shown.current_timeline == "watched_step"
-    assert eventually(lambda: viewer.get_state().recordings[0].current_time == ends["watched_step"])
+    assert set(ends) == {"frames", "film"}
+    assert shown.current_timeline == "film"
+    assert eventually(lambda: viewer.get_state().recordings[0].current_time == ends["film"])
 
 
 def test_scrubbing_back_shows_the_clusters_of_that_time(viewer: ViewerClient, recording: Path, tmp_path: Path) -> None:
