@@ -68,7 +68,7 @@ def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
 
 
 def _of_training(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
-    words = rrb.Vertical(_lanes(), _now(), _words(), row_shares=[29, 22, 49])
+    words = rrb.Vertical(_lanes(), _now(), _words(), row_shares=[27, 24, 49])
     learnt = rrb.Vertical(
         _clusters(),
         _beside([_changes(task, n) for n in range(task.instruction_size)]),

@@ -16,6 +16,8 @@ from ibe_rl.vocabulary.refresh import Refresh
 
 _HEIGHT = 0.45
 """Of the scatter in units of its half width, for a panel that is broader than high."""
+_LETTER_WIDTH = 0.052
+"""In the same units, at 1440 x 900."""
 
 
 def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, shown: Collection[int] = ()) -> None:
@@ -64,7 +66,8 @@ def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Ax
         ((x, _HEIGHT), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)
     ]
     marks += [((-1.0, -_HEIGHT * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
-    marks += [((0.66, _HEIGHT + 0.15), f"→ {across.title}"), ((-0.66, _HEIGHT + 0.15), f"↑ {up.title}")]
+    for title, side in ((f"→ {across.title}", 1), (f"↑ {up.title}", -1)):  # side by side, however long
+        marks.append(((side * (_LETTER_WIDTH * len(title) / 2 + 0.06), _HEIGHT + 0.15), title))
     places, labels = zip(*marks, strict=True)
     dots = rr.Points2D(places, labels=labels, colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
     recording.log("vocabulary/marks", dots)

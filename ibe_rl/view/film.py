@@ -15,7 +15,7 @@ from ibe_rl.view import blueprint as view
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture, wording
 from ibe_rl.view.lanes import ENTITY, Lane, log_lanes, step_marks
-from ibe_rl.view.spoken import markdown, rows_of, words_of
+from ibe_rl.view.spoken import markdown, rows_of, without_flicker, words_of
 
 
 @dataclass(frozen=True)
@@ -208,6 +208,7 @@ class Film:
 
     def _lane(self, name: str, words: Sequence[str]) -> Lane:
         grey = np.array(colours.SILENT_GREY, np.uint8)
+        words = [word for _, word in without_flicker([(name, word) for word in words])]
         return Lane(name, [*map(self._short, words)], np.stack([self._shades.get(each, grey) for each in words]))
 
     def _send_now(self, take: _Take, head: str, standing: Callable[[int], str]) -> None:

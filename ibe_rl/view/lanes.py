@@ -19,7 +19,8 @@ from ibe_rl.view.picture import changes, round_steps
 ENTITY = "lanes"
 WIDTH, LEFT, RIGHT = 5.0, 1.2, 4.8
 """Of the picture at 1440 x 900, in hundreds of pixels; the lanes are between the other two."""
-LANE_HEIGHT, BAND_RADIUS, AXIS_HEIGHT = 0.32, 0.12, 0.42
+LANE_HEIGHT, BAND_HEIGHT, AXIS_HEIGHT, PEN = 0.32, 0.24, 0.42, 0.016
+"""Lines of rerun have round ends: a band is hatched with a thin pen, so that it ends where it should."""
 LETTER_WIDTH, MARGIN = 0.068, 0.1
 """Of a label."""
 
@@ -46,13 +47,21 @@ def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
         starts, y = changes(lane.words), LANE_HEIGHT * (row + 0.5)
         for start, end in zip(starts, [*starts[1:], steps], strict=True):
             x, until = x_of(start, steps), x_of(end, steps)
-            bands.append([(x, y), (until, y)])
+            bands.append(hatched(x, until, y))
             shades.append(lane.shades[start])
             if LETTER_WIDTH * len(lane.words[start]) + MARGIN <= until - x:  # or it would cover its neighbours
                 texts.append((((x + until) / 2, y - LABEL_DROP), lane.words[start], colours.WHITE))
-    strips = rr.LineStrips2D(bands, colors=np.array(shades, np.uint8), radii=BAND_RADIUS)
+    strips = rr.LineStrips2D(bands, colors=np.array(shades, np.uint8), radii=PEN)
     recording.log(f"{ENTITY}/bands", strips)
     recording.log(f"{ENTITY}/words", labelled([*texts, *_marks(lanes, steps)]))
+
+
+def hatched(left: float, right: float, y: float) -> Array:
+    """One line to and fro that fills a band around ``y``: points ``(P, 2)``."""
+    rows = np.arange(y - BAND_HEIGHT / 2, y + BAND_HEIGHT / 2, 1.5 * PEN)
+    pen = min(PEN, (right - left) / 2)
+    ends = np.tile([left + pen, right - pen, right - pen, left + pen], -(-len(rows) // 2))[: 2 * len(rows)]
+    return np.stack([ends, rows.repeat(2)], axis=1)
 
 
 def step_marks(steps: int, lanes: int) -> rr.ComponentColumnList:

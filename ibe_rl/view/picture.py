@@ -79,7 +79,7 @@ def round_steps(low: float, high: float, count: int) -> list[float]:
     """
     least = max(high - low, _TINY) / count
     power = 10.0 ** np.floor(np.log10(least))
-    step = min(power * factor for factor in (1, 2, 5, 10) if power * factor >= least * (1 - _TINY))
+    step = min(power * factor for factor in (1, 2, 2.5, 5, 10) if power * factor >= least * (1 - _TINY))
     first, last = np.ceil(low / step - _TINY), np.floor(high / step + _TINY)
     return [round(float(i * step), 10) + 0.0 for i in np.arange(first, last + 1)]
 
@@ -136,7 +136,7 @@ def label_rows(points: Array, y: float) -> Array:
 
 def axis(task: Task, dimension: int, delta: Array, symmetric: bool) -> Axis:
     """Fit one axis to changes ``(W, S)``: 0 and 99 % of them lie inside; symmetric puts 0 in the middle."""
-    name, unit = task.state_names[dimension], task.state_units[dimension]
+    name, unit = task.state_names[dimension].replace("_", " "), task.state_units[dimension]
     low, high = np.quantile(np.append(delta[:, dimension], 0.0), [0.005, 0.995]).tolist()
     if symmetric or low == high:
         high = max(abs(low), abs(high)) or 1.0

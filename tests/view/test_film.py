@@ -203,7 +203,7 @@ def test_where_the_agent_does_not_know_its_lane_is_grey_and_nothing_is_judged(tm
     grey = int.from_bytes(bytes([*colours.SILENT_GREY, 255]))
     steps, span = len(said), lanes.RIGHT - lanes.LEFT
     drawn = [
-        ((line[0][0] - lanes.LEFT) / span * steps, (line[1][0] - lanes.LEFT) / span * steps)
+        ((line[0][0] - lanes.PEN - lanes.LEFT) / span * steps, (line[1][0] + lanes.PEN - lanes.LEFT) / span * steps)
         for line, shade in zip(bands["LineStrips2D:strips"], bands["LineStrips2D:colors"], strict=True)
         if shade == grey and line[0][1] > 2 * lanes.LANE_HEIGHT  # the lane of the longer span
     ]
