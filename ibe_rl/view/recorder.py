@@ -34,7 +34,8 @@ from ibe_rl.view.film import Film, Place
 from ibe_rl.view.recording_file import RecordingFile, earlier
 from ibe_rl.vocabulary.refresh import Refresh
 
-APPLICATION = "ibe_rl"
+APPLICATION = "ibe_rl_run"
+"""Not that of recordings before the panels had their present names, as rerun keeps one layout for each."""
 GREETING = "It has just begun to train. Its first words come with the first refresh."
 INTRO_STEPS = 30
 """Of the film, before the first episode: what was trained until then."""
