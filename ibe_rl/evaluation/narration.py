@@ -22,7 +22,7 @@ from ibe_rl.metrics.quality import episode_scores, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import NOT_TOLD, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
-from ibe_rl.view.spoken import FLICKER_STEPS, NOT_TRUSTED, rows_of, titles, without_flicker, words_of
+from ibe_rl.view.spoken import FLICKER_STEPS, NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
 
 FIRST_ROWS, MOST_ROWS = 30, 40
 """Of the table: so many rows from its beginning, and in all; the others are of the end."""
@@ -109,8 +109,8 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
 def _print_table(
     run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: Array, console: Console
 ) -> None:
-    words = words_of(watched.moments, said, run.task.phrases)
-    rows = rows_of(words, said, true)
+    words = spoken_words(watched.moments, said, run.task.phrases)
+    rows = spoken_rows(words, said, true)
     left_out = max(0, len(rows) - MOST_ROWS)
     table = _empty_table(run.task, watched, titles(said))
     for row in rows[:FIRST_ROWS] if left_out else rows:

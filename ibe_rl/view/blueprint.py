@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ibe_rl.task import Shape, Task
-from ibe_rl.view import curves, lanes, picture, sentences
+from ibe_rl.view import curves, lanes, picture
 from ibe_rl.view import palette as colours
 from ibe_rl.view.curves import Chart
 from ibe_rl.view.palette import BACKGROUND, EXPLANATION, INSTRUCTED, TRAIL, WHITE
@@ -16,17 +16,21 @@ from ibe_rl.view.palette import BACKGROUND, EXPLANATION, INSTRUCTED, TRAIL, WHIT
 FRAMES, FILM = "frames", "film"
 FILM_FPS = 50
 """Steps a second when the film plays."""
-SAID = sentences.SAID
+SAID = "said"
+"""Where in the film each cluster is said."""
 
-RETURN = {"train/return_mean": ("training", colours.MUTED), "eval/return_mean": ("greedy policy", colours.GREEN)}
-SUCCESS = {"train/success_rate": ("training", colours.MUTED), "eval/success_rate": ("greedy policy", colours.GREEN)}
-TRUTH = {
+RETURN_CURVES = {"train/return_mean": ("training", colours.MUTED), "eval/return_mean": ("greedy policy", colours.GREEN)}
+SUCCESS_CURVES = {
+    "train/success_rate": ("training", colours.MUTED),
+    "eval/success_rate": ("greedy policy", colours.GREEN),
+}
+TRUTH_CURVES = {
     "ibe/came_true": ("as predicted", colours.EXPLANATION),
     "ibe/came_true_stale": ("words before", colours.PALE),
     "ibe/motion_auc": ("tell the way", colours.BLUE),
     "ibe/echo_auc": ("an echo", colours.INSTRUCTED),
 }
-CHANGE = {
+CHANGE_CURVES = {
     "ibe/policy_drift": ("acts otherwise", colours.BLUE),
     "ibe/vocabulary_drift": ("called otherwise", colours.PINK),
     "ibe/staleness": ("staleness", colours.INSTRUCTED),
@@ -46,10 +50,10 @@ def charts(task: Task) -> list[Chart]:
         for number, title in numbers_of(task)
     ]
     return [
-        Chart("charts/return", "Return per episode", RETURN),
-        Chart("charts/success", "Success (share of episodes)", SUCCESS, SHARE),
-        Chart("charts/truth", "Are its words true? (0 to 1)", TRUTH, SHARE),
-        Chart("charts/change", "What each refresh changed", CHANGE),
+        Chart("charts/return", "Return per episode", RETURN_CURVES),
+        Chart("charts/success", "Success (share of episodes)", SUCCESS_CURVES, SHARE),
+        Chart("charts/truth", "Are its words true? (0 to 1)", TRUTH_CURVES, SHARE),
+        Chart("charts/change", "What each refresh changed", CHANGE_CURVES),
         *numbers,
     ]
 
@@ -101,7 +105,7 @@ def _shared(task: Task, share: float) -> list[float]:
 
 
 def _lanes() -> rrb.View:
-    bounds = rrb.VisualBounds2D(x_range=(0, lanes.WIDTH), y_range=(-0.05, lanes.height(3)))
+    bounds = rrb.VisualBounds2D(x_range=(0, lanes.PICTURE_WIDTH), y_range=(-0.05, lanes.height(3)))
     return rrb.Spatial2DView(
         origin=f"/{lanes.ENTITY}",
         name="What it is told and says, step by step",
@@ -178,7 +182,7 @@ def log_styles(recording: rr.RecordingStream, task: Task) -> None:
     def static(path: str, *what: rr.AsComponents) -> None:
         recording.log(path, *what, static=True)
 
-    for key, (name, colour) in (RETURN | SUCCESS | TRUTH | CHANGE).items():
+    for key, (name, colour) in (RETURN_CURVES | SUCCESS_CURVES | TRUTH_CURVES | CHANGE_CURVES).items():
         static(f"curves/{key}", rr.SeriesLines(colors=[colour], names=[name], widths=[2]))
     for name, colour, width, mode in (
         ("instruction", INSTRUCTED, 2.5, rr.components.InterpolationMode.StepAfter),

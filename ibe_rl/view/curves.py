@@ -14,28 +14,23 @@ import rerun as rr
 
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
-from ibe_rl.view.picture import round_steps
+from ibe_rl.view.marks import LABEL_DROP, Colour, Text, labelled, round_steps
 
 Rows = list[tuple[int, float]]
 """Frames and value; a value that is nan interrupts the curve."""
-Colour = tuple[int, int, int]
-Text = tuple[tuple[float, float], str, Colour]
 
-MOST_ROWS = 200
+KEPT_ROWS = 200
 """Of a curve, in the picture; the recording keeps the others under ``curves``."""
 FEW_ROWS = 40
 """A curve of no more has dots."""
-GROWTH = 1.25
+MORE_ROWS = 1.25
 """How many times as many rows there are when the curves are drawn again without a refresh."""
-TINY = 1e-9
 LEFT, RIGHT, TOP, BOTTOM = 0.52, 1.75, 0.1, 1.75
 """Where the curves are drawn in a panel of ``SIZE``, y down; the names are to the right."""
 SIZE = (2.88, 2.3)
 """Of a panel at 1440 x 900, in hundreds of pixels: what a mark or a name takes is fixed in pixels."""
 NAME_HEIGHT = 0.23
 NAMES_AT = (RIGHT + SIZE[0]) / 2
-LABEL_DROP = 0.11
-"""From a point to the middle of the label below it."""
 AXIS_TITLE = "thousand frames"
 
 
@@ -82,12 +77,12 @@ class Drawing:
         known = self.rows.setdefault(key, [])
         known += rows
         self._added += len(rows)
-        while len(known) > MOST_ROWS:
+        while len(known) > KEPT_ROWS:
             known[:] = [row for i, row in enumerate(known) if i % 2 or i == len(known) - 1]
 
     def due(self) -> bool:
         """True if there is so much more than was drawn that it shows."""
-        return self._added >= GROWTH * self._drawn and self._added > 0
+        return self._added >= MORE_ROWS * self._drawn and self._added > 0
 
     def draw(self, recording: rr.RecordingStream) -> None:
         """Log the pictures at the time that is set, if there is anything new."""
@@ -105,7 +100,7 @@ def draw(recording: rr.RecordingStream, chart: Chart, shown: Sequence[tuple[str,
     """Log one chart with curves up to the frame ``last``; each has a name, a colour and rows."""
     values = [value for *_, rows in shown for _, value in rows if math.isfinite(value)]
     low, high = chart.limits or (min(values, default=0.0), max(values, default=1.0))
-    if high - low < TINY:
+    if high - low < 1e-9:
         low, high = low - 0.5, high + 0.5
     lines = [placed(rows, last, low, high) for *_, rows in shown]
     coloured = [(line, one[1]) for line, one in zip(lines, shown, strict=True)]
@@ -164,9 +159,3 @@ def names(ends: Sequence[tuple[str, Colour, float]]) -> list[Text]:
         last = max(wanted, last + NAME_HEIGHT)
         texts.append(((NAMES_AT, last), name, shade))
     return texts
-
-
-def labelled(texts: Sequence[Text]) -> rr.Points2D:
-    """Text without a dot that is seen; each has its place, its words and its colour."""
-    places, words, shades = zip(*texts, strict=True) if texts else ((), (), ())
-    return rr.Points2D(places, labels=words, colors=shades, radii=rr.Radius.ui_points(0.1), show_labels=True)

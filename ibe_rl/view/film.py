@@ -15,7 +15,7 @@ from ibe_rl.view import blueprint as view
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture, wording
 from ibe_rl.view.lanes import ENTITY, Lane, log_lanes, step_marks
-from ibe_rl.view.spoken import markdown, rows_of, without_flicker, words_of
+from ibe_rl.view.spoken import markdown, spoken_rows, spoken_words, without_flicker
 
 
 @dataclass(frozen=True)
@@ -236,9 +236,9 @@ class Film:
         shades = np.concatenate([_shades([said[i] for i in rows]), end])
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)
         self._send("log", take.place.columns([*rows, len(said)]), columns)
-        words = words_of(take.watched.moments, said, self._task.phrases)
+        words = spoken_words(take.watched.moments, said, self._task.phrases)
         hits = [float(one.phrase == real) if one.meant else np.nan for one, real in zip(said, take.real, strict=True)]
-        every = rows_of(words, said, np.array(hits), steady=False)
+        every = spoken_rows(words, said, np.array(hits), steady=False)
         self._send_texts("spoken", take, [0], [markdown(said, every)])
 
 

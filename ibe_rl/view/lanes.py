@@ -13,15 +13,14 @@ import rerun as rr
 
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
-from ibe_rl.view.curves import LABEL_DROP, Text, labelled
-from ibe_rl.view.picture import changes, round_steps
+from ibe_rl.view.marks import LABEL_DROP, Text, labelled, round_steps
 
 ENTITY = "lanes"
-WIDTH, LEFT, RIGHT = 5.0, 1.2, 4.8
+PICTURE_WIDTH, FIRST_X, LAST_X = 5.0, 1.2, 4.8
 """Of the picture at 1440 x 900, in hundreds of pixels; the lanes are between the other two."""
 LANE_HEIGHT, BAND_HEIGHT, AXIS_HEIGHT, PEN = 0.32, 0.24, 0.42, 0.016
 """Lines of rerun have round ends: a band is hatched with a thin pen, so that it ends where it should."""
-LETTER_WIDTH, MARGIN = 0.068, 0.1
+LETTER_WIDTH, SIDES = 0.068, 0.1
 """Of a label."""
 
 
@@ -44,12 +43,12 @@ def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
     steps = len(lanes[0].words)
     bands, shades, texts = [], [], []
     for row, lane in enumerate(lanes):
-        starts, y = changes(lane.words), LANE_HEIGHT * (row + 0.5)
+        starts, y = [0, *(i for i in range(1, steps) if lane.words[i] != lane.words[i - 1])], LANE_HEIGHT * (row + 0.5)
         for start, end in zip(starts, [*starts[1:], steps], strict=True):
             x, until = x_of(start, steps), x_of(end, steps)
             bands.append(hatched(x, until, y))
             shades.append(lane.shades[start])
-            if LETTER_WIDTH * len(lane.words[start]) + MARGIN <= until - x:  # or it would cover its neighbours
+            if LETTER_WIDTH * len(lane.words[start]) + SIDES <= until - x:  # or it would cover its neighbours
                 texts.append((((x + until) / 2, y - LABEL_DROP), lane.words[start], colours.WHITE))
     strips = rr.LineStrips2D(bands, colors=np.array(shades, np.uint8), radii=PEN)
     recording.log(f"{ENTITY}/bands", strips)
@@ -74,7 +73,7 @@ def step_marks(steps: int, lanes: int) -> rr.ComponentColumnList:
 
 def x_of(step: int, steps: int) -> float:
     """Where a step of an episode is."""
-    return LEFT + (RIGHT - LEFT) * step / steps
+    return FIRST_X + (LAST_X - FIRST_X) * step / steps
 
 
 def _marks(lanes: Sequence[Lane], steps: int) -> list[Text]:

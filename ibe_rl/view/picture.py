@@ -71,19 +71,6 @@ def changes(words: Sequence[object]) -> list[int]:
     return [i for i, word in enumerate(words) if i == 0 or word != words[i - 1]]
 
 
-def round_steps(low: float, high: float, count: int) -> list[float]:
-    """Round numbers from ``low`` to ``high`` at equal distances, at most ``count`` + 1 of them.
-
-    >>> round_steps(0.0, 250.0, 4)
-    [0.0, 100.0, 200.0]
-    """
-    least = max(high - low, _TINY) / count
-    power = 10.0 ** np.floor(np.log10(least))
-    step = min(power * factor for factor in (1, 2, 2.5, 5, 10) if power * factor >= least * (1 - _TINY))
-    first, last = np.ceil(low / step - _TINY), np.floor(high / step + _TINY)
-    return [round(float(i * step), 10) + 0.0 for i in np.arange(first, last + 1)]
-
-
 @dataclass(frozen=True)
 class Axis:
     """One axis of the scatter: a state dimension and which changes of it lie inside the picture.

@@ -44,7 +44,7 @@ HOLD_S = 30.0
 data would leave the watched episode with every batch."""
 CURVE_BYTES, VALUE_BYTES, CHARTS_BYTES = 1700, 32, 40_000
 """At most of each curve whenever rows are sent, of each value, and of the pictures of the curves."""
-NO_WORDS = "It has none yet."
+NO_VOCABULARY = "It has none yet."
 
 
 def _taken(state: Mapping[str, Any]) -> tuple[Place, int, list[int], dict[str, Rows], dict[str, Rows]]:
@@ -101,7 +101,7 @@ class Recorder:
         if training and not state:
             Place(0, 0).set(self._recording)
             self._show("now", GREETING)
-            self._show("words", NO_WORDS)
+            self._show("words", NO_VOCABULARY)
         self._next = Place(0, INTRO_STEPS if training else 0)
         self._drawn_to = 0  # step of the film that the curves have reached
         self._curves: dict[str, Rows] = defaultdict(list)

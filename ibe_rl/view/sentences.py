@@ -15,9 +15,6 @@ from ibe_rl.types import CANNOT_TELL
 from ibe_rl.view.wording import short
 from ibe_rl.vocabulary.refresh import Refresh
 
-SAID = "said"
-"""Where in the film each cluster is said."""
-
 
 def counts(of: Mapping[str, int]) -> str:
     """Names and numbers in one line.
@@ -41,7 +38,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
         cells = [now, "" if then == now else then, number, f"{mapping.sizes[row]:,.0f}"]
         if name == spoken:
             cells = [f"**{cell}**" if cell else cell for cell in cells]
-        link = f"[#{name}](recording://{SAID}/{name})"
+        link = f"[#{name}](recording://said/{name})"
         rows.append("| " + " | ".join([f"→ {link}" if name == spoken else link, *cells]) + " |")
     return "\n".join(rows)
 

@@ -17,7 +17,7 @@ from ibe_rl.view.wording import SILENCE, shortener, span_name
 FLICKER_STEPS = 5
 """A change of words that is undone within so many steps is none."""
 NOT_TRUSTED = "(?)"
-COLUMNS = ("steps", "is told", "expression", "sure", "as predicted")
+TITLES = ("steps", "is told", "expression", "sure", "as predicted")
 
 Words = tuple[str, ...]
 
@@ -33,11 +33,11 @@ class Row:
 
 def titles(said: Sequence[Explanation]) -> list[str]:
     """The columns: a phrase for each span of time between what is told and the figures."""
-    steps, told, *figures = COLUMNS
+    steps, told, *figures = TITLES
     return [steps, told, *(span_name(one.horizon_steps) for one in said[0].all_spans), *figures]
 
 
-def words_of(moments: Sequence[Moment], said: Sequence[Explanation], phrases: Sequence[Phrases]) -> list[Words]:
+def spoken_words(moments: Sequence[Moment], said: Sequence[Explanation], phrases: Sequence[Phrases]) -> list[Words]:
     """For each step what is told, and what is said of each span; marked where the predictor stands by no such path."""
     shorten = shortener(phrases)
     told = [shorten(phrase(one.instruction, phrases)) if one.given else SILENCE for one in moments]
@@ -49,7 +49,7 @@ def words_of(moments: Sequence[Moment], said: Sequence[Explanation], phrases: Se
     ]
 
 
-def rows_of(words: Sequence[Words], said: Sequence[Explanation], true: Array, steady: bool = True) -> list[Row]:
+def spoken_rows(words: Sequence[Words], said: Sequence[Explanation], true: Array, steady: bool = True) -> list[Row]:
     """Rows for the steps of an episode.
 
     Args:

@@ -66,7 +66,7 @@ def test_a_curve_of_many_rows_keeps_its_newest_and_is_drawn_again_when_it_shows(
     assert not drawing.due()
     for frame in range(5000):
         drawing.add("up", [(frame, 0.5)])
-    assert len(drawing.rows["up"]) <= curves.MOST_ROWS
+    assert len(drawing.rows["up"]) <= curves.KEPT_ROWS
     assert drawing.rows["up"][-1] == (4999, 0.5)
     assert drawing.due()
     drawn(tmp_path / "a.rrd", drawing)

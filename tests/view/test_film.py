@@ -201,9 +201,12 @@ def test_where_the_agent_does_not_know_its_lane_is_grey_and_nothing_is_judged(tm
     said, _, rows = spoken_in_time(tmp_path)
     [bands] = [row for row in rows["/lanes/bands"] if row.get("LineStrips2D:strips") is not None]
     grey = int.from_bytes(bytes([*colours.SILENT_GREY, 255]))
-    steps, span = len(said), lanes.RIGHT - lanes.LEFT
+    steps, span = len(said), lanes.LAST_X - lanes.FIRST_X
     drawn = [
-        ((line[0][0] - lanes.PEN - lanes.LEFT) / span * steps, (line[1][0] + lanes.PEN - lanes.LEFT) / span * steps)
+        (
+            (line[0][0] - lanes.PEN - lanes.FIRST_X) / span * steps,
+            (line[1][0] + lanes.PEN - lanes.FIRST_X) / span * steps,
+        )
         for line, shade in zip(bands["LineStrips2D:strips"], bands["LineStrips2D:colors"], strict=True)
         if shade == grey and line[0][1] > 2 * lanes.LANE_HEIGHT  # the lane of the longer span
     ]

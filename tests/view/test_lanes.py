@@ -8,7 +8,7 @@ import rerun as rr
 from view_data import WATCHED, Rows, column, flights, frames, read
 
 from ibe_rl.view import lanes
-from ibe_rl.view.lanes import LEFT, RIGHT, Lane, log_lanes, step_marks
+from ibe_rl.view.lanes import FIRST_X, LAST_X, Lane, log_lanes, step_marks
 
 
 def grey(steps: int) -> np.ndarray:
@@ -25,9 +25,9 @@ def test_a_band_is_as_long_as_its_words_hold_and_bears_them_where_they_fit(tmp_p
         recording.flush()
     rows = read(tmp_path / "a.rrd")
     bands = [np.array(band) for band in rows["/lanes/bands"][0]["LineStrips2D:strips"]]
-    ends = [LEFT + (RIGHT - LEFT) * step / 100 for step in (0, 50, 52, 100)]
+    ends = [FIRST_X + (LAST_X - FIRST_X) * step / 100 for step in (0, 50, 52, 100)]
     drawn = [(band[:, 0].min() - lanes.PEN, band[:, 0].max() + lanes.PEN) for band in bands]
-    assert np.allclose(drawn, [ends[:2], ends[1:3], ends[2:], (LEFT, RIGHT)])
+    assert np.allclose(drawn, [ends[:2], ends[1:3], ends[2:], (FIRST_X, LAST_X)])
     assert bands[3][:, 1].min() > bands[0][:, 1].max()
     shown = rows["/lanes/words"][0]["Points2D:labels"]
     assert shown == ["up", "down", "up", "is told", "next 60 steps", "step 0", "20", "40", "60", "80"]
@@ -37,6 +37,6 @@ def test_the_mark_is_at_the_step_that_is_shown(rows: Rows) -> None:
     steps = len(flights()[WATCHED[0]].moments)
     at, lines = frames(rows["/lanes/now"]), column(rows["/lanes/now"], "LineStrips2D:strips")
     assert at[:steps] == list(range(100_000, 100_000 + steps))
-    assert lines[0][0][0][0] == pytest.approx(LEFT)
+    assert lines[0][0][0][0] == pytest.approx(FIRST_X)
     assert lines[steps - 1][0][0][0] == pytest.approx(lanes.x_of(steps - 1, steps))
     assert len(list(step_marks(10, 2))) > 0

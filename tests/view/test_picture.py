@@ -22,13 +22,6 @@ def test_a_peak_that_hides_the_rest_is_cut() -> None:
     assert not np.any(picture.cut([np.zeros(3), np.zeros(3)]))
 
 
-def test_marks_are_round_numbers_and_always_two() -> None:
-    assert picture.round_steps(0, 401, 2) == [0, 250]
-    assert picture.round_steps(-1, 1, 4) == [-1, -0.5, 0, 0.5, 1]
-    assert picture.round_steps(-170.0, 20.0, 4) == [-150, -100, -50, 0]
-    assert all(2 <= len(picture.round_steps(0, high, 2)) <= 3 for high in np.geomspace(0.01, 1e7, 300))
-
-
 def test_a_held_explanation_was_made_when_it_was_first_said() -> None:
     one, other = object(), object()
     assert picture.made_at([one, one, other, other, one]).tolist() == [0, 0, 2, 2, 4]

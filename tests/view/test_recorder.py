@@ -33,7 +33,7 @@ def test_in_the_film_curves_grow_by_what_is_trained_from_one_episode_to_the_next
 
 
 def test_before_the_first_refresh_the_panels_say_so(rows: Rows) -> None:
-    assert column(rows["/words"], "TextDocument:text")[0] == [module.NO_WORDS]
+    assert column(rows["/words"], "TextDocument:text")[0] == [module.NO_VOCABULARY]
     assert column(rows["/now"], "TextDocument:text")[0] == [module.GREETING]
     assert frames(rows["/now"])[0] == 0
 

@@ -31,13 +31,13 @@ def test_what_is_told_is_never_changed() -> None:
 def test_rows_hold_all_steps_and_their_figures() -> None:
     spoken_there = explain(flights()[1], refreshed())[:4]
     words = told("up", "a b a c")
-    rows = spoken.rows_of(words, spoken_there, np.array([1.0, 0.0, 1.0, 1.0]))
+    rows = spoken.spoken_rows(words, spoken_there, np.array([1.0, 0.0, 1.0, 1.0]))
     assert [(row.first, row.last) for row in rows] == [(0, 2), (3, 3)]
     assert rows[0].cells[:3] == ("0-2", "up", "a")
     assert rows[0].cells[-1] == "67%"  # each step is judged by what was said there
     mean = np.mean([spoken_there[step].expression[0] for step in (0, 2)])
     assert rows[0].cells[3] == f"{mean:+.2f}"
-    assert len(spoken.rows_of(words, spoken_there, np.ones(4), steady=False)) == 4
+    assert len(spoken.spoken_rows(words, spoken_there, np.ones(4), steady=False)) == 4
     table = spoken.markdown(spoken_there, rows).splitlines()
     assert table[0] == f"| steps | is told | next {HORIZON_STEPS} steps | expression | sure | as predicted |"
     assert len(table) == 4
