@@ -210,7 +210,7 @@ def test_where_the_agent_does_not_know_its_lane_is_grey_and_nothing_is_judged(tm
         for line, shade in zip(bands["LineStrips2D:strips"], bands["LineStrips2D:colors"], strict=True)
         if shade == grey and line[0][1] > 2 * lanes.LANE_HEIGHT  # the lane of the longer span
     ]
-    assert drawn == [pytest.approx((10, 30), abs=1e-3)]
+    assert drawn == [pytest.approx([10, 30], abs=1e-3)]
     judged = {row["film"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None}
     drawn = {row["film"] for row in rows["/scene/then"] if row.get("LineStrips2D:strips") is not None}
     assert judged == drawn == {i + HORIZON_STEPS for i in range(len(said) - HORIZON_STEPS + 1) if said[i].known}
