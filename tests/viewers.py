@@ -51,7 +51,7 @@ def viewer() -> Iterator[ViewerClient]:
     there = ctypes.util.find_library("vulkan") is not None and bool(drivers)
     needed(there, "a Vulkan driver (apt install mesa-vulkan-drivers libvulkan1)")
     port = free_ports().grpc
-    address = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1280x720"]
+    address = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1440x900"]
     with subprocess.Popen([rerun_binary(), *address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             assert eventually(lambda: not is_free(port))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 
 import numpy as np
 from rich.box import SIMPLE
@@ -18,16 +17,16 @@ from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, explain
 from ibe_rl.ibe.meaning_lines import meaning_lines
-from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import NOT_MEASURED, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
-from ibe_rl.view.film import SILENCE
-from ibe_rl.view.sentences import short
+from ibe_rl.view.spoken import FLICKER_STEPS, NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
 
-NOT_TRUSTED = "(?)"
+FIRST_ROWS, MOST_ROWS = 30, 40
+"""Of the table: so many rows from its beginning, and in all; the others are of the end."""
+SEE_ALL = "viewer=live or viewer=file shows every step."
 
 
 def check_context(context: str | None, run: TrainedRun) -> None:
@@ -72,7 +71,7 @@ def print_narration(
     console.width = max(console.width, 120)
     for line in _opening(run, verdicts):
         console.print(line, markup=False)
-    console.print(_table(run, watched, said, true))
+    _print_table(run, watched, said, true, console)
     whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
     if isinstance(run.config.agent, ExternalPolicyConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
@@ -107,38 +106,39 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
     return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}"
 
 
-def _spoken(said: Explanation, task: Task) -> list[str]:
-    """The phrase of each time span, marked where the predictor does not trust it to the end."""
-    spans = said.all_spans
-    words = short([one.said for one in spans], task.phrases)
-    return [text if one.trusted else f"{text} {NOT_TRUSTED}" for text, one in zip(words, spans, strict=True)]
+def _print_table(
+    run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: Array, console: Console
+) -> None:
+    words = spoken_words(watched.moments, said, run.task.phrases)
+    rows = spoken_rows(words, said, true)
+    left_out = max(0, len(rows) - MOST_ROWS)
+    table = _empty_table(run.task, watched, titles(said))
+    for row in rows[:FIRST_ROWS] if left_out else rows:
+        table.add_row(*row.cells)
+    if left_out:
+        table.add_row("...")
+        for row in rows[FIRST_ROWS + left_out :]:
+            table.add_row(*row.cells)
+    console.print(table)
+    changed = sum(a != b for a, b in zip(words, without_flicker(words), strict=True))
+    if left_out or changed:
+        console.print(f"Left out: {_left_out(left_out, changed, len(words))}. {SEE_ALL}", markup=False)
 
 
-def _table(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: np.ndarray) -> Table:
-    episode, words = watched.episode, run.task.phrases
-    instructions = [
-        short([phrase(moment.instruction, words)], words)[0] if moment.given else SILENCE for moment in watched.moments
-    ]
+def _empty_table(task: Task, watched: RecordedRollout, names: Sequence[str]) -> Table:
+    episode = watched.episode
     outcome = "success" if episode.success else "no success"
-    table = Table(box=SIMPLE, title_justify="left", show_edge=False)
-    table.title = (
-        f"{run.task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
-    )
-    ahead = [f"next {one.horizon_steps} steps" for one in said[0].all_spans]
-    for column in ("steps", "instruction", *ahead, "expression", "confidence", "as predicted"):
-        table.add_column(column, no_wrap=column not in ahead, justify="right" if column == "steps" else "left")
-    spoken = [_spoken(each, run.task) for each in said]
-    for (instruction, heard), group in groupby(range(len(said)), key=lambda step: (instructions[step], spoken[step])):
-        steps = list(group)
-        span = str(steps[0]) if len(steps) == 1 else f"{steps[0]}-{steps[-1]}"
-        table.add_row(span, instruction, *heard, *_figures([said[step] for step in steps], true[steps]))
+    table = Table(box=SIMPLE, title_justify="left", show_edge=False, padding=(0, 1, 0, 0))
+    table.title = f"{task.name}: {episode.context}, {len(episode)} steps, {outcome}, return {episode.total_reward:.1f}"
+    for number, name in enumerate(names):
+        is_phrase = 1 < number < len(names) - 3
+        table.add_column(name, no_wrap=not is_phrase, justify="left" if number else "right")
     return table
 
 
-def _figures(said: Sequence[Explanation], true: Array) -> tuple[str, str, str]:
-    """Expression, confidence and accuracy of steps with the same words; "-" where undefined."""
-    meant = said[0].meant
-    numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
-    sure = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
-    share = phrase_accuracy(true[[one.known for one in said]])
-    return numbers if meant else "-", sure, "-" if np.isnan(share) else f"{share:.0%}"
+def _left_out(rows: int, changed: int, steps: int) -> str:
+    """What the table does not show."""
+    parts = [f"{rows} rows in the middle"] if rows else []
+    if changed:
+        parts.append(f"phrases that change for at most {FLICKER_STEPS} steps and back ({changed} of {steps} steps)")
+    return "; ".join(parts)

@@ -9,4 +9,6 @@ It knows nothing of training: nothing here opens a connection to the trainer, an
 
 The way of a refresh or an episode: ``run_recorder`` decides whether it is kept, ``recorder`` says where on the two
 timelines it lies, ``chart`` and ``film`` log it, ``picture`` computes coordinates, ``blueprint`` lays out the panels.
+``curves`` (over training) and ``lanes`` (over an episode) are drawn with axes of their own by ``marks``; ``spoken`` has
+the rows of the table that the terminal and the recording share.
 """

@@ -16,16 +16,16 @@ from ibe_rl.vocabulary.refresh import Refresh
 
 _HEIGHT = 0.45
 """Of the scatter in units of its half width, for a panel that is broader than high."""
+_LETTER_WIDTH = 0.052
+"""In the same units, at 1440 x 900."""
 
 
 def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, shown: Collection[int] = ()) -> None:
     """Draw a vocabulary that was just learnt; clusters that are ``shown`` and no more in it go."""
     log_clusters(recording, task, refresh)
     for number in range(task.instruction_size):
-        bars, lines = (picture.entity(task, root, number) for root in ("expression", "development"))
         for name in sorted(set(shown) - set(refresh.mapping.ids.tolist())):
-            recording.log(f"{bars}/{name}", rr.Clear(recursive=False))
-            recording.log(f"{lines}/{name}", rr.Scalars(np.nan))  # the line ends
+            recording.log(f"{picture.entity(task, 'development', number)}/{name}", rr.Scalars(np.nan))  # the line ends
         log_expressions(recording, task, refresh, number)
         log_changes(recording, task, refresh, number)
 
@@ -66,7 +66,8 @@ def log_axes(recording: rr.RecordingStream, across: picture.Axis, up: picture.Ax
         ((x, _HEIGHT), f"{tick:+.2g}") for tick, x in zip(across.ticks(), across.place(across.ticks()), strict=True)
     ]
     marks += [((-1.0, -_HEIGHT * y), f"{tick:+.2g}") for tick, y in zip(up.ticks(), up.place(up.ticks()), strict=True)]
-    marks += [((0.6, _HEIGHT + 0.15), f"→ {across.title}"), ((-0.6, _HEIGHT + 0.15), f"↑ {up.title}")]
+    for title, side in ((f"→ {across.title}", 1), (f"↑ {up.title}", -1)):  # side by side, however long
+        marks.append(((side * (_LETTER_WIDTH * len(title) / 2 + 0.06), _HEIGHT + 0.15), title))
     places, labels = zip(*marks, strict=True)
     dots = rr.Points2D(places, labels=labels, colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5), show_labels=True)
     recording.log("vocabulary/marks", dots)
@@ -84,21 +85,15 @@ def log_centres(recording: rr.RecordingStream, points: Array, shades: Array, lab
 
 
 def log_expressions(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:
-    """Draw one number of each cluster's expression: as a bar, and as the next point of the cluster's line.
+    """Add one number of each cluster's expression to the curve of the cluster, by its lasting id."""
+    for name, value in expressions(refresh, number).items():
+        recording.log(f"{picture.entity(task, 'development', number)}/{name}", rr.Scalars(value))
 
-    Every cluster has a place of its own, by its lasting id, and keeps its colour.
-    """
+
+def expressions(refresh: Refresh, number: int) -> dict[int, float]:
+    """One number of the expression of each cluster, by the lasting id."""
     mapping = refresh.mapping
-    values = mapping.expressions[:, number].tolist()
-    for rank, (name, value) in enumerate(zip(mapping.ids.tolist(), values, strict=True)):
-        colour = colours.of_clusters(np.array([name]))[0]
-        bar = rr.BarChart([value], abscissa=[rank], widths=[0.9], color=[*colour.tolist(), 255])
-        recording.log(f"{picture.entity(task, 'expression', number)}/{name}", bar)
-        line = rr.SeriesLines(colors=[colour], names=[f"#{name}"], widths=[2])
-        points = rr.SeriesPoints(colors=[colour], names=[f"#{name}"], marker_sizes=[3])
-        development = f"{picture.entity(task, 'development', number)}/{name}"
-        recording.log(development, line, points, static=True)
-        recording.log(development, rr.Scalars(value))
+    return dict(zip(mapping.ids.tolist(), mapping.expressions[:, number].tolist(), strict=True))
 
 
 def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:

@@ -1,4 +1,4 @@
-"""One watched episode as a film: the scene, what was told and said, step by step."""
+"""One explained episode as a film: the scene, what was told and said, step by step."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ibe_rl.types import Array, Explanation
 from ibe_rl.view import blueprint as view
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture, wording
-
-SILENCE = "(silent)"
+from ibe_rl.view.lanes import ENTITY, Lane, log_lanes, step_marks
+from ibe_rl.view.spoken import markdown, spoken_rows, spoken_words, without_flicker
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Place:
         offsets = np.asarray(steps, dtype=np.int64)
         return [
             rr.TimeColumn(view.FRAMES, sequence=self.frame + offsets),
-            rr.TimeColumn(view.WATCHED_STEP, sequence=self.step + offsets),
+            rr.TimeColumn(view.FILM, sequence=self.step + offsets),
         ]
 
     def set(self, recording: rr.RecordingStream) -> None:
         """Let what is logged next lie here."""
         recording.set_time(view.FRAMES, sequence=self.frame)
-        recording.set_time(view.WATCHED_STEP, sequence=self.step)
+        recording.set_time(view.FILM, sequence=self.step)
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ class Film:
             watched: the episode, ``T`` steps.
             said: ``T`` explanations, one a step.
             real: ``T`` phrases of what then happened.
-            head: first line of the panel of words, in markdown.
-            standing: from the cluster just spoken to what that panel says of the vocabulary.
+            head: first line of the panel of what is said now, in markdown.
+            standing: from the cluster just spoken to the panel of the vocabulary.
         """
         instructed = [self._instructed(moment.instruction, moment.given) for moment in watched.moments]
         take = _Take(place, watched, said, real, instructed)
@@ -93,6 +93,7 @@ class Film:
             self._send_verdicts(take)
             self._send_told(take)
         self._send_signals(take)
+        self._send_said(take)
         self._send_lanes(take)
         self._send_now(take, head, standing)
         self._send_spoken(take)
@@ -102,7 +103,7 @@ class Film:
 
     def _instructed(self, instruction: Array, given: bool) -> str:
         if not given:
-            return SILENCE
+            return wording.SILENCE
         words = phrase(instruction, self._task.phrases)
         self._shades.setdefault(words, colours.of_expressions(instruction[None])[0])
         return words
@@ -174,20 +175,41 @@ class Film:
                 path = f"{picture.entity(self._task, 'signal', number)}/{name}"
                 self._send(path, times, rr.Scalars.columns(scalars=column))
 
+    def _send_said(self, take: _Take) -> None:
+        """Where in the film each cluster is said."""
+        said = take.said
+        rows = [i for i in picture.changes([one.cluster for one in said]) if said[i].known]
+        for cluster in sorted({said[i].cluster for i in rows}):
+            at = [i for i in rows if said[i].cluster == cluster]
+            path = f"{view.SAID}/{cluster}"
+            colour = colours.of_clusters(np.array([cluster]))
+            points = rr.SeriesPoints(colors=colour, names=[f"#{cluster}"], marker_sizes=[4])
+            self._recording.log(path, points, static=True)
+            values = [float(said[i].expression[0]) for i in at]
+            self._send(path, take.place.columns(at), rr.Scalars.columns(scalars=values))
+
     def _send_lanes(self, take: _Take) -> None:
-        for one, shade in zip(take.said, _shades(take.said), strict=True):
-            self._shades.setdefault(one.said, shade)
-        words = list(self._shades)
-        states = rr.StateConfiguration(
-            values=[SILENCE, *words],
-            labels=[SILENCE, *map(self._short, words)],
-            colors=np.array([colours.SILENT_GREY, *self._shades.values()], np.uint8),
-        )
-        for lane, spoken in (("instructor", take.instructed), ("agent", [one.said for one in take.said])):
-            self._recording.log(f"says/{lane}", states, static=True)
-            rows = picture.changes(spoken)
-            times = take.place.columns([*rows, len(spoken)])
-            self._send(f"says/{lane}", times, rr.StateChange.columns(state=[*(spoken[i] for i in rows), ""]))
+        for one in take.said:
+            self._shade(one.said, one.expression, one.known)
+        lanes = [self._lane("instruction", take.instructed)]
+        for number, span in enumerate(take.said[0].all_spans):
+            spoken = [one.all_spans[number] for one in take.said]
+            for each in spoken:
+                self._shade(each.said, each.expression, each.known)
+            lanes.append(self._lane(wording.span_name(span.horizon_steps), [each.said for each in spoken]))
+        take.place.set(self._recording)
+        log_lanes(self._recording, lanes)
+        steps = len(take.said)
+        self._send(f"{ENTITY}/now", take.place.columns(np.arange(steps)), step_marks(steps, len(lanes)))
+
+    def _shade(self, words: str, expression: Array, known: bool) -> None:
+        if known:
+            self._shades.setdefault(words, colours.of_expressions(np.asarray(expression)[None])[0])
+
+    def _lane(self, name: str, words: Sequence[str]) -> Lane:
+        grey = np.array(colours.SILENT_GREY, np.uint8)
+        words = [word for _, word in without_flicker([(name, word) for word in words])]
+        return Lane(name, [*map(self._short, words)], np.stack([self._shades.get(each, grey) for each in words]))
 
     def _send_now(self, take: _Take, head: str, standing: Callable[[int], str]) -> None:
         said, instructed, steps_ago = take.said, take.instructed, take.horizon_steps
@@ -196,12 +218,14 @@ class Film:
         verdicts += [wording.verdict_line(steps_ago, said[i].said, take.real[i]) for i in made]
         spoken = [(one.in_time(), one.cluster) for one in said]
         rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
-        texts = [
-            f"{head}  \n{wording.said_lines(instructed[i], said[i])}  \n{verdicts[i]}\n\n{standing(said[i].cluster)}"
-            for i in rows
-        ]
+        texts = [f"{head}  \n{wording.said_lines(instructed[i], said[i])}  \n{verdicts[i]}" for i in rows]
+        self._send_texts("now", take, rows, texts)
+        rows = picture.changes([one.cluster for one in said])
+        self._send_texts("words", take, rows, [standing(said[i].cluster) for i in rows])
+
+    def _send_texts(self, path: str, take: _Take, rows: Sequence[int], texts: Sequence[str]) -> None:
         columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
-        self._send("now", take.place.columns(rows), columns)
+        self._send(path, take.place.columns(rows), columns)
 
     def _send_spoken(self, take: _Take) -> None:
         said, success = take.said, take.watched.episode.success
@@ -212,6 +236,10 @@ class Film:
         shades = np.concatenate([_shades([said[i] for i in rows]), end])
         columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=shades)
         self._send("log", take.place.columns([*rows, len(said)]), columns)
+        words = spoken_words(take.watched.moments, said, self._task.phrases)
+        hits = [float(one.phrase == real) if one.meant else np.nan for one, real in zip(said, take.real, strict=True)]
+        every = spoken_rows(words, said, np.array(hits), steady=False)
+        self._send_texts("spoken", take, [0], [markdown(said, every)])
 
 
 def _shades(said: Sequence[Explanation]) -> Array:

@@ -24,9 +24,9 @@ _FRAMES = "frames"
 PLOTS: dict[str, tuple[str, ...]] = {
     "Return per episode": ("train/return_mean", "eval/return_mean"),
     "Success, training": ("train/success_rate",),
-    "Success, greedy": ("eval/success_rate",),
+    "Success, greedy policy": ("eval/success_rate",),
     "Share that went as predicted": ("ibe/came_true",),
-    "Motion told from explanation (AUC)": ("ibe/motion_auc",),
+    "Words tell the way (AUC)": ("ibe/motion_auc",),
     "Staleness of the vocabulary": ("ibe/staleness",),
     "Drift of the vocabulary": ("ibe/vocabulary_drift",),
     "Drift of the policy": ("ibe/policy_drift",),
@@ -140,7 +140,7 @@ def _style(column: str, name: str, colour: tuple[int, int, int]) -> list[rr.AsCo
     """One colour a run in all plots; thin lines for training, wide ones with marks for what has few rows."""
     if column.startswith("train/"):
         return [rr.SeriesLines(colors=[colour], names=[name], widths=[1])]
-    legend = f"{name}, greedy" if column == "eval/return_mean" else name
+    legend = f"{name}, greedy policy" if column == "eval/return_mean" else name
     points = rr.SeriesPoints(colors=[colour], names=[legend], marker_sizes=[3])
     return [rr.SeriesLines(colors=[colour], names=[legend], widths=[2]), points]
 

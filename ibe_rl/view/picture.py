@@ -123,12 +123,12 @@ def label_rows(points: Array, y: float) -> Array:
 
 def axis(task: Task, dimension: int, delta: Array, symmetric: bool) -> Axis:
     """Fit one axis to changes ``(W, S)``: 0 and 99 % of them lie inside; symmetric puts 0 in the middle."""
-    name, unit = task.state_names[dimension], task.state_units[dimension]
+    name, unit = task.state_names[dimension].replace("_", " "), task.state_units[dimension]
     low, high = np.quantile(np.append(delta[:, dimension], 0.0), [0.005, 0.995]).tolist()
     if symmetric or low == high:
         high = max(abs(low), abs(high)) or 1.0
         low = -high
-    return Axis(dimension, min(low, 0.0), max(high, 0.0), f"Δ{name} ({unit})")
+    return Axis(dimension, min(low, 0.0), max(high, 0.0), f"{name} change ({unit})")
 
 
 def sample(windows: Windows, count: int = SCATTER_POINTS) -> Array:

@@ -4,8 +4,8 @@ A viewer that hangs can block whoever sends to it, so nothing here opens a conne
 the growing file from a process of its own. ``ibe_rl.view.run_recorder`` keeps what goes wrong here from the training.
 
 There are two timelines. ``frames`` counts training frames; step j of an episode recorded at frame F lies at F + j.
-``watched_step`` counts the steps of all recorded episodes one after the other. Playing it is a film of them, each with
-the vocabulary of its time. While an episode plays, the curves grow by the frames trained until the next one.
+``film`` counts the steps of all recorded episodes one after the other. Playing it is a film of them, each with
+the vocabulary and the curves of its time.
 """
 
 from __future__ import annotations
@@ -27,30 +27,34 @@ from rerun.error_utils import strict_mode
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Explanation
 from ibe_rl.view import blueprint as view
-from ibe_rl.view import chart, sentences
+from ibe_rl.view import chart, picture, sentences
 from ibe_rl.view import palette as colours
+from ibe_rl.view.curves import Drawing, Rows
 from ibe_rl.view.film import Film, Place
 from ibe_rl.view.recording_file import RecordingFile, earlier
 from ibe_rl.vocabulary.refresh import Refresh
 
-APPLICATION = "ibe_rl"
+APPLICATION = "ibe_rl_run"
+"""Not that of recordings before the panels had their present names, as rerun keeps one layout for each."""
 GREETING = "It has just begun to train. Its first words come with the first refresh."
 INTRO_STEPS = 30
 """Of the film, before the first episode: what was trained until then."""
 HOLD_S = 30.0
 """Longest time that rows of curves wait to be sent. They wait at all because a viewer that follows the newest
 data would leave the watched episode with every batch."""
-CURVE_BYTES, VALUE_BYTES = 1700, 32
-"""At most of each curve whenever rows are sent, and of each value."""
+CURVE_BYTES, VALUE_BYTES, CHARTS_BYTES = 1700, 32, 40_000
+"""At most of each curve whenever rows are sent, of each value, and of the pictures of the curves."""
+NO_VOCABULARY = "It has none yet."
 
 
-def _taken(state: Mapping[str, Any]) -> tuple[Place, int, list[int], dict[str, list[tuple[int, float]]]]:
-    """Place, steps drawn, clusters shown and curves of a state; raises what there is to raise if it is none."""
-    curves = {
-        str(key): [(int(frames), float(value)) for frames, value in rows] for key, rows in state["curves"].items()
-    }
+def _taken(state: Mapping[str, Any]) -> tuple[Place, int, list[int], dict[str, Rows], dict[str, Rows]]:
+    """Place, steps drawn, clusters shown, curves that wait and those drawn; raises what there is to raise if none."""
+    waiting, drawn = (
+        {str(key): [(int(frames), float(value)) for frames, value in rows] for key, rows in curves.items()}
+        for curves in (state["curves"], state.get("charts", {}))  # recordings of earlier versions had no charts
+    )
     frame, step = state["next"]
-    return Place(int(frame), int(step)), int(state["drawn_to"]), [int(one) for one in state["shown"]], curves
+    return Place(int(frame), int(step)), int(state["drawn_to"]), [int(one) for one in state["shown"]], waiting, drawn
 
 
 def strict() -> bool:
@@ -96,20 +100,22 @@ class Recorder:
         view.log_styles(self._recording, task)
         if training and not state:
             Place(0, 0).set(self._recording)
-            self._recording.log("now", rr.TextDocument(GREETING, media_type="text/markdown"))
+            self._show("now", GREETING)
+            self._show("words", NO_VOCABULARY)
         self._next = Place(0, INTRO_STEPS if training else 0)
         self._drawn_to = 0  # step of the film that the curves have reached
-        self._curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
+        self._curves: dict[str, Rows] = defaultdict(list)
         self._sent_at = time.monotonic()
         self._vocabulary: Refresh | None = None
         self._standings: dict[int | None, str] = {}  # what the panel of words says of it, by the cluster spoken
         self._shown: list[int] = []  # clusters in the picture; not every refresh need be recorded
-        self._film = Film(self._recording, task)
+        self._film, self._drawing = Film(self._recording, task), Drawing(view.charts(task))
         self._open = True
         if taken:
             self._repeat(earlier(path))
-            self._next, self._drawn_to, self._shown, waiting = taken
+            self._next, self._drawn_to, self._shown, waiting, drawn = taken
             self._curves.update(waiting)
+            self._drawing.rows.update(drawn)
 
     def _repeat(self, before: Path) -> None:
         """Send what another recorder had written: rerun's table of contents counts from the head of the file."""
@@ -133,6 +139,7 @@ class Recorder:
             "drawn_to": self._drawn_to,
             "shown": list(self._shown),
             "curves": {key: list(rows) for key, rows in self._curves.items()},
+            "charts": {key: list(rows) for key, rows in self._drawing.rows.items()},
         }
 
     def batch(self, frames: int, values: Mapping[str, float]) -> None:
@@ -147,6 +154,8 @@ class Recorder:
                 self._curves[key].append((frames, value))
         if time.monotonic() - self._sent_at > HOLD_S:
             self._send_curves()
+            if self._drawing.due():
+                self._draw(Place(frames, self._next.step))
 
     def refresh(self, refresh: Refresh) -> None:
         """Show a vocabulary: its clusters, expressions, what it was learnt from, and in the log what moved."""
@@ -156,8 +165,10 @@ class Recorder:
         place.set(self._recording)
         if refresh.taken:
             chart.log_vocabulary(self._recording, self._task, refresh, self._shown)
+            self._add_expressions(refresh)
             self._shown = refresh.mapping.ids.tolist()
-        self._recording.log("now", rr.TextDocument(self._standing(None), media_type="text/markdown"))
+        self._draw(place)
+        self._show("words", self._standing(None))
         done = "vocabulary learnt anew" if refresh.taken else "vocabulary kept"
         self._log_line(f"{refresh.frame:,} frames: {done}", colours.GREEN)
         for line in (*sentences.moved(refresh), *sentences.transitions(refresh, self._task.phrases)):
@@ -172,6 +183,7 @@ class Recorder:
         self._send_curves()
         self._at(frames).set(self._recording)
         self._log_line(line, colours.PINK)
+        self._show("now", line)
 
     def watched(self, frames: int, watched: RecordedRollout, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.
@@ -206,7 +218,8 @@ class Recorder:
         """
         self._recording.flush()
         self._file.drain()
-        return self._file.size + sum(CURVE_BYTES + VALUE_BYTES * len(rows) for rows in self._curves.values())
+        waiting = sum(CURVE_BYTES + VALUE_BYTES * len(rows) for rows in self._curves.values())
+        return self._file.size + waiting + CHARTS_BYTES * bool(waiting)
 
     def flush(self) -> None:
         """Write all that was added so far. Called after every batch, it makes the viewer leave the episode.
@@ -228,6 +241,7 @@ class Recorder:
         self._open = False
         try:
             self._send_curves()
+            self._draw(self._next)
         finally:
             self._recording.disconnect()
             self._file.close()
@@ -253,9 +267,25 @@ class Recorder:
             frames, values = zip(*rows, strict=True)
             times = [
                 rr.TimeColumn(view.FRAMES, sequence=np.array(frames)),
-                rr.TimeColumn(view.WATCHED_STEP, sequence=np.array([step_of[frame] for frame in frames])),
+                rr.TimeColumn(view.FILM, sequence=np.array([step_of[frame] for frame in frames])),
             ]
             self._send(f"curves/{key}", times, rr.Scalars.columns(scalars=np.array(values, float)))
+            self._drawing.add(key, rows)
+
+    def _add_expressions(self, refresh: Refresh) -> None:
+        """Let the curves of clusters go on, and those of clusters that are no more end."""
+        for number in range(self._task.instruction_size):
+            values = dict.fromkeys(self._shown, math.nan) | chart.expressions(refresh, number)
+            for name, value in values.items():
+                key = f"{picture.entity(self._task, 'development', number)}/{name}"
+                self._drawing.add(key, [(refresh.frame, value)])
+
+    def _draw(self, place: Place) -> None:
+        place.set(self._recording)
+        self._drawing.draw(self._recording)
+
+    def _show(self, panel: str, text: str) -> None:
+        self._recording.log(panel, rr.TextDocument(text, media_type="text/markdown"))
 
     def _log_line(self, text: str, colour: tuple[int, int, int]) -> None:
         self._recording.log("log", rr.TextLog(text, level="INFO", color=colour))

@@ -151,6 +151,8 @@ class RunRecorder(Listener):
         return fits
 
     def _say_if_thinner(self) -> None:
+        if not self._fits(0):
+            return  # which was said
         if self._thinning.every() > self._every and not self._full:
             self._every = self._thinning.every()
             self._say(

@@ -26,16 +26,20 @@ def counts(of: Mapping[str, int]) -> str:
 
 
 def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | None = None) -> str:
-    """The clusters as a markdown table with what each was called before; the one just spoken marked."""
-    rows = ["| # | says | in words | before | windows |", "|--:|--:|:--|:--|--:|"]
+    """The clusters as a markdown table with what each was called before; the one just spoken marked.
+
+    The name of a cluster is a link to where in the film it is said.
+    """
+    rows = ["| cluster | says | before | expression | windows |", "|:--|:--|:--|--:|--:|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
     for row, (name, now) in enumerate(cluster_phrases(mapping, words).items()):
         number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
         then = before.get(name, "new") if before else now
-        cells = [f"#{name}", number, now, "" if then == now else then, f"{mapping.sizes[row]:,.0f}"]
+        cells = [now, "" if then == now else then, number, f"{mapping.sizes[row]:,.0f}"]
         if name == spoken:
-            cells = [f"**{cell}**" if cell else cell for cell in (f"→ #{name}", *cells[1:])]
-        rows.append("| " + " | ".join(cells) + " |")
+            cells = [f"**{cell}**" if cell else cell for cell in cells]
+        link = f"[#{name}](recording://said/{name})"
+        rows.append("| " + " | ".join([f"→ {link}" if name == spoken else link, *cells]) + " |")
     return "\n".join(rows)
 
 

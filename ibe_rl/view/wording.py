@@ -10,6 +10,9 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import Phrases
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
 
+SILENCE = "(silent)"
+"""Told where the instructor says nothing."""
+
 
 def shared_words(words: Sequence[Phrases]) -> int:
     """How many words all phrases of a language begin with; they can be left out where room is short.
@@ -36,11 +39,17 @@ def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
 
 
 def said_lines(instructed: str, explanation: Explanation) -> str:
-    """What both say at one step, in markdown."""
+    """What it is told and what it says at one step, in markdown, in the words of the columns of ``explain.py``."""
     number = " ".join(f"{x:+.2f}" for x in explanation.expression)
-    shown = f" ({number})" if explanation.meant else ""
-    sure = f", confidence {explanation.confidence:.0%}" if explanation.meant and explanation.calibrated else ""
-    return f"Instructor: **{instructed}**  \nAgent: **{explanation.in_time()}**{shown}{sure}"
+    shown = f" (expression {number}" if explanation.meant else ""
+    sure = f", confidence {explanation.confidence:.0%}" if shown and explanation.calibrated else ""
+    says = "  \n".join(f"{span_name(one.horizon_steps)}: **{one.said}**" for one in explanation.all_spans)
+    return f"instruction: **{instructed}**  \n{says}{shown}{sure}{')' if shown else ''}"
+
+
+def span_name(horizon_steps: int) -> str:
+    """What a span of time is called, in the picture and in the terminal."""
+    return f"next {horizon_steps} steps"
 
 
 def verdict_line(steps_ago: int, said: str, happened: str) -> str:

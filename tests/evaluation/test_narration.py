@@ -112,7 +112,7 @@ def test_words_without_a_known_meaning_are_not_said(tmp_path: Path) -> None:
     lines = printed(run_of(says(-1, 0, 1, positive=False, reason="nobody did it"), tmp_path), watched())
     assert "“going down”: +1 asks for a movement, nobody did it, but I cannot tell what “going up” means" in lines
     [row] = [line.split() for line in lines if CANNOT_TELL in line and line.split()[0].startswith("0")]
-    assert row[-3:] == ["-", "-", "-"]  # number, sure, as predicted
+    assert row[-3:] == ["-", "-", "-"]  # expression, confidence, as predicted
     assert "% of its explanations (at 78% of the moments) of the next" in lines[-1]
     rows = [line for line in lines if re.match(r" *\d+(-\d+)?  ", line)]
     assert {line.count("up") for line in rows} == {1}  # that is what it was told
@@ -135,3 +135,28 @@ def test_how_sure_it_is_stands_only_where_that_is_a_probability(
     lines = printed(run_of(says(-1, 0, 1), tmp_path, calibration), watched())
     row = next(line.split() for line in lines if line.lstrip().startswith("0-"))
     assert row[-2] == ("88%" if calibration else "-")
+
+
+def test_a_change_of_words_that_is_undone_at_once_has_no_row(tmp_path: Path) -> None:
+    run, rolled_out = run_of(says(-1, 0, 1), tmp_path), watched(np.zeros(40))
+    said = explained(run, rolled_out)
+    said[20] = replace(said[20], phrase="going up")
+    lines = printed(run, rolled_out, said)
+    assert len([line for line in lines if re.match(r" *\d+(-\d+)?  ", line)]) == 1
+    left_out = "Left out: phrases that change for at most 5 steps and back (1 of 39 steps). "
+    assert f"{left_out}viewer=live or viewer=file shows every step." in [line.strip() for line in lines]
+
+
+def test_the_table_is_never_longer_than_a_screen_and_says_what_it_leaves_out(tmp_path: Path) -> None:
+    run, rolled_out = run_of(says(-1, 0, 1), tmp_path), watched(np.zeros(1 + 7 * 60))
+    said = [
+        replace(one, phrase=("going up", "staying", "going down")[step // 7 % 3])
+        for step, one in enumerate(explained(run, rolled_out))
+    ]
+    lines = [line.strip() for line in printed(run, rolled_out, said)]
+    rows = [line for line in lines if re.match(r"\d+-\d+  ", line)]
+    assert len(rows) == 40
+    assert rows[29].startswith("203-209")
+    assert rows[30].startswith("350-356")
+    assert lines[lines.index("...") - 1] == rows[29]
+    assert "Left out: 20 rows in the middle. viewer=live or viewer=file shows every step." in lines

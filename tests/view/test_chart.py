@@ -36,38 +36,18 @@ def hand_made() -> Refresh:
     return replace(refreshed(), mapping=mapping)
 
 
-def test_each_cluster_keeps_its_bar_its_line_and_its_colour(rows: Rows) -> None:
+def test_the_curve_of_a_cluster_has_its_expressions_until_it_vanishes(rows: Rows) -> None:
     known = {int(name) for refresh in developed() for name in refresh.mapping.ids}
     assert len(known) > 8  # some emerged
     for name in known:
-        bars = {row["frames"]: row for row in rows[f"/expression/{name}"] if row.get("BarChart:values") is not None}
-        values = dict(
-            zip(
-                frames(rows[f"/development/{name}"]),
-                column(rows[f"/development/{name}"], "Scalars:scalars"),
-                strict=True,
-            )
-        )
+        curve = rows[f"/development/{name}"]
+        values = dict(zip(frames(curve), column(curve, "Scalars:scalars"), strict=True))
         for refresh in developed():
-            if name not in refresh.mapping.ids:
-                assert refresh.frame not in bars
-                continue
-            rank = refresh.mapping.ids.tolist().index(name)
-            expression = refresh.mapping.expressions[rank, 0]
-            assert bars[refresh.frame]["BarChart:values"][0]["buffer"] == pytest.approx([expression])
-            assert bars[refresh.frame]["BarChart:abscissa"][0]["buffer"] == [rank]
-            assert values[refresh.frame] == pytest.approx([expression])
-        assert len({str(row["BarChart:color"]) for row in bars.values()}) == 1
-
-
-def test_a_cluster_that_vanished_goes_from_the_picture(rows: Rows) -> None:
-    for refresh in developed()[1:]:
-        assert refresh.change is not None
-        for name in refresh.change.transition.vanished:
-            [cleared] = [row for row in rows[f"/expression/{name}"] if row.get("Clear:is_recursive") is not None]
-            assert cleared["frames"] == refresh.frame
-            at = [row for row in rows[f"/development/{name}"] if row.get("frames") == refresh.frame]
-            assert np.isnan(at[0]["Scalars:scalars"][0])
+            if name in refresh.mapping.ids:
+                rank = refresh.mapping.ids.tolist().index(name)
+                assert values[refresh.frame] == pytest.approx([refresh.mapping.expressions[rank, 0]])
+            elif refresh.change is not None and name in refresh.change.transition.vanished:
+                assert np.isnan(values[refresh.frame][0])
 
 
 def test_windows_have_the_colour_of_what_they_express(recorder: Recorder, tmp_path: Path) -> None:
@@ -98,7 +78,10 @@ def test_clusters_are_drawn_in_the_two_dimensions_that_tell_them_apart(recorder:
     [names] = rows["/vocabulary/names"]
     [marks] = rows["/vocabulary/marks"]
     assert names["Points2D:labels"] == ["#4 -1.00", "#2 +0.25", "#9 +1.00"]
-    assert [label for label in marks["Points2D:labels"] if "Δ" in label] == ["→ Δx (half widths)", "↑ Δangle (rad)"]
+    assert [label for label in marks["Points2D:labels"] if "change" in label] == [
+        "→ x change (half widths)",
+        "↑ angle change (rad)",
+    ]
     points = np.array(rows["/vocabulary/centres"][0]["Points2D:positions"])
     assert np.all(np.diff(points[:, 0]) > 0)
     assert points[0, 1] < points[2, 1] < points[1, 1]  # y down: the largest angle is on top
@@ -126,10 +109,13 @@ def test_two_numbers_have_panels_of_their_own_and_the_scatter_shows_both(tmp_pat
     recorder.close()
     rows = read(tmp_path / "recording.rrd")
     for number, name in enumerate(("x", "vy")):
-        drawn = [rows[f"/expression/{name}/{each}"][0]["BarChart:values"][0]["buffer"] for each in (4, 2, 9)]
+        drawn = [column(rows[f"/development/{name}/{each}"], "Scalars:scalars")[0] for each in (4, 2, 9)]
         assert np.ravel(drawn) == pytest.approx(both[:, number])
         assert np.isnan(column(rows[f"/development/{name}/9"], "Scalars:scalars")[-1])  # cluster 9 is no more
         assert rows[f"/change/{name}/best"]
     [first, _] = rows["/vocabulary/marks"]
-    assert [label for label in first["Points2D:labels"] if "Δ" in label] == ["→ Δx (half widths)", "↑ Δvy (7.5 m/s)"]
+    assert [label for label in first["Points2D:labels"] if "change" in label] == [
+        "→ x change (half widths)",
+        "↑ vy change (7.5 m/s)",
+    ]
     assert rows["/vocabulary/names"][0]["Points2D:labels"] == ["#4", "#2", "#9"]

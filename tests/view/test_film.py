@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from view_data import (
     HORIZON_STEPS,
     TASK,
@@ -22,9 +23,10 @@ from view_data import (
 from ibe_rl.ibe import phrase
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
-from ibe_rl.view import picture, sentences, wording
-from ibe_rl.view.film import SILENCE
+from ibe_rl.view import lanes, picture, sentences, wording
+from ibe_rl.view import palette as colours
 from ibe_rl.view.recorder import Recorder
+from ibe_rl.view.wording import SILENCE
 
 
 def test_the_predicted_path_is_the_explanations_path_in_the_scene(rows: Rows) -> None:
@@ -72,7 +74,7 @@ def test_a_held_explanation_is_judged_once(tmp_path: Path) -> None:
     recorder.watched(0, watched, said, happened)
     recorder.close()
     rows = read(tmp_path / "recording.rrd")
-    judged = [row["watched_step"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
+    judged = [row["film"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
     assert judged == list(range(HORIZON_STEPS, len(said) + 1, 5))
 
 
@@ -109,26 +111,17 @@ def test_signals_break_in_silence_and_at_the_end(rows: Rows) -> None:
     assert np.isnan(explanation[-1])
 
 
-def test_both_lanes_say_the_phrases_and_silence_is_a_state(rows: Rows) -> None:
-    watched = flights()[WATCHED[0]]
-    told = [phrase(moment.instruction, TASK.phrases) if moment.given else SILENCE for moment in watched.moments]
-    said = [one.phrase for one in explain(watched, developed()[0], 0)]
-    for lane, words in (("instructor", told), ("agent", said)):
-        starts = picture.changes(words)
-        states = [state for [state] in column(rows[f"/says/{lane}"], "StateChange:state")]
-        assert states[: len(starts) + 1] == [*(words[i] for i in starts), ""]
-        assert frames(rows[f"/says/{lane}"])[: len(starts)] == [100_000 + i for i in starts]
-    assert SILENCE in told
-
-
 def test_now_tells_what_is_said_and_what_the_vocabulary_stands_on(rows: Rows) -> None:
     watched, refresh = flights()[WATCHED[1]], developed()[1]
     at = dict(zip(frames(rows["/now"]), column(rows["/now"], "TextDocument:text"), strict=True))
-    [text] = at[refresh.frame]  # the first step of the episode comes after the refresh itself
+    [text] = at[refresh.frame]
     said = explain(watched, refresh, 1)[0]
     assert f"pad **{watched.episode.context}**" in text
-    assert f"Agent: **{said.phrase}** ({said.expression[0]:+.2f}), confidence {said.confidence:.0%}" in text
-    assert f"**→ #{said.cluster}**" in text
+    shown = f"(expression {said.expression[0]:+.2f}, confidence {said.confidence:.0%})"
+    assert f"next {HORIZON_STEPS} steps: **{said.phrase}** {shown}" in text
+    at = dict(zip(frames(rows["/words"]), column(rows["/words"], "TextDocument:text"), strict=True))
+    [text] = at[refresh.frame]  # the first step of the episode comes after the refresh itself
+    assert f"| → [#{said.cluster}](recording://said/{said.cluster}) |" in text
     assert f"Since 100,000 frames {'; '.join(sentences.moved(refresh))}." in text
     assert f"Best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes" in text
     assert all(f"{name}: {number:,}" in text for name, number in refresh.windows_by_instruction.items())
@@ -166,7 +159,28 @@ def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_pa
     for number, sign in (("x", 1), ("vy", -1)):
         drawn = np.ravel(column(rows[f"/signal/{number}/explanation"], "Scalars:scalars"))[: len(said)]
         assert np.allclose(drawn, [sign * one.expression[0] for one in said])
-    assert "still and still" in [state for [state] in column(rows["/says/instructor"], "StateChange:state")]
+    assert "still and still" in rows["/spoken"][0]["TextDocument:text"][0]
+
+
+def test_each_cluster_is_marked_where_in_the_film_it_is_said(rows: Rows) -> None:
+    said = explain(flights()[WATCHED[0]], developed()[0], 0)
+    starts = picture.changes([one.cluster for one in said])
+    for cluster in {said[step].cluster for step in starts}:
+        at = [step for step in starts if said[step].cluster == cluster]
+        assert [frame for frame in frames(rows[f"/said/{cluster}"]) if frame < 200_000] == [100_000 + i for i in at]
+        [value, *_] = column(rows[f"/said/{cluster}"], "Scalars:scalars")
+        assert value == pytest.approx(said[at[0]].expression)
+
+
+def test_all_that_was_said_stands_in_the_table_of_the_episode(rows: Rows) -> None:
+    watched, refresh = flights()[WATCHED[0]], developed()[0]
+    said = explain(watched, refresh, 0)
+    [text] = column(rows["/spoken"], "TextDocument:text")[0]
+    told = [phrase(moment.instruction, TASK.phrases) if moment.given else SILENCE for moment in watched.moments]
+    changes = picture.changes(list(zip(told, [one.phrase for one in said], strict=True)))
+    assert len(text.splitlines()) == 2 + len(changes)
+    assert f"| steps | instruction | next {HORIZON_STEPS} steps | expression | confidence | as predicted |" in text
+    assert SILENCE in text
 
 
 def spoken_in_time(tmp_path: Path) -> tuple[list[Explanation], list[str], Rows]:
@@ -185,20 +199,20 @@ def spoken_in_time(tmp_path: Path) -> tuple[list[Explanation], list[str], Rows]:
 
 def test_where_the_agent_does_not_know_its_lane_is_grey_and_nothing_is_judged(tmp_path: Path) -> None:
     said, _, rows = spoken_in_time(tmp_path)
-    lane = rows["/says/agent"]
-    states = dict(zip(column(lane, "watched_step"), column(lane, "StateChange:state"), strict=True))
-    assert states[10] == [DOES_NOT_KNOW]
-    assert states[30] == [said[30].phrase]
-    assert not any(10 < step < 30 for step in states)
-    [look] = [row for row in lane if row.get("StateConfiguration:values") is not None]
-    shades, labels = (
-        dict(zip(look["StateConfiguration:values"], look[f"StateConfiguration:{what}"], strict=True))
-        for what in ("colors", "labels")
-    )
-    assert shades[DOES_NOT_KNOW] == shades[SILENCE] != shades[said[30].phrase]
-    assert labels[DOES_NOT_KNOW] == DOES_NOT_KNOW
-    judged = {row["watched_step"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None}
-    drawn = {row["watched_step"] for row in rows["/scene/then"] if row.get("LineStrips2D:strips") is not None}
+    [bands] = [row for row in rows["/lanes/bands"] if row.get("LineStrips2D:strips") is not None]
+    grey = int.from_bytes(bytes([*colours.SILENT_GREY, 255]))
+    steps, span = len(said), lanes.LAST_X - lanes.FIRST_X
+    drawn = [
+        (
+            (line[0][0] - lanes.PEN - lanes.FIRST_X) / span * steps,
+            (line[1][0] + lanes.PEN - lanes.FIRST_X) / span * steps,
+        )
+        for line, shade in zip(bands["LineStrips2D:strips"], bands["LineStrips2D:colors"], strict=True)
+        if shade == grey and line[0][1] > 2 * lanes.LANE_HEIGHT  # the lane of the longer span
+    ]
+    assert drawn == [pytest.approx([10, 30], abs=1e-3)]
+    judged = {row["film"] for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None}
+    drawn = {row["film"] for row in rows["/scene/then"] if row.get("LineStrips2D:strips") is not None}
     assert judged == drawn == {i + HORIZON_STEPS for i in range(len(said) - HORIZON_STEPS + 1) if said[i].known}
     assert len(judged) < len(said) - HORIZON_STEPS
 
@@ -211,7 +225,9 @@ def test_an_agent_that_never_knows_is_not_judged_at_all(tmp_path: Path) -> None:
     recorder.close()
     rows = read(tmp_path / "recording.rrd")
     assert not [row for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
-    assert [state for [state] in column(rows["/says/agent"], "StateChange:state")] == [DOES_NOT_KNOW, ""]
+    assert not any(entity.startswith("/said/") for entity in rows)
+    [words] = [row["Points2D:labels"] for row in rows["/lanes/words"]]
+    assert DOES_NOT_KNOW in words
 
 
 def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> None:
@@ -224,8 +240,8 @@ def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> No
     lines = [line for [line] in column(rows["/log"], "TextLog:text")]
     starts = picture.changes([one.in_time() for one in said])
     assert lines[: len(starts)] == [f"+{i}  {said[i].in_time(shorten)}" for i in starts]
-    at = dict(zip(column(rows["/now"], "watched_step"), column(rows["/now"], "TextDocument:text"), strict=True))
-    assert f"Agent: **now falling far left, later {DOES_NOT_KNOW}** (" in at[10][0]
+    at = dict(zip(column(rows["/now"], "film"), column(rows["/now"], "TextDocument:text"), strict=True))
+    assert f"next 10 steps: **falling far left**  \nnext {HORIZON_STEPS} steps: **{DOES_NOT_KNOW}** (" in at[10][0]
     assert f"said {HORIZON_STEPS} steps ago: {DOES_NOT_KNOW}: it was {happened[10]}" in at[10 + HORIZON_STEPS][0]
 
 
@@ -239,10 +255,11 @@ def test_words_without_a_known_meaning_are_nowhere_in_the_film(tmp_path: Path) -
     gauge = np.ravel(column(rows["/signal/explanation"], "Scalars:scalars"))
     assert np.isnan(gauge).all()
     assert {label for [label] in column(rows["/scene/says"], "Points2D:labels")} == {f"says: {CANNOT_TELL}"}
-    assert {state for [state] in column(rows["/says/agent"], "StateChange:state")} == {CANNOT_TELL, ""}
+    [words] = [row["Points2D:labels"] for row in rows["/lanes/words"]]
+    assert CANNOT_TELL in words
     assert not [row for row in rows["/scene/verdict"] if row.get("Points2D:labels") is not None]
     for [text] in column(rows["/now"], "TextDocument:text"):
-        assert f"Agent: **{CANNOT_TELL}**" in text
+        assert f"steps: **{CANNOT_TELL}**" in text
         assert "confidence" not in text
     spoken = [line for [line] in column(rows["/log"], "TextLog:text")]
     assert spoken[0] == f"+0  {CANNOT_TELL}"

@@ -81,7 +81,7 @@ def test_a_run_has_one_colour_in_all_plots_and_its_name_in_the_legend(tmp_path: 
         assert len({tuple(style(rows, metric, name, "SeriesLines:colors")) for metric in metrics}) == 1
         assert style(rows, "train/return_mean", name, "SeriesLines:names") == [name]
         assert style(rows, "ibe/came_true", name, "SeriesPoints:names") == [name]
-        assert style(rows, "eval/return_mean", name, "SeriesPoints:names") == [f"{name}, greedy"]
+        assert style(rows, "eval/return_mean", name, "SeriesPoints:names") == [f"{name}, greedy policy"]
     first, second = (style(rows, "ibe/came_true", name, "SeriesLines:colors") for name in NAMES)
     assert first != second
     assert len(set(RUN_COLOURS)) == len(RUN_COLOURS) == 8
@@ -97,7 +97,11 @@ def test_more_runs_than_colours_are_all_shown(tmp_path: Path, tables: dict[str, 
 
 def test_only_plots_with_a_value_are_laid_out(tmp_path: Path, tables: dict[str, Path]) -> None:
     written(tmp_path, tables)
-    assert plots(tmp_path / "overlay.rrd") == {"Return per episode", "Success, greedy", "Share that went as predicted"}
+    assert plots(tmp_path / "overlay.rrd") == {
+        "Return per episode",
+        "Success, greedy policy",
+        "Share that went as predicted",
+    }
     every = {metric for metrics in PLOTS.values() for metric in metrics}
     assert [view.name for view in curves_blueprint(every).root_container.contents] == list(PLOTS)
 

@@ -25,14 +25,15 @@ def test_the_curves_hold_every_value_at_its_frame(rows: Rows) -> None:
 
 def test_in_the_film_curves_grow_by_what_is_trained_from_one_episode_to_the_next(rows: Rows) -> None:
     lengths = [len(flights()[i].moments) + 1 for i in WATCHED]
-    steps = np.array(column(rows["/curves/train/success_rate"], "watched_step")).reshape(3, 5)
+    steps = np.array(column(rows["/curves/train/success_rate"], "film")).reshape(3, 5)
     begins = np.cumsum([INTRO_STEPS, *lengths])
     assert steps[:, -1].tolist() == begins[:3].tolist()
     assert np.all(np.diff(steps.ravel()) > 0)
-    assert column(rows["/curves/eval/return_mean"], "watched_step")[-1] == begins[3]
+    assert column(rows["/curves/eval/return_mean"], "film")[-1] == begins[3]
 
 
-def test_before_the_first_refresh_the_panel_of_words_says_so(rows: Rows) -> None:
+def test_before_the_first_refresh_the_panels_say_so(rows: Rows) -> None:
+    assert column(rows["/words"], "TextDocument:text")[0] == [module.NO_VOCABULARY]
     assert column(rows["/now"], "TextDocument:text")[0] == [module.GREETING]
     assert frames(rows["/now"])[0] == 0
 
@@ -71,7 +72,7 @@ def test_watched_episodes_lie_behind_their_frame_and_one_after_the_other(rows: R
     predicted = rows["/scene/predicted"]
     expected = [100_000 * (i + 1) + j for i, length in enumerate(lengths) for j in range(length)]
     assert frames(predicted) == expected
-    steps = column(rows["/scene/trail"], "watched_step")
+    steps = column(rows["/scene/trail"], "film")
     assert steps == list(range(INTRO_STEPS, INTRO_STEPS + sum(lengths) + len(lengths)))
 
 
@@ -79,7 +80,7 @@ def test_refreshes_lie_where_their_episodes_begin(rows: Rows) -> None:
     lengths = [len(flights()[i].moments) for i in WATCHED]
     for entity in ("/vocabulary/centres", "/change/best", "/scene/background"):
         assert frames(rows[entity]) == [100_000, 200_000, 300_000]
-        steps = np.array(column(rows[entity], "watched_step")) - INTRO_STEPS
+        steps = np.array(column(rows[entity], "film")) - INTRO_STEPS
         assert steps.tolist() == [0, lengths[0] + 1, lengths[0] + lengths[1] + 2]
 
 
@@ -103,7 +104,9 @@ def test_the_log_says_changes_only_and_why_a_refresh_was_skipped(recorder: Recor
     recorder.refresh(refresh)
     recorder.watched(5000, watched, said, real(watched, refresh))
     recorder.close()
-    lines = [line for [line] in column(read(tmp_path / "recording.rrd")["/log"], "TextLog:text")]
+    rows = read(tmp_path / "recording.rrd")
+    lines = [line for [line] in column(rows["/log"], "TextLog:text")]
+    assert ["1,000 frames: no new vocabulary, no episode has ended yet"] in column(rows["/now"], "TextDocument:text")
     short = wording.short([one.phrase for one in said], TASK.phrases)
     spoken = [f"+{i}  {short[i]}" for i in picture.changes(short)]
     assert lines[0] == "1,000 frames: no new vocabulary, no episode has ended yet"
@@ -135,8 +138,8 @@ def test_a_vocabulary_that_is_kept_stays_in_the_picture(recorder: Recorder, tmp_
     assert lines[1:3] == ["200,000 frames: vocabulary kept", "it acts otherwise in 25% of the probed states"]
     assert lines[3].endswith(", so they stay")
     assert len(lines) == 4
-    [now] = column(rows["/now"], "TextDocument:text")[-1]
-    assert all(f"| #{name} |" in now for name in first.mapping.ids)
+    [words] = column(rows["/words"], "TextDocument:text")[-1]
+    assert all(f"| [#{name}](" in words for name in first.mapping.ids)
 
 
 @pytest.mark.parametrize("count", [0, 3])

@@ -224,7 +224,7 @@ def test_a_recording_goes_on_where_its_state_was_taken(tmp_path: Path) -> None:
     assert_whole(path)
     for entity in ("/vocabulary/centres", "/scene/background", "/scene/says"):
         assert sorted(columns(path, entity)) == sorted(columns(whole, entity))
-        assert sorted(columns(path, entity, "watched_step")) == sorted(columns(whole, entity, "watched_step"))
+        assert sorted(columns(path, entity, "film")) == sorted(columns(whole, entity, "film"))
     assert not earlier(path).exists()
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import pytest
 from clients import HOST, VALUES, Room, eventually, open_room
@@ -18,6 +18,7 @@ from playwright.sync_api import Browser, Page
 from ibe_rl.apps.teach.server import Server
 
 ABOUT = {"name": "a game", "run": "a run", "total_frames": 1_000, "hold_steps": 0, "others": 3}
+AXES = (("x", "width"), ("y", "height"))
 LIVE_VIEW = "http://127.0.0.1:9090/?url=x"
 IN_FLIGHT = """(() => {
   const { explanation, frame, scene } = lesson.now;
@@ -282,6 +283,24 @@ def test_the_link_to_the_live_view(browser: Browser, room: Room):
     page = shown(browser, room, live_view=LIVE_VIEW)
     assert page.locator("#live-view").is_visible()
     assert page.get_attribute("#live-view", "href") == LIVE_VIEW
+    page.close()
+
+
+@pytest.mark.parametrize("width", [320, 390, 768])
+def test_the_badges_do_not_overlap_on_a_phone(browser: Browser, room: Room, width: int):
+    page = shown(browser, room, live_view=LIVE_VIEW)
+    page.set_viewport_size({"width": width, "height": 844})
+    texts = {"instruction": "a model of your habits +1", "episode": "game 1234, step 987, return -123"}
+    for name, text in texts.items():
+        page.evaluate(f"document.getElementById('{name}').textContent = '{text}'")
+    until(page, f"document.documentElement.scrollWidth <= {width}")
+    badges = [one.bounding_box() for one in page.locator(".pill:visible, .tag:visible, header > a:visible").all()]
+    assert len(badges) >= 5
+    for one, other in combinations(badges, 2):
+        assert one is not None
+        assert other is not None
+        apart = [one[at] + one[long] <= other[at] or other[at] + other[long] <= one[at] for at, long in AXES]
+        assert any(apart), (one, other)
     page.close()
 
 
