@@ -8,7 +8,7 @@ SOAK := $(VENV)/installed-soak
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help train lint check test soak demo bench clean
+.PHONY: help train lint check test soak demo docs bench clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
@@ -24,6 +24,9 @@ train: $(INSTALLED) ## install, then train with the defaults and watch it live
 
 demo: $(INSTALLED) ## a small trained agent explains an episode, in under a minute
 	$(BIN)/python explain.py run=demo seed=1 context=right viewer=live output=runs/demo.rrd
+
+docs: $(INSTALLED) ## build the documentation site in build/site; a warning is an error
+	$(BIN)/python -m docs_site
 
 lint: $(INSTALLED)
 	$(BIN)/ruff format --check .
