@@ -31,7 +31,7 @@ def stage(docs: Path, copy: Path) -> None:
     for notebook in copy.glob("notebooks/*.ipynb"):
         notebook.with_suffix(".md").write_text(as_page(json.loads(notebook.read_text())))
     for page in copy.glob("*.md"):
-        page.write_text(page.read_text().replace(".ipynb)", ".md)").replace("(../README.md)", "(index.md)"))
+        page.write_text(page.read_text().replace(".ipynb)", ".md)"))
     (copy / "REFERENCE.md").write_text(reference())
 
 

@@ -63,9 +63,9 @@ def test_a_notebook_becomes_a_page() -> None:
 
 def test_links_lead_to_pages_of_the_site(tmp_path: Path) -> None:
     (tmp_path / "docs" / "notebooks").mkdir(parents=True)
-    (tmp_path / "docs" / "A.md").write_text("[n](notebooks/n.ipynb) [r](../README.md)")
+    (tmp_path / "docs" / "A.md").write_text("[n](notebooks/n.ipynb)")
     (tmp_path / "docs" / "notebooks" / "n.ipynb").write_text('{"cells": []}')
     site.stage(tmp_path / "docs", tmp_path / "copy")
-    assert (tmp_path / "copy" / "A.md").read_text() == "[n](notebooks/n.md) [r](index.md)"
+    assert (tmp_path / "copy" / "A.md").read_text() == "[n](notebooks/n.md)"
     assert (tmp_path / "copy" / "notebooks" / "n.md").exists()
     assert "::: ibe_rl.task.Task\n" in (tmp_path / "copy" / "REFERENCE.md").read_text()
