@@ -9,7 +9,7 @@ PLATFORMS := $(VENV)/installed-platforms
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help train lint check test soak demo bench platforms clean
+.PHONY: help train lint check test soak demo docs bench platforms clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -25,6 +25,9 @@ train: $(INSTALLED) ## install, then train with the defaults and watch it live
 
 demo: $(INSTALLED) ## a small trained agent explains an episode, in under a minute
 	$(BIN)/python explain.py run=demo seed=1 context=right viewer=live output=runs/demo.rrd
+
+docs: $(INSTALLED) ## build the documentation site in build/site; a warning is an error
+	$(BIN)/python -m docs_site
 
 lint: $(INSTALLED)
 	$(BIN)/ruff format --check .

@@ -1,4 +1,4 @@
-"""What the README shows works as it stands there."""
+"""What README and docs/API.md show works as it stands there; test_commands.py runs the commands."""
 
 import re
 import subprocess
@@ -22,9 +22,18 @@ def walk_to_the_middle(start: float, random: np.random.Generator) -> Episode:
     return Episode(states, nothing, nothing, np.array(instruction)[:, None], np.ones(40, bool), False, False, "any")
 
 
+def python_of(text: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def test_it_can_be_read_at_once() -> None:
+    assert len(README.splitlines()) <= 120
+
+
 def test_the_lines_of_python_run() -> None:
-    block, theirs = sorted(re.findall(r"```python\n(.*?)```", README, re.DOTALL), key=lambda one: "study" in one)
+    [theirs] = python_of(README)
     assert theirs in (ROOT / "docs" / "OWN_AGENT.md").read_text()  # whose blocks are run in test_own_docs.py
+    [block] = python_of((ROOT / "docs" / "API.md").read_text())
     random = np.random.default_rng(0)
     way = random.integers(-1, 2, 300)
     delta_states = np.column_stack([0.2 * way, np.zeros(300)]) + random.normal(0, 0.01, (300, 2))
@@ -34,7 +43,7 @@ def test_the_lines_of_python_run() -> None:
         "state_instructions": way,
     }
     names["episodes"] = [walk_to_the_middle(start, random) for start in np.linspace(-1, 1, 20)]
-    exec(block, names)  # noqa: S102 - our own README
+    exec(block, names)  # noqa: S102 - our own page
     mapping = names["mapping"]
     np.testing.assert_array_equal(mapping.predict(names["new_delta_states"]), [[-1.0], [1.0]])
     assert names["found"].meanings[0].known
@@ -45,7 +54,7 @@ def test_the_lines_of_python_run() -> None:
 def test_the_make_targets_exist_and_are_listed() -> None:
     listed = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     named = set(re.findall(r"`?make ([a-z]+)\b", README)) - {"are"}
-    assert named == {"train", "test", "demo"}
+    assert named == {"train", "test", "demo", "docs"}
     for target in named:
         assert f"make {target}" in listed
 

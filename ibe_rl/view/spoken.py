@@ -38,7 +38,7 @@ def titles(said: Sequence[Explanation]) -> list[str]:
 
 
 def spoken_words(moments: Sequence[Moment], said: Sequence[Explanation], phrases: Sequence[Phrases]) -> list[Words]:
-    """The instruction of each step and what is said of each span, marked where the predictor does not trust its path."""
+    """The instruction of each step and what is said of each span, marked where the predictor distrusts its path."""
     shorten = shortener(phrases)
     instructions = [shorten(phrase(one.instruction, phrases)) if one.given else SILENCE for one in moments]
     marks = [["" if span.trusted else f" {NOT_TRUSTED}" for span in one.all_spans] for one in said]

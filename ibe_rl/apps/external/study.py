@@ -63,7 +63,9 @@ class Narration:
 
     def __str__(self) -> str:
         stream = io.StringIO()
-        print_narration(self.run, self.watched, self.said, Console(file=stream, highlight=False))
+        # in a notebook too, where rich would show it at once instead, in colours
+        plain = Console(file=stream, highlight=False, force_jupyter=False, force_terminal=False)
+        print_narration(self.run, self.watched, self.said, plain)
         return stream.getvalue()
 
 
