@@ -10,7 +10,7 @@ from PIL import Image
 from view_data import free_ports
 
 from docs_site import moving_picture
-from ibe_rl.view.blueprint import WATCHED_STEP
+from ibe_rl.view.blueprint import FILM
 
 
 class Viewer:
@@ -23,7 +23,7 @@ class Viewer:
         self.opened = url
 
     def get_state(self) -> SimpleNamespace:
-        line = SimpleNamespace(name=WATCHED_STEP, start=0, end=10)
+        line = SimpleNamespace(name=FILM, start=0, end=10)
         return SimpleNamespace(recordings=[SimpleNamespace(timelines=[line])])
 
     def set_time(self, timeline: str, *, sequence: int, play_state: str) -> None:
