@@ -7,10 +7,10 @@ from typing import Any
 
 import pilots
 import pytest
+from ibe_rl.apps.external.study import Study
 from processes import ROOT, call
 
 from ibe_rl.apps import minari as minari_log
-from ibe_rl.apps.external.study import Study
 
 AGENT, LOG = ((ROOT / "docs" / f"OWN_{name}.md").read_text() for name in ("AGENT", "LOG"))
 QUICK = ["mapping.horizon_steps=20", "mapping.spans_steps=[10]", "predictor.futures=1", "viewer=off"]

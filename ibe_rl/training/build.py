@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from functools import partial
+from inspect import isclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
+from threadpoolctl import threadpool_limits
 from torchrl import timeit
 
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
-from ibe_rl.config.command_line import output_folder, run_name, save_config
+from ibe_rl.config.command_line import output_folder, run_name
 from ibe_rl.config.kinds import make_listeners, make_metrics
+from ibe_rl.config.saved import save_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in
@@ -35,8 +38,9 @@ from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
 from ibe_rl.training.progress import TrainingProgress
-from ibe_rl.training.resume import State, clear_way, must_fit, take_up
+from ibe_rl.training.resume import Resumption, State, clear_way, must_fit, take_up
 from ibe_rl.training.run import Run
+from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live
 from ibe_rl.view.run_recorder import RunRecorder
@@ -45,16 +49,26 @@ from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
 @contextmanager
-def build(cfg: TrainConfig) -> Iterator[Run]:
-    """Build a run; settings that cannot work are refused before anything is created.
+def build(
+    cfg: TrainConfig,
+    *,
+    listeners: Sequence[Listener] = (),
+    metrics: Sequence[Any] = (),
+    resumption: Resumption | None = None,
+) -> Iterator[Run]:
+    """Build a run and close it in the end; settings that cannot work are refused before anything is created.
 
     Args:
         cfg: composed and checked; with ``resume`` the run continues from its checkpoint.
+        listeners: objects to notify, beside those of the settings.
+        metrics: objects that add columns at each refresh, beside those of the settings.
+        resumption: with ``resume``, what a program changes (``ibe_rl.resume``); None: the command line counts.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
+    _refuse_classes(listeners=listeners, metrics=metrics)
+    cfg, state = take_up(cfg, resumption) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
     for note in check_run(cfg, env):
         print(note)  # noqa: T201 - for the user
@@ -62,7 +76,7 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
-    with StopRequest() as stop, hold_folder(folder):
+    with threadpool_limits(1), StopRequest() as stop, hold_folder(folder):
         if state:
             _restore_folder(cfg, folder, state)
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
@@ -72,7 +86,31 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
             if teach:
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
-            yield _begin(cfg, folder, stop, owned, live, classroom, state)
+            own = Own(listeners, metrics, live, classroom)
+            yield _begin(cfg, folder, stop, owned, own, state)
+
+
+def _refuse_classes(**given: Sequence[Any]) -> None:
+    for key, objects in given.items():
+        for one in objects:
+            if isclass(one):
+                raise ConfigError(f"{key}=[{one.__name__}]: a class; allowed are objects, {one.__name__}(...)")
+
+
+class Own(NamedTuple):
+    """What a run has beside its settings.
+
+    Attributes:
+        listeners: that a program gave.
+        metrics: that a program gave.
+        live: messages of the live view.
+        classroom: of a person who teaches; or None.
+    """
+
+    listeners: Sequence[Listener]
+    metrics: Sequence[Any]
+    live: News
+    classroom: Any
 
 
 def _restore_folder(cfg: TrainConfig, folder: Path, state: State) -> None:
@@ -88,24 +126,24 @@ def _begin(
     folder: Path,
     stop: StopRequest,
     owned: ExitStack,
-    live: News,
-    classroom: Any,
+    own: Own,
     state: State | None,
 ) -> Run:
     """Make all parts and notify the listeners of the start."""
     timeit.erase()
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
+        run.metrics += own.metrics
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
         columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]
         table = owned.enter_context(MetricsTable(folder / METRICS, columns, _kept_frames(state)))
-        optional = [one for one in (run.recorder, progress, classroom) if one is not None]
+        optional = [one for one in (run.recorder, progress, own.classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
-        asked = make_listeners(cfg)
-        run.tell = Listeners([Table(table), *optional, LiveView(live), *asked, checkpoints], progress.say)
-        _collect(run, owned, classroom)
+        asked = [*make_listeners(cfg), *own.listeners]
+        run.tell = Listeners([Table(table), *optional, LiveView(own.live), *asked, checkpoints], progress.say)
+        _collect(run, owned, own.classroom)
         run.tell.begin(run)
         if state:
             with must_fit(folder):

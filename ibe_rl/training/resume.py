@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from ibe_rl.config.command_line import changed, load_config
+from ibe_rl.config.command_line import changed
 from ibe_rl.config.limits import check, kept_settings
-from ibe_rl.config.settings import TrainConfig
+from ibe_rl.config.saved import load_config
+from ibe_rl.config.settings import EnvConfig, TrainConfig
 from ibe_rl.instructors import is_live, is_resumable
 from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, link, load, policies
 from ibe_rl.storage.run_folder import (
@@ -38,8 +39,26 @@ PARTS = ("agent", "log", "development", "obedience", "predictor", "recorder", "r
 """What a checkpoint holds the state of."""
 
 
-def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
+class Resumption(NamedTuple):
+    """What a program names beside the run to resume; a script's command line otherwise.
+
+    Attributes:
+        changes: settings to change.
+        env: takes the place of the saved environment.
+        trusted: kinds that may be run although no config file names them.
+    """
+
+    changes: Sequence[str]
+    env: EnvConfig | None = None
+    trusted: Sequence[str] = ()
+
+
+def take_up(cfg: TrainConfig, asked: Resumption | None = None) -> tuple[TrainConfig, State]:
     """Read the run that ``cfg.resume`` names, without writing.
+
+    Args:
+        cfg: names the run.
+        asked: by a program; None: the command line counts.
 
     Returns:
         Its settings, overridden by those given with ``resume``, and its state.
@@ -51,13 +70,15 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     if not is_run(folder):
         raise ConfigError(f"resume={folder}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
     refuse_special_files(folder)
-    saved = load_config(folder / CONFIG, TrainConfig)
+    env, trusted = (asked.env, asked.trusted) if asked else (None, ())
+    saved = load_config(folder / CONFIG, TrainConfig, env, trusted)
     if not is_resumable(saved.instructor):
         raise ConfigError(
             f"resume={folder}: instructor={saved.instructor.kind} repeats a session from its beginning; train it anew"
         )
     going_on = replace(saved, stop_after_frames=None)  # it has already stopped there
-    config = replace(changed(going_on, [*kept_settings(going_on), "experiment"]), run_dir=str(folder), resume=None)
+    config = changed(going_on, [*kept_settings(going_on), "experiment"], asked and asked.changes)
+    config = replace(config, env=going_on.env, run_dir=str(folder), resume=None)
     check(config)
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:

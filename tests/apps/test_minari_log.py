@@ -12,12 +12,12 @@ import minari
 import numpy as np
 import pilots
 import pytest
+from ibe_rl.apps.external.study import external_run_config, keep_run, open_study, study
 from minari.cli import app
 from minari.data_collector import EpisodeBuffer
 from torch.utils import _pytree
 from typer.testing import CliRunner
 
-from ibe_rl.apps.external.study import external_run_config, keep_run, open_study, study
 from ibe_rl.apps.minari import export_log, import_log, minari_command
 from ibe_rl.config.command_line import composed
 from ibe_rl.envs import LANDER_ID, LANDER_TASK, Instructed

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pilots
 import pytest
+from ibe_rl.apps.external.study import Study, open_study, study
 from processes import ROOT, call
 
 import ibe_rl
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.apps.external import study as own_agent
-from ibe_rl.apps.external.study import Study, open_study, study
 from ibe_rl.config.settings import InstructorConfig, ViewerConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.evaluation.runs import load_run
