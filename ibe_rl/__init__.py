@@ -26,12 +26,11 @@ from ibe_rl.task import Phrases, Task
 from ibe_rl.types import ConfigError, Episode
 
 WITH_TORCH = {
-    **dict.fromkeys(("ExplainedAgent", "Narration", "open_run"), "ibe_rl.api.explained"),
+    **dict.fromkeys(("ExplainedAgent", "Narration", "explain_agent", "open_run"), "ibe_rl.api.explained"),
     **dict.fromkeys(("resume", "train"), "ibe_rl.api.loop"),
     "Listener": "ibe_rl.vocabulary.listener",
     "Run": "ibe_rl.training.run",
     "build": "ibe_rl.training.build",
-    "explain_agent": "ibe_rl.apps.external.explaining",
     "settings": "ibe_rl.api.settings",
     **dict.fromkeys(("export_log", "import_log"), "ibe_rl.apps.minari"),
 }

@@ -23,7 +23,7 @@ def walk_to_the_middle(start: float, random: np.random.Generator) -> Episode:
 
 
 def test_the_lines_of_python_run() -> None:
-    block, theirs = sorted(re.findall(r"```python\n(.*?)```", README, re.DOTALL), key=lambda one: "study" in one)
+    block, theirs = sorted(re.findall(r"```python\n(.*?)```", README, re.DOTALL), key=lambda one: "agent(" in one)
     assert theirs in (ROOT / "docs" / "OWN_AGENT.md").read_text()  # whose blocks are run in test_own_docs.py
     random = np.random.default_rng(0)
     way = random.integers(-1, 2, 300)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import torch
 from rich.console import Console
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.api.settings import env_config
+from ibe_rl.api.settings import env_config, environment
 from ibe_rl.config.command_line import composed, settings_at_hand
+from ibe_rl.config.limits import check
 from ibe_rl.config.overrides import kind_name
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.envs.given import GivesEnv
@@ -175,3 +177,46 @@ def open_run(
     else:
         opened = load_app("open_run(agent=)")(agent, config, known, names)
     return ExplainedAgent(opened, as_trained(config, opened, {one.partition("=")[0] for one in settings}))
+
+
+def explain_agent(
+    agent: Any,
+    env: str | GivesEnv | None = None,
+    *,
+    task: Task | None = None,
+    episodes: int = 200,
+    random_actions: float = 0.0,
+    agent_sees_instruction: bool | None = None,
+    run_dir: str | Path | None = None,
+    seed: int = 0,
+    settings: Sequence[str] = (),
+) -> ExplainedAgent:
+    """Learn a vocabulary from episodes of any agent, to explain it.
+
+    Args:
+        agent: a ``.zip`` of stable-baselines3 (loading it runs code), ``module:name``, a model of that library, a
+            policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to actions.
+        env: as in ``ibe_rl.settings``.
+        task: what the environment declares; None: its own attribute ``task``.
+        episodes: how many to roll out.
+        random_actions: share of random actions in them, where all episodes would be alike otherwise.
+        agent_sees_instruction: whether the agent reads the instruction after the state; None takes it from the agent.
+        run_dir: the folder to make; None makes one below ``runs/``.
+        seed: of the episodes and of the clustering.
+        settings: of ``explain.py``, as on its command line, such as ``"mapping.horizon_steps=40"``.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    chosen, given = environment(env, task)
+    config: ExplainConfig = composed("explain", [*chosen, *settings])
+    folder = run_dir or datetime.now().astimezone().strftime("runs/%Y-%m-%d_%H-%M-%S")
+    config = replace(
+        config,
+        episodes=episodes,
+        random_actions=random_actions,
+        agent_sees_instruction=agent_sees_instruction,
+        run_dir=str(folder),
+    )
+    check(config)
+    return ExplainedAgent(load_app("explain_agent")(agent, config, seed, given), config)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from typing import Any
-from uuid import uuid4
 
-import cloudpickle
 import gymnasium
+import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from ibe_rl.config.settings import EnvConfig
-from ibe_rl.envs.declare import check_functions, state_size
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
@@ -40,51 +38,6 @@ class GivenEnv(EnvConfig):
     token: str
 
 
-def given_env(env: GivesEnv, task: Task | None = None, name: str | None = None) -> GivenEnv:
-    """Take an environment from a program, and try it once.
-
-    Args:
-        env: a function or class that makes one, or an environment, which is copied and itself left alone.
-        task: what it declares; None: its own attribute ``task``.
-        name: kept in run folders; None: that of the function or class.
-
-    Raises:
-        ConfigError: if it cannot be made or copied, or the task does not fit.
-    """
-    known = name or _name(env)
-    given = GivenEnv(id=known, given=True)
-    given.maker = _copies(env, known) if isinstance(env, gymnasium.Env) else env
-    given.declared, given.token = task, uuid4().hex
-    if not callable(given.maker):
-        raise ConfigError(
-            f"env={env!r:.80}: allowed is a name, a function or class that makes an environment, or an environment"
-        )
-    made = make_given(given)
-    own: Task = made.task
-    named = {part: _name(getattr(own, part)) for part in ("rule", "motion", "goal_offset", "scene_path", "context")}
-    check_functions(made, own, {part: text for part, text in named.items() if getattr(own, part) is not None}, "task")
-    return given
-
-
-def _name(given: Any) -> str:
-    if isinstance(given, partial):
-        return _name(given.func)
-    named = given if hasattr(given, "__qualname__") else type(given)
-    return f"{named.__module__}.{named.__qualname__}"
-
-
-def _copies(env: gymnasium.Env[Any, Any], name: str) -> MakeGym:
-    """Make copies of an environment as it is now."""
-    try:
-        kept = cloudpickle.dumps(env)
-        cloudpickle.loads(kept)
-    except Exception as error:  # pickling may raise anything
-        raise ConfigError(
-            f"env={name}: this object cannot be copied ({raised(error)}); allowed is a function that makes one"
-        ) from None
-    return partial(cloudpickle.loads, kept)
-
-
 def make_given(given: GivenEnv) -> Declared:
     """Make one, with its time limit and task.
 
@@ -102,7 +55,7 @@ def make_given(given: GivenEnv) -> Declared:
         raise ConfigError(
             f"env={given.id}: it declares no task; allowed is task=Task(...), or an attribute task of that type"
         )
-    size = state_size(made)
+    size = np.prod(made.observation_space.shape or (0,))
     for part in ("state_names", "state_units"):
         if len(getattr(task, part)) != size:
             raise ConfigError(

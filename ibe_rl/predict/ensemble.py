@@ -12,7 +12,7 @@ import numpy as np
 from ibe_rl.config.limits import KEPT, TINY, setting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
-from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
+from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train_members
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
 from ibe_rl.predict.simulator import Rule
 from ibe_rl.predict.trust import Trust, measure
@@ -100,7 +100,7 @@ class Ensemble:
         self._scale = Scale.of(steps)
         updates = config.updates * (1 if self._times else FROM_NOTHING)
         pace = updates, config.minibatch_size, config.learning_rate, seed
-        layers = train(self._layers, self._scale, steps, *pace)
+        layers = train_members(self._layers, self._scale, steps, *pace)
         if not all(bool(values.isfinite().all()) for layer in layers for values in layer):
             raise FloatingPointError("the weights of the predictor are not finite numbers")
         self._layers = layers

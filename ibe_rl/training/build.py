@@ -38,8 +38,9 @@ from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
 from ibe_rl.training.progress import TrainingProgress
-from ibe_rl.training.resume import Resumption, State, clear_way, must_fit, take_up
+from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
+from ibe_rl.training.state import State, must_fit
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live

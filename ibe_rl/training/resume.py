@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ibe_rl.config.command_line import changed
 from ibe_rl.config.limits import check, kept_settings
@@ -31,12 +31,8 @@ from ibe_rl.storage.run_folder import (
     refuse_special_files,
     write_rows,
 )
+from ibe_rl.training.state import PARTS, State
 from ibe_rl.types import ConfigError
-
-State = dict[str, Any]
-DOES_NOT_FIT = (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, ArithmeticError)
-PARTS = ("agent", "log", "development", "obedience", "predictor", "recorder", "random")
-"""What a checkpoint holds the state of."""
 
 
 class Resumption(NamedTuple):
@@ -112,25 +108,6 @@ def read_state(folder: Path, name: str) -> State:
     ):
         raise ConfigError(f"{path}: not a state of this version of ibe_rl to resume from; {allowed}")
     return state
-
-
-@contextmanager
-def must_fit(folder: Path) -> Iterator[None]:
-    """Report errors of the body as a state that does not fit.
-
-    Raises:
-        ConfigError: naming the run.
-    """
-    try:
-        yield
-    except ConfigError:
-        raise
-    except DOES_NOT_FIT as error:
-        first = str(error).splitlines()[0][:200] if str(error) else ""
-        raise ConfigError(
-            f"resume={folder}: its state does not fit this version of ibe_rl or its own settings "
-            f"({type(error).__name__}: {first}); train it anew"
-        ) from None
 
 
 def without_episodes(state: State) -> State:

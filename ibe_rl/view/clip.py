@@ -21,7 +21,7 @@ from ibe_rl.types import Array, Explanation
 from ibe_rl.view import palette as colours
 from ibe_rl.view import wording
 
-WIDTH, HEIGHT, SCENE = 960, 480, 520
+FRAME_WIDTH, FRAME_HEIGHT, SCENE = 960, 480, 520
 """Of a frame, and of the scene at its left, in pixels; MP4 wants multiples of 16 or less common players fail."""
 FINER = 2
 """Drawn this much larger and scaled down, so that lines are smooth."""
@@ -59,10 +59,10 @@ class Clip:
 
 
 def frames_of(clip: Clip) -> Iterator[Image.Image]:
-    """All frames of a clip, ``WIDTH`` by ``HEIGHT``; the last one is its end."""
+    """All frames of a clip, ``FRAME_WIDTH`` by ``FRAME_HEIGHT``; the last one is its end."""
     steps = len(clip.said)
     scene = _scene(clip)
-    ground = Image.new("RGB", (WIDTH * FINER, HEIGHT * FINER), colours.BACKGROUND)
+    ground = Image.new("RGB", (FRAME_WIDTH * FINER, FRAME_HEIGHT * FINER), colours.BACKGROUND)
     scene.draw_background(ImageDraw.Draw(ground))
     for step in [*range(0, steps, clip.stride_steps), steps]:
         large = ground.copy()
@@ -94,7 +94,7 @@ class _Scene:
 
     def _place(self, points: Array) -> list[Point]:
         """Points ``(P, 2)`` to pixels, in the middle of the left half."""
-        room, margin = np.array([SCENE, HEIGHT]) * FINER, 24.0 * FINER
+        room, margin = np.array([SCENE, FRAME_HEIGHT]) * FINER, 24.0 * FINER
         scale = (room - 2 * margin) / self.size
         scale = np.full(2, scale.min()) if self.same_scale else scale
         moved = (np.asarray(points, float) - self.low - self.size / 2) * scale * [1, -1] + room / 2
@@ -104,7 +104,7 @@ class _Scene:
         """Draw what does not move, and the names of the directions."""
         for shape in self.clip.watched.background:
             self._shape(draw, shape)
-        for name, at, anchor in zip(self.names, ((SCENE - 24, HEIGHT - 24), (24, 8)), ("rs", "la"), strict=False):
+        for name, at, anchor in zip(self.names, ((SCENE - 24, FRAME_HEIGHT - 24), (24, 8)), ("rs", "la"), strict=False):
             draw.text((at[0] * FINER, at[1] * FINER), name, colours.AXIS, _font(14), anchor=anchor)
 
     def draw(self, draw: ImageDraw.ImageDraw, step: int) -> None:
@@ -115,7 +115,7 @@ class _Scene:
         if step < len(said):
             shade = shade_of(said[step])
             ahead = self._place(self.way(said[step].trusted_path, step))
-            for x, y in ahead[::4]:
+            for x, y in ahead[:: max(1, len(ahead) // 20)]:
                 draw.ellipse(_around(x, y, 2 * FINER), fill=shade)
             draw.ellipse(_around(*ahead[-1], 6 * FINER), fill=shade)
         for shape in watched.figures[step]:
@@ -155,7 +155,7 @@ def _scene(clip: Clip) -> _Scene:
 def _draw_words(draw: ImageDraw.ImageDraw, clip: Clip, step: int, ended: bool) -> None:
     """The right half: title, instruction, explanation, whether it came true, and the gauge."""
     said, moment, task = clip.said[step], clip.watched.moments[step], clip.task
-    left, right = SCENE + 16, WIDTH - 24
+    left, right = SCENE + 16, FRAME_WIDTH - 24
     success = "success" if clip.watched.episode.success else "no success"
     head = f"step {len(clip.said)}, {success}" if ended else f"step {step}"
     _text(draw, (left, 28), f"{task.name}: {clip.watched.episode.context}", colours.WHITE, 18, right - left)

@@ -13,7 +13,7 @@ from PIL import Image
 from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.types import ConfigError
 from ibe_rl.view import palette as colours
-from ibe_rl.view.clip import HEIGHT, WIDTH, Clip, frames_of, shade_of
+from ibe_rl.view.clip import FRAME_HEIGHT, FRAME_WIDTH, Clip, frames_of, shade_of
 
 ENDINGS = (".gif", ".mp4")
 LAST_S = 1.5
@@ -84,7 +84,7 @@ def _palette(clip: Clip) -> Image.Image:
 def _write_mp4(frames: Iterator[Image.Image], frames_per_s: float, path: Path) -> None:
     ffmpeg: Any = import_module("imageio_ffmpeg")
     temporary = path.with_name(path.stem + ".partial.mp4")  # its format is that of its ending
-    writer = ffmpeg.write_frames(str(temporary), (WIDTH, HEIGHT), fps=frames_per_s, macro_block_size=16)
+    writer = ffmpeg.write_frames(str(temporary), (FRAME_WIDTH, FRAME_HEIGHT), fps=frames_per_s, macro_block_size=16)
     writer.send(None)
     try:
         for frame in frames:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,10 @@ import numpy as np
 import torch
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.api.explained import ExplainedAgent
-from ibe_rl.api.settings import environment
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.external.policy import EpsilonGreedy, as_policy, find_agent
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.command_line import composed
-from ibe_rl.config.limits import check
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
-from ibe_rl.envs.given import GivenEnv, GivesEnv
 from ibe_rl.envs.make import episode_seed, make_env, make_snapshot_env, task_of
 from ibe_rl.evaluation.moments import Plan
 from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
@@ -35,7 +29,6 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.storage.run_folder import REFRESHES, create_run_folder
-from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_in_flight
 from ibe_rl.vocabulary.refresh import save_refresh
@@ -44,49 +37,6 @@ ENVS_AT_ONCE, EXAMPLES = 16, 3
 TASKS = ("episode", "evaluate", "compare")
 CALIBRATION_EPISODES, CALIBRATION_STRIDE_STEPS = 12, 12
 """Together a few hundred moments."""
-
-
-def explain_agent(
-    agent: Any,
-    env: str | GivesEnv | None = None,
-    *,
-    task: Task | None = None,
-    episodes: int = 200,
-    random_actions: float = 0.0,
-    agent_sees_instruction: bool | None = None,
-    run_dir: str | Path | None = None,
-    seed: int = 0,
-    settings: Sequence[str] = (),
-) -> ExplainedAgent:
-    """Learn a vocabulary from episodes of any agent, to explain it.
-
-    Args:
-        agent: a ``.zip`` of stable-baselines3 (loading it runs code), ``module:name``, a model of that library, a
-            policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to actions.
-        env: as in ``ibe_rl.settings``.
-        task: what the environment declares; None: its own attribute ``task``.
-        episodes: how many to roll out.
-        random_actions: share of random actions in them, where all episodes would be alike otherwise.
-        agent_sees_instruction: whether the agent reads the instruction after the state; None takes it from the agent.
-        run_dir: the folder to make; None makes one below ``runs/``.
-        seed: of the episodes and of the clustering.
-        settings: of ``explain.py``, as on its command line, such as ``"mapping.horizon_steps=40"``.
-
-    Raises:
-        ConfigError: naming the key, the value and what is allowed.
-    """
-    chosen, given = environment(env, task)
-    config: ExplainConfig = composed("explain", [*chosen, *settings])
-    folder = run_dir or datetime.now().astimezone().strftime("runs/%Y-%m-%d_%H-%M-%S")
-    config = replace(
-        config,
-        episodes=episodes,
-        random_actions=random_actions,
-        agent_sees_instruction=agent_sees_instruction,
-        run_dir=str(folder),
-    )
-    check(config)
-    return ExplainedAgent(_learnt(agent, config, seed, given), config)
 
 
 def open_external(cfg: ExplainConfig) -> TrainedRun:
@@ -98,7 +48,7 @@ def open_external(cfg: ExplainConfig) -> TrainedRun:
     if cfg.task not in TASKS:
         raise ConfigError(f"task={cfg.task} with agent=: allowed is {', '.join(TASKS)}; it needs a run of train.py")
     if cfg.run is None:
-        return _learnt(cfg.agent_file, cfg, seed=0)
+        return learn_external(cfg.agent_file, cfg, seed=0)
     if superfluous := sorted(OF_A_NEW_FOLDER & settings_named(cfg)):
         raise ConfigError(f"{superfluous[0]}= with run={cfg.run}: allowed only without run=, for a new folder")
     return open_for(cfg.agent_file, cfg)
@@ -133,7 +83,18 @@ def _policy(agent: Any, config: TrainConfig, sees_instruction: bool | None) -> P
     return as_policy(agent, task, env.action_space, sees_instruction, examples)
 
 
-def _learnt(agent: Any, cfg: ExplainConfig, seed: int, env: GivenEnv | None = None) -> TrainedRun:
+def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | None = None) -> TrainedRun:
+    """Roll out an agent and learn a vocabulary from its episodes; see ``ibe_rl.explain_agent``.
+
+    Args:
+        agent: or its name.
+        cfg: of the explanation.
+        seed: of the episodes and of the clustering.
+        env: that a program gave; None: that of the settings.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
     torch.set_num_threads(1)
     found = _found(agent)
     config = external_run_config(cfg, agent if isinstance(agent, str | Path) else type(agent).__name__, seed, env)
