@@ -57,8 +57,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with ibe_rl.build(made, listeners=[hears], metrics=[Words()]) as run:
         assert ibe_rl.train(run)["frames"] == 4_096
     assert hears.heard == ["begin", "refreshed", "refreshed", "end"]
-    with ibe_rl.resume(path, "seed=0", env=own_env, task=task(), listeners=[hears], total_frames=5_000) as run:
-        assert (run.resumed, run.cfg.seed, run.cfg.agent.hidden) == (True, 0, [16])
+    with ibe_rl.resume(path, "eval_episodes=3", env=own_env, task=task(), listeners=[hears], total_frames=5_000) as run:
+        assert (run.resumed, run.cfg.eval_episodes, run.cfg.agent.hidden) == (True, 3, [16])
         assert ibe_rl.train(run)["frames"] == 5_120
     return path
 
@@ -80,10 +80,12 @@ def test_it_explains_itself_in_several_processes(folder: Path) -> None:
 
 
 def test_a_folder_alone_runs_no_code(folder: Path) -> None:
-    with pytest.raises(ibe_rl.ConfigError, match=r"was given in Python \(.*lambda>\); allowed is to give it"):
+    with pytest.raises(ibe_rl.ConfigError, match=r"was given in Python \(test_own_program.own_env\); allowed is to give it"):
         ibe_rl.open_run(folder)
     with pytest.raises(ibe_rl.ConfigError, match="its environment was given in Python"):
         ibe_rl.resume(folder, total_frames=9_000).__enter__()
+    with pytest.raises(ibe_rl.ConfigError, match="seed=1 with resume: a run keeps its seed"):
+        ibe_rl.resume(folder, env=own_env, task=task(), seed=1).__enter__()
     with pytest.raises(ibe_rl.ConfigError, match="its vocabulary is for 2 state dimensions, not 9"):
         ibe_rl.open_run(folder, env="lander")
 
