@@ -80,7 +80,9 @@ def test_it_explains_itself_in_several_processes(folder: Path) -> None:
 
 
 def test_a_folder_alone_runs_no_code(folder: Path) -> None:
-    with pytest.raises(ibe_rl.ConfigError, match=r"was given in Python \(test_own_program.own_env\); allowed is to give it"):
+    with pytest.raises(
+        ibe_rl.ConfigError, match=r"was given in Python \(test_own_program.own_env\); allowed is to give it"
+    ):
         ibe_rl.open_run(folder)
     with pytest.raises(ibe_rl.ConfigError, match="its environment was given in Python"):
         ibe_rl.resume(folder, total_frames=9_000).__enter__()
