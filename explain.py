@@ -1,17 +1,15 @@
-"""Let a trained agent explain itself: roll out one episode and explain each step.
-
-Or evaluate the explanations.
+"""Let a trained agent explain itself: roll out one episode and explain each step, or evaluate the explanations.
 
 python explain.py                                the newest run below runs/
 python explain.py run=runs/NAME seed=3 context=left
 python explain.py run=runs/NAME viewer=live      and view it in the browser
+python explain.py run=runs/NAME clip=FILE.gif    and write it as a moving picture (or .mp4)
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
 python explain.py run=runs/NAME task=predictors  as true without a simulator? evaluation/predictors.json
 python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
 python explain.py agent=model.zip env=lander     an external agent: roll out, learn a vocabulary, explain
 python explain.py sweep=runs/NAME                the runs of a sweep by condition: figures/report.html
-python explain.py sweep=runs/NAME viewer=live    and all their recordings in the browser
 """
 
 from __future__ import annotations
@@ -27,11 +25,11 @@ from ibe_rl.config.command_line import installed, run_script
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
-from ibe_rl.evaluation.narration import check_context, explain_rollout, print_narration
-from ibe_rl.evaluation.own_metrics import check_metrics
+from ibe_rl.evaluation.narration import check_episode, clip_of, explain_rollout, print_narration
 from ibe_rl.evaluation.predictors import judge_predictors
 from ibe_rl.evaluation.run_predictor import as_trained
-from ibe_rl.evaluation.runs import open_run, refuse_external_settings
+from ibe_rl.evaluation.runs import open_trained, refuse_external_settings
+from ibe_rl.evaluation.task_settings import check_task
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
@@ -43,7 +41,7 @@ from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
 
 def main(cfg: ExplainConfig) -> None:
     """Open the run and do its ``task``, or report a sweep."""
-    check_metrics(cfg)
+    check_task(cfg)
     if cfg.sweep_dir is not None:
         load_app("sweep=")(cfg)
         return
@@ -51,7 +49,7 @@ def main(cfg: ExplainConfig) -> None:
         run = load_app("agent=")(cfg)
     else:
         refuse_external_settings(cfg)
-        run = open_run(cfg.run)
+        run = open_trained(cfg.run)
     tasks = {"episode": explain_episode, "evaluate": evaluate, "compare": compare, "predictors": judge_predictors}
     task = tasks.get(cfg.task) or load_app(f"task={cfg.task}")
     task(run, as_trained(cfg, run))
@@ -60,10 +58,12 @@ def main(cfg: ExplainConfig) -> None:
 def explain_episode(run: TrainedRun, cfg: ExplainConfig) -> None:
     """Explain one episode in the terminal and in a recording."""
     torch.set_num_threads(1)
-    check_context(cfg.context, run)
+    check_episode(cfg, run)
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     rollout, said = explain_rollout(run, cfg)
     print_narration(run, rollout, said)
+    if cfg.clip:
+        print(f"clip: {clip_of(run, rollout, said, Path(cfg.clip))}")
     if cfg.viewer.mode == "off":
         return
     recording = record(run, cfg, rollout, said)

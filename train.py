@@ -37,7 +37,7 @@ from ibe_rl.collect.collector import steps_of
 from ibe_rl.collect.rollout import EVALUATION_SEED, play, record_rollout
 from ibe_rl.config.command_line import is_sweep, run_script
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.evaluation.runs import open_run
+from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.build import build
@@ -108,7 +108,7 @@ def main(cfg: TrainConfig) -> None:
     cfg = run.cfg  # with resume, the run's own
     if cfg.report and not run.stop:
         settings = ExplainConfig(run=str(run.folder), task="figures", predictor=cfg.predictor, viewer=cfg.viewer)
-        load_app("task=figures")(open_run(settings.run), settings)
+        load_app("task=figures")(open_trained(settings.run), settings)
     if run.stop and is_sweep():
         raise KeyboardInterrupt  # ends the remaining runs too
 

@@ -49,7 +49,7 @@ def as_page(notebook: dict[str, Any]) -> str:
 def reference() -> str:
     """A page that shows the docstring of every public name, where the name is defined."""
     lines = ["# Docstrings", "", "Every name that `import ibe_rl` offers, from its docstring."]
-    for name in ibe_rl.__all__:
+    for name in vars(ibe_rl)["__all__"]:
         lines += ["", f"::: {getattr(ibe_rl, name).__module__}.{name}"]
     return "\n".join(lines) + "\n"
 

@@ -19,7 +19,7 @@ from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.run_predictor import predictor_of
-from ibe_rl.evaluation.runs import open_run
+from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import cut_windows, phrase
@@ -37,7 +37,7 @@ EPISODES, SEED, CONTEXT, EXPLAINED_STEP, ARROW_EVERY_STEPS = 24, 1, "right", 37,
 def main(folder: Path = PICTURES) -> None:
     """Roll the episodes out and draw all three pictures."""
     torch.set_num_threads(1)
-    run = open_run(str(ROOT / "demo"))
+    run = open_trained(str(ROOT / "demo"))
     shown = rolled_out(run, SEED, CONTEXT)
     others = [rolled_out(run, seed, None) for seed in range(100, 100 + EPISODES)]
     windows = cut_windows([one.episode for one in others], run.horizon_steps, "clamp")

@@ -7,6 +7,7 @@ at first use. docs/API.md lists the public API.
 import sys
 from importlib import import_module
 from typing import Any
+from warnings import warn
 
 if sys.platform == "win32":
     sys.exit("error: ibe_rl runs on Linux and macOS; on Windows run it in WSL, which is Linux: wsl --install")
@@ -29,37 +30,55 @@ from ibe_rl.task import Phrases, Task
 from ibe_rl.types import ConfigError, Episode
 
 WITH_TORCH = {
-    **dict.fromkeys(("Study", "open_study", "study"), "ibe_rl.apps.external.study"),
+    **dict.fromkeys(("ExplainedAgent", "Narration", "explain_agent", "open_run"), "ibe_rl.api.explained"),
+    **dict.fromkeys(("resume", "train"), "ibe_rl.api.loop"),
+    "Listener": "ibe_rl.vocabulary.listener",
+    "Run": "ibe_rl.training.run",
+    "build": "ibe_rl.training.build",
+    "settings": "ibe_rl.api.settings",
     **dict.fromkeys(("export_log", "import_log"), "ibe_rl.apps.minari"),
 }
+
+RENAMED = {"Study": "ExplainedAgent", "open_study": "open_run", "study": "explain_agent"}
+"""Names of version 0.1, which still work in this one, to those that took their place."""
 
 __all__ = [
     "ClusterMapping",
     "ConfigError",
     "Episode",
     "Evidence",
+    "ExplainedAgent",
     "IBEMapping",
     "Instructed",
     "Interpretation",
+    "Listener",
     "Meaning",
+    "Narration",
     "Phrases",
     "Reactions",
-    "Study",
+    "Run",
     "Task",
+    "build",
     "cut_windows",
     "delta_states",
+    "explain_agent",
     "export_log",
     "import_log",
     "interpret",
-    "open_study",
+    "open_run",
     "phrase",
-    "study",
+    "resume",
+    "settings",
     "top_episodes",
+    "train",
 ]
 
 
 def __getattr__(name: str) -> Any:
     """Import what needs torch at first use."""
+    if name in RENAMED:
+        warn(f"ibe_rl.{name} is called ibe_rl.{RENAMED[name]} now", DeprecationWarning, stacklevel=2)
+        name = RENAMED[name]
     if name in WITH_TORCH:
         return getattr(import_module(WITH_TORCH[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

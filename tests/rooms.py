@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "ibe_rl"
 ROOMS = (
     *("types", "task", "runtime", "storage", "config", "envs", "instructors", "agents", "collect"),
-    *("ibe", "metrics", "predict", "explain", "vocabulary", "view", "training", "evaluation", "apps"),
+    *("ibe", "metrics", "predict", "explain", "vocabulary", "view", "training", "evaluation", "api", "apps"),
 )
 """A room imports only rooms that stand before it."""
 LOOSE = ("types", "task", "viewer")

@@ -67,7 +67,7 @@ def test_the_core_does_without(command: tuple[str, ...], core: Path, run: Path, 
     ("setting", "missing"),
     [
         ("task=figures", "task=figures: needs ibe_rl.apps.paper.experiments"),
-        ("agent=model.zip", "agent=: needs ibe_rl.apps.external.study"),
+        ("agent=model.zip", "agent=: needs ibe_rl.apps.external.explaining"),
         ("sweep=runs", "sweep=: needs ibe_rl.apps.sweep.report"),
     ],
 )

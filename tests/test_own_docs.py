@@ -9,8 +9,8 @@ import pilots
 import pytest
 from processes import ROOT, call
 
+from ibe_rl.api.explained import ExplainedAgent
 from ibe_rl.apps import minari as minari_log
-from ibe_rl.apps.external.study import Study
 
 AGENT, LOG = ((ROOT / "docs" / f"OWN_{name}.md").read_text() for name in ("AGENT", "LOG"))
 QUICK = ["mapping.horizon_steps=20", "mapping.spans_steps=[10]", "predictor.futures=1", "viewer=off"]
@@ -37,20 +37,20 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def quickly(code: str) -> str:
     """The same with few and short episodes."""
     quick = f"episodes=12, settings={QUICK}"
-    return re.sub(r"(ibe_rl\.study\([^\n]*)\)\n", rf"\1, {quick})\n", code)
+    return re.sub(r"(ibe_rl\.explain_agent\([^\n]*)\)\n", rf"\1, {quick})\n", code)
 
 
 def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    judged: list[Study] = []
-    monkeypatch.setattr(Study, "evaluate", lambda self: judged.append(self))  # test_study.py has it judged
+    judged: list[ExplainedAgent] = []
+    monkeypatch.setattr(ExplainedAgent, "evaluate", lambda self: judged.append(self))  # test_explaining.py judges it
     three, function, answer = blocks(AGENT)
     names: dict[str, Any] = {}
     exec(quickly(three), names)  # noqa: S102 - our own page
-    assert judged == [names["study"]]
+    assert judged == [names["explained"]]
     assert (place / "runs" / "mine" / "refreshes").is_dir()
     assert "of the next 20 steps went as predicted" in capsys.readouterr().out
     exec(quickly(function), names)  # noqa: S102
-    assert names["study"].run.config.agent.sees_instruction is False
+    assert names["explained"].run.config.agent.sees_instruction is False
     exec(answer, names)  # noqa: S102
     assert names["model"].observation_space.shape == (11,)
     [log] = blocks(LOG)

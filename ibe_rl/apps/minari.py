@@ -18,7 +18,8 @@ import numpy as np
 
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.external.policy import check_same_actions
-from ibe_rl.config.command_line import composed, load_config
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.storage.log import TrajectoryLog

@@ -6,10 +6,8 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
@@ -23,11 +21,10 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.arguments import as_hydra_reads, sorted_arguments
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.kind_files import KindFiles, register, resumed_choices
-from ibe_rl.config.kinds import GROUPS, SEVERAL, check_config, with_settings
-from ibe_rl.config.settings import CODE_SETTINGS
+from ibe_rl.config.kind_files import register, resumed_choices
+from ibe_rl.config.kinds import SEVERAL, check_config
 from ibe_rl.runtime.workers import LostWorkerError
-from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_yaml
 from ibe_rl.types import ConfigError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -75,8 +72,15 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 
 def choices(group: str) -> dict[str, Any]:
     """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
-    names = GlobalHydra.instance().config_loader().get_group_options(group)
-    return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in names}
+    return {
+        name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in choice_names(group)
+    }
+
+
+def choice_names(group: str) -> list[str]:
+    """The names of all choices of a config group."""
+    with settings_at_hand():
+        return list(GlobalHydra.instance().config_loader().get_group_options(group))
 
 
 @contextmanager
@@ -112,8 +116,12 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
 
 def named_settings() -> set[str]:
     """The top-level settings named on the command line."""
-    given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
-    return {one.key_or_group.partition(".")[0] for one in given}
+    return {one.key_or_group.partition(".")[0] for one in OverridesParser.create().parse_overrides(given_settings())}
+
+
+def given_settings() -> list[str]:
+    """The settings as typed on the command line; none where a user's own program uses the package."""
+    return list(HydraConfig.get().overrides.task) if HydraConfig.initialized() else []
 
 
 def installed(program: str) -> str:
@@ -129,7 +137,7 @@ def own_configs() -> str:
 
 def is_sweep() -> bool:
     """True inside a hydra multirun."""
-    return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
+    return HydraConfig.initialized() and bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
 def output_folder(run_dir: str) -> Path:
@@ -139,13 +147,15 @@ def output_folder(run_dir: str) -> Path:
 
 def run_name(folder: Path) -> str:
     """Name this run after its folder, or in a sweep after the settings that vary, as ``seed=1``."""
+    if not HydraConfig.initialized():
+        return folder.name
     if any(
         one.startswith("hydra.job.name=") for one in HydraConfig.get().overrides.hydra
     ):  # set by ibe_rl.apps.sweep.launch
         return str(HydraConfig.get().job.name)
     if not is_sweep():
         return folder.name
-    given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
+    given = OverridesParser.create().parse_overrides(given_settings())
     swept = _swept()
     varied = [one for one in given if (one.key_or_group in swept if swept else one.key_or_group not in NOT_IN_NAMES)]
     return ", ".join(str(one.input_line).lstrip("+") for one in varied) or folder.name
@@ -159,92 +169,6 @@ def _swept() -> set[str]:
         return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
     except OverrideParseException:
         return set()
-
-
-def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
-    """Write the composed config and the overrides as hydra does; a run that ``goes_on`` appends its overrides."""
-    known = ("resume", "resume_from", *(GROUPS if goes_on else ()))
-    given = [one for one in HydraConfig.get().overrides.task if one.partition("=")[0] not in known]
-    before = read_overrides(folder / "overrides.yaml") if goes_on else []
-    write_config(values, [*before, *given], folder)
-
-
-def write_config(values: Any, overrides: Sequence[str], folder: Path) -> None:
-    """Write a config and its overrides into the folder ``.hydra``."""
-    contents = {"config": OmegaConf.structured(values), "overrides": OmegaConf.create(list(overrides))}
-    for name, content in contents.items():
-        write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
-
-
-def _write(text: str, stream: BinaryIO) -> None:
-    stream.write(text.encode())
-
-
-def load_config(path: Path, schema: type) -> Any:
-    """Read a saved config: values only, no code of it is run.
-
-    Raises:
-        ConfigError: if the file does not fit the schema, or names code that no local config file names.
-    """
-    try:
-        saved = _renamed(read_yaml(path))
-        _refuse_strange_code(saved, path)
-        typed = OmegaConf.merge(OmegaConf.structured(schema), saved | with_settings(saved))
-        values: Any = OmegaConf.to_object(typed)
-    except ConfigError:
-        raise
-    except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
-        reason = one_line(error)[:200]
-        raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
-    return values
-
-
-def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
-    """Update names from older versions: the package ``envs`` was called ``env``."""
-    task = saved["env"].get("task") or {}
-    old = {name: value for name, value in task.items() if isinstance(value, str) and value.startswith("ibe_rl.env.")}
-    task |= {name: f"ibe_rl.envs.{value.removeprefix('ibe_rl.env.')}" for name, value in old.items()}
-    return saved
-
-
-def _refuse_strange_code(saved: dict[str, Any], path: Path) -> None:
-    """Refuse code that no file in ``configs`` or below a ``--config-dir`` names.
-
-    Raises:
-        ConfigError: naming the code and what is allowed.
-    """
-    named = {("env", code) for code in _code_of_env(saved["env"])}
-    for group in GROUPS:
-        parts = saved.get(SEVERAL[group], {}).values() if group in SEVERAL else [saved.get(group, {})]
-        named |= {(group, kind) for kind in map(_kind_of, parts) if ":" in kind}
-    if not named:
-        return
-    with settings_at_hand():
-        sources = GlobalHydra.instance().config_loader().get_sources()
-        folders = [source for source in sources if isinstance(source, KindFiles)]
-        trusted = {(group, kind) for group in GROUPS for folder in folders for kind in folder.kinds(group)}
-        if any(group == "env" for group, _ in named):
-            trusted |= {("env", code) for one in choices("env").values() for code in _code_of_env(asdict(one))}
-    strange = sorted(named - trusted)
-    if strange:
-        group = strange[0][0]
-        codes = ", ".join(code for of, code in strange if of == group)
-        owner = "environment" if group == "env" else group
-        raise ConfigError(
-            f"{path}: its {owner} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
-            f"configs/{group} or below a --config-dir: put one there if you trust it"
-        )
-
-
-def _kind_of(values: dict[str, Any]) -> str:
-    return str(values.get("kind", ""))
-
-
-def _code_of_env(env: dict[str, Any]) -> set[str]:
-    """All code outside this package that an environment and its declared task would run."""
-    task, env_id = env.get("task") or {}, str(env.get("id"))
-    named = {str(task[name]) for name in CODE_SETTINGS if task.get(name)} | ({env_id} if ":" in env_id else set())
-    return {one for one in named if not one.startswith("ibe_rl.envs.")}
 
 
 def _with_what_a_run_keeps(composed: Any) -> Any:
@@ -261,20 +185,22 @@ def _with_what_a_run_keeps(composed: Any) -> Any:
     return composed
 
 
-def changed(saved: Any, fixed: Sequence[str]) -> Any:
-    """Apply the settings named beside ``resume`` to a saved config; only inside ``run_script``.
+def changed(saved: Any, fixed: Sequence[str], changes: Sequence[str] | None = None) -> Any:
+    """Apply the settings named beside ``resume`` to a saved config.
 
     Args:
         saved: from ``load_config``.
         fixed: settings that a run keeps, including those below them.
+        changes: the settings to change; None: those on the command line.
 
     Raises:
         ConfigError: naming a setting that the run keeps.
     """
     config = OmegaConf.structured(saved)
-    for one in OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task)):
+    for one in OverridesParser.create().parse_overrides(given_settings() if changes is None else list(changes)):
         key = one.key_or_group
-        chosen = hydra.compose("train", [one.input_line]) if _is_group(key) else {}
+        with settings_at_hand():
+            chosen = hydra.compose("train", [one.input_line]) if _is_group(key) else {}
         if key in ("resume", "resume_from") or _is_of_kind(chosen.get(key), getattr(saved, key, None)):
             continue
         if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):

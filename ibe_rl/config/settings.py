@@ -72,6 +72,7 @@ class EnvConfig:
     id: str = MISSING  # gymnasium id, or module:id to import the module first
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
     task: TaskConfig | None = None
+    given: bool = False  # true in the folder of a run whose environment a Python program gave (ibe_rl.settings)
 
 
 @dataclass
@@ -289,3 +290,4 @@ class ExplainConfig:
     figures: FiguresConfig = field(default_factory=FiguresConfig)
     metrics: dict[str, MetricConfig] = field(default_factory=dict)  # beside the run's own; chosen as metric=[NAME,...]
     output: str | None = None  # path of the recording; None: in the run folder
+    clip: str | None = None  # path of a moving picture of the episode, FILE.gif or FILE.mp4; None: none

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -50,13 +50,14 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
         if getattr(config, name)
     }
     task = _task(env, config, made)
-    _try(env, task, config)
+    named = {name: getattr(config, name) for name in ("rule", "motion", "goal_offset", "scene_path", "context")}
+    check_functions(env, task, {name: text for name, text in named.items() if text}, "env.task")
     draw = {part: made[part] for part in SHAPE_FUNCTIONS if part in made}
     return Declared(env, task, made.get("success"), draw)
 
 
 def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str, Callable[..., Any]]) -> Task:
-    size = _state_size(env)
+    size = state_size(env)
     names = _names("state_names", config.state_names or [f"state_{i}" for i in range(size)], size)
     units = _names("state_units", config.state_units or [""] * size, size, distinct=False)
     unknown = [name for name in config.explained if name not in names]
@@ -100,7 +101,12 @@ def _anything(_: Array) -> str:
     return ANY
 
 
-def _state_size(env: gymnasium.Env[Any, Any]) -> int:
+def state_size(env: gymnasium.Env[Any, Any]) -> int:
+    """How many numbers a state has.
+
+    Raises:
+        ConfigError: if its states are not vectors.
+    """
     space = env.observation_space
     if not isinstance(space, spaces.Box) or len(space.shape) != 1:
         raise ConfigError(f"env.id={_id(env)}: its states are {space}; allowed is a Box with one dimension")
@@ -143,30 +149,38 @@ def _steps(env: gymnasium.Env[Any, Any], config: TaskConfig) -> int:
     return int(registered)
 
 
-def _try(env: gymnasium.Env[Any, Any], task: Task, config: TaskConfig) -> None:
-    """Call the functions with a first state, so that their errors appear before training."""
+def check_functions(env: gymnasium.Env[Any, Any], task: Task, named: Mapping[str, str], key: str) -> None:
+    """Call the functions of a task with a first state, so that their errors appear before training.
+
+    Args:
+        env: is reset.
+        task: of the environment.
+        named: the functions to call, with their names for the errors; always with ``rule``.
+        key: where they were declared.
+
+    Raises:
+        ConfigError: naming the function, what it gave and what is allowed.
+    """
     state = np.asarray(env.reset(seed=0)[0], np.float32)
     several, size = np.stack([state, state]), task.instruction_size
     shapes = {"rule": (2, size), "motion": (2, size), "goal_offset": (2, size), "scene_path": (2, 2)}
-    for name in [name for name in shapes if getattr(config, name)]:
-        got = np.shape(_called(config, name, getattr(task, name), several))
+
+    def call(name: str, given: Array) -> Any:
+        try:
+            return getattr(task, name)(given)
+        except Exception as error:  # user code may raise anything
+            raise ConfigError(f"{key}.{name}={named[name]}: it raised {raised(error)}") from None
+
+    for name in [name for name in shapes if name in named]:
+        got = np.shape(call(name, several))
         if got != shapes[name]:
             raise ConfigError(
-                f"env.task.{name}={getattr(config, name)}: for 2 states it gave an array of shape {got}; allowed is "
-                f"{shapes[name]}"
+                f"{key}.{name}={named[name]}: for 2 states it gave an array of shape {got}; allowed is {shapes[name]}"
             )
     said = np.asarray(task.rule(several))
     if not np.all(np.abs(said) <= 1):
-        raise ConfigError(f"env.task.rule={config.rule}: it returned {said[0].tolist()}; allowed is -1 to 1")
-    about = _called(config, "context", task.context, state)
-    if about not in task.contexts:
+        raise ConfigError(f"{key}.rule={named['rule']}: it returned {said[0].tolist()}; allowed is -1 to 1")
+    if "context" in named and (about := call("context", state)) not in task.contexts:
         raise ConfigError(
-            f"env.task.context={config.context}: it returned {about!r}; allowed is one of {', '.join(task.contexts)}"
+            f"{key}.context={named['context']}: it returned {about!r}; allowed is one of {', '.join(task.contexts)}"
         )
-
-
-def _called(config: TaskConfig, name: str, function: Callable[..., Any], given: Array) -> Any:
-    try:
-        return function(given)
-    except Exception as error:
-        raise ConfigError(f"env.task.{name}={getattr(config, name)}: it raised {raised(error)}") from None

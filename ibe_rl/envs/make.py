@@ -16,6 +16,7 @@ from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 from ibe_rl.config.kinds import checked, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
+from ibe_rl.envs.given import GivenEnv, make_given
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
@@ -79,7 +80,15 @@ def _check_registered(env_id: str) -> None:
 
 
 def make_env(env: EnvConfig) -> gymnasium.Env[Any, Any]:
-    """``make_gym`` from the settings of an environment."""
+    """``make_gym`` from the settings of an environment, or one that a program has given.
+
+    Raises:
+        ConfigError: as ``make_gym``; or if nobody has given it.
+    """
+    if isinstance(env, GivenEnv):
+        return make_given(env)
+    if env.given:
+        raise ConfigError(f"env.given=true with env.id={env.id}: allowed only in Python, as ibe_rl.settings(env=...)")
     return make_gym(env.id, env.kwargs, env.task)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
+from functools import partial
 from typing import Any, Protocol, Self
 
 import gymnasium
 import numpy as np
 from gymnasium import wrappers
-from gymnasium.envs.registration import EnvSpec
 
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
@@ -125,21 +126,31 @@ def _unwrapped(env: gymnasium.Env[Any, Any]) -> Any:
     return inner
 
 
-_methods: dict[tuple[str, str], type[Copied] | None] = {}
+_methods: dict[str, type[Copied] | None] = {}
 
 
 def _method(env: gymnasium.Env[Any, Any]) -> type[Copied] | None:
-    spec = env.unwrapped.spec
-    if spec is None:
+    found = _another(env)
+    if found is None:
         return None
-    kind = (spec.id, repr(spec.kwargs))
+    kind, make = found
     if kind not in _methods:
-        _methods[kind] = _find_method(spec)
+        _methods[kind] = _find_method(make)
     return _methods[kind]
 
 
-def _find_method(spec: EnvSpec) -> type[Copied] | None:
-    games = [_unwrapped(gymnasium.make(spec, disable_env_checker=True)) for _ in range(2)]
+def _another(env: gymnasium.Env[Any, Any]) -> tuple[str, Callable[[], Any]] | None:
+    """What tells the kind of an environment, and what makes another of it; None if nothing does."""
+    if isinstance(env, Declared) and env.again is not None:
+        return env.again
+    spec = env.unwrapped.spec
+    if spec is None:
+        return None
+    return f"{spec.id} {spec.kwargs}", partial(gymnasium.make, spec, disable_env_checker=True)
+
+
+def _find_method(make: Callable[[], Any]) -> type[Copied] | None:
+    games = [_unwrapped(make()) for _ in range(2)]
     for method in (MuJoCo, Copied) if hasattr(games[0], "model") and hasattr(games[0], "data") else (Copied,):
         try:
             if repeats(method(games[0]), method(games[1])):

@@ -27,7 +27,8 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         task: as declared.
         success: (last state ``(S,)``, terminated, truncated) to bool; None: read from ``info`` under the task's key,
             else False.
-        draw: functions from the environment to shapes, under "background" and "figure".
+        draw: functions from the environment to shapes, under "background" and "figure"; others are its own.
+        again: for an environment that gymnasium cannot make by its id: what tells its kind, and what makes another.
     """
 
     def __init__(
@@ -36,8 +37,10 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         task: Task,
         success: Callable[[Array, bool, bool], bool] | None = None,
         draw: dict[str, Callable[[Any], Any]] | None = None,
+        again: tuple[str, Callable[[], Any]] | None = None,
     ):
         super().__init__(env)
+        self.again = again
         self.task, self._success, self._draw = task, success, draw or {}
         shape = env.observation_space.shape
         self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
@@ -66,7 +69,9 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         return self._shapes("figure")
 
     def _shapes(self, part: str) -> list[Any]:
-        return list(self._draw[part](self.unwrapped)) if part in self._draw else []
+        if part in self._draw:
+            return list(self._draw[part](self.unwrapped))
+        return list(self.env.get_wrapper_attr(part)()) if self.env.has_wrapper_attr(part) else []
 
 
 class Instructed(gymnasium.Wrapper[Array, Any, Array, Any], RecordConstructorArgs):

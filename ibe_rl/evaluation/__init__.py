@@ -1,6 +1,6 @@
 """Evaluation of a finished run: are its explanations true?
 
-The scripts open a run once (``runs.open_run``) and hand it to one task, a function of the run and the settings:
+The scripts open a run once (``runs.open_trained``) and hand it to one task, a function of the run and the settings:
 
     evaluate     task=evaluate: every explainer on the same moments, at every horizon, with intervals
     compare      task=compare: other mappings, learnt from the same log

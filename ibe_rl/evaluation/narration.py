@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from rich.box import SIMPLE
@@ -18,10 +19,12 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, explain
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.instructors import make_instructor, stand_in
-from ibe_rl.metrics.quality import episode_scores, phrase_accuracy, phrase_hits
+from ibe_rl.metrics.quality import episode_scores, outcomes, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import NOT_MEASURED, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
+from ibe_rl.view.clip import FRAMES_PER_S, Clip
+from ibe_rl.view.clip_file import check_clip, write_clip
 from ibe_rl.view.spoken import FLICKER_STEPS, NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
 
 FIRST_ROWS, MOST_ROWS = 30, 40
@@ -42,6 +45,33 @@ def check_context(context: str | None, run: TrainedRun) -> None:
     if context is not None and context not in run.task.contexts:
         allowed = ", ".join(run.task.contexts)
         raise ConfigError(f"context={context}: allowed is one of {allowed}, or none to draw one")
+
+
+def check_episode(cfg: ExplainConfig, run: TrainedRun) -> None:
+    """Refuse what an explained episode cannot have: a context, or the file of a clip.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed.
+    """
+    check_context(cfg.context, run)
+    if cfg.clip is not None:
+        check_clip(Path(cfg.clip), "clip")
+
+
+def clip_of(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], path: Path) -> Path:
+    """Write an explained episode as a moving picture; returns its path.
+
+    Raises:
+        ConfigError: if it cannot be written.
+    """
+    check_clip(path, "clip")
+    real = outcomes(watched.episode, run.horizon_steps, run.mapping, run.task.phrases)
+    steps_per_s = float(run.make_env().metadata.get("render_fps") or FRAMES_PER_S)
+    try:
+        write_clip(Clip(run.task, watched, said, real, steps_per_s), path)
+    except OSError as error:
+        raise ConfigError(f"clip={path}: allowed is a file that can be written ({error.strerror or error})") from None
+    return path
 
 
 def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:

@@ -8,11 +8,11 @@ from typing import Any, Self
 import numpy as np
 
 from ibe_rl.config.kinds import make_several
-from ibe_rl.config.settings import ExplainConfig, MetricConfig
+from ibe_rl.config.settings import MetricConfig
 from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.rows import Samples, Statements, Truth, own_columns
 from ibe_rl.runtime.import_string import raised
-from ibe_rl.types import Array, ConfigError
+from ibe_rl.types import Array
 from ibe_rl.vocabulary.listener import Metric
 
 
@@ -60,15 +60,3 @@ def _fitting(name: str, values: Any, truth: Truth) -> Array:
     if found.shape != (len(truth.weights),):
         raise ValueError(f"its score {name} has the shape {found.shape}, not ({len(truth.weights)},)")
     return found
-
-
-def check_metrics(cfg: ExplainConfig) -> None:
-    """Refuse metrics for a task without explainers to score.
-
-    Raises:
-        ConfigError: naming them.
-    """
-    if cfg.metrics and cfg.task not in ("evaluate", "compare"):
-        raise ConfigError(
-            f"metric=[{','.join(cfg.metrics)}] with task={cfg.task}: allowed with task=evaluate or task=compare"
-        )

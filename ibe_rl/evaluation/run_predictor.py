@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import fields, replace
 from functools import partial
@@ -68,10 +68,16 @@ def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredic
         yield predictor
 
 
-def as_trained(cfg: ExplainConfig, run: TrainedRun) -> ExplainConfig:
-    """The config with the run's own predictor, unless another one is named; only inside ``run_script``."""
-    own = run.config.predictor
-    return replace(cfg, predictor=own) if is_learnt(own) and "predictor" not in named_settings() else cfg
+def as_trained(cfg: ExplainConfig, run: TrainedRun, named: Collection[str] | None = None) -> ExplainConfig:
+    """The config with the run's own predictor, unless another one is named.
+
+    Args:
+        cfg: of the explanation.
+        run: opened.
+        named: the settings that were named; None: those on the command line.
+    """
+    own, told = run.config.predictor, named_settings() if named is None else named
+    return replace(cfg, predictor=own) if is_learnt(own) and "predictor" not in told else cfg
 
 
 def can_predict(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:

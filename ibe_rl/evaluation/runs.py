@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,9 +14,10 @@ import gymnasium
 
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.config.command_line import load_config, named_settings
+from ibe_rl.config.command_line import named_settings
 from ibe_rl.config.limits import check
-from ibe_rl.config.settings import ExplainConfig, TrainConfig
+from ibe_rl.config.saved import load_config
+from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
@@ -46,23 +47,28 @@ MakePolicy = Callable[[TrainConfig], Policy]
 """From the config of a run to an external policy for its environment."""
 
 
-def open_run(run: str | None, external_policy: MakePolicy | None = None) -> TrainedRun:
-    """Open the run in the folder ``run``, or the newest below ``runs/`` if None.
+def open_trained(
+    run: str | None,
+    external_policy: MakePolicy | None = None,
+    env: EnvConfig | None = None,
+    trusted: Sequence[str] = (),
+) -> TrainedRun:
+    """Open the run in the folder ``run``, or the newest below ``runs/`` if None; see ``load_run``.
 
     Raises:
         ConfigError: if there is none; and as ``load_run``.
     """
-    return load_run(find_run(run, _RUNS), external_policy)
+    return load_run(find_run(run, _RUNS), external_policy, env, trusted)
 
 
-def run_config(folder: Path) -> TrainConfig:
-    """The settings that the run in ``folder`` was trained with.
+def run_config(folder: Path, env: EnvConfig | None = None, trusted: Sequence[str] = ()) -> TrainConfig:
+    """The settings that the run in ``folder`` was trained with; ``env`` and ``trusted`` as in ``load_run``.
 
     Raises:
         ConfigError: if the folder holds anything but plain files, or its config is damaged.
     """
     refuse_special_files(folder)
-    config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
+    config: TrainConfig = load_config(folder / CONFIG, TrainConfig, env, trusted)
     check(config)
     return config
 
@@ -82,19 +88,26 @@ def refuse_external_settings(cfg: ExplainConfig) -> None:
         raise ConfigError(f"{superfluous[0]}= without agent=: allowed only beside it, for an agent trained elsewhere")
 
 
-def load_run(folder: Path, external_policy: MakePolicy | None = None) -> TrainedRun:
+def load_run(
+    folder: Path,
+    external_policy: MakePolicy | None = None,
+    env: EnvConfig | None = None,
+    trusted: Sequence[str] = (),
+) -> TrainedRun:
     """Open the newest state of the run in ``folder``.
 
     Args:
         folder: of the run.
         external_policy: needed for a folder that was made for an external policy, which it does not hold.
+        env: takes the place of the saved environment.
+        trusted: kinds, as ``module:Class``, whose code may be run although no config file names it.
 
     Raises:
         ConfigError: if config, policy or vocabulary are missing or damaged.
     """
-    config = run_config(folder)
-    env = make_env(config.env)
-    task = task_of(env)
+    config = run_config(folder, env, trusted)
+    made = make_env(config.env)
+    task = task_of(made)
     if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")
     else:
@@ -110,7 +123,7 @@ def load_run(folder: Path, external_policy: MakePolicy | None = None) -> Trained
         folder=folder,
         config=replace(config, mapping=settled(config.mapping, saved.horizon_steps)),
         task=task,
-        policy=external_policy(config) if external_policy else _load_policy(path, config, env),
+        policy=external_policy(config) if external_policy else _load_policy(path, config, made),
         policy_frame=frame,
         mapping=saved.mapping,
         mapping_frame=saved.frame,

@@ -22,7 +22,7 @@ from ibe_rl.types import ConfigError, Policy
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """An opened run; ``runs.open_run`` makes it.
+    """An opened run; ``runs.open_trained`` makes it.
 
     Attributes:
         folder: of the run.

@@ -12,7 +12,7 @@ import numpy as np
 from ibe_rl.config.limits import KEPT, TINY, setting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
-from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train
+from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train_members
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
 from ibe_rl.predict.simulator import Rule
 from ibe_rl.predict.trust import Trust, measure
@@ -99,7 +99,7 @@ class Ensemble:
         steps = Steps.of(learnt, self._actions)
         self._scale = Scale.of(steps)
         updates = config.updates * (1 if self._times else FROM_NOTHING)
-        layers = train(
+        layers = train_members(
             self._layers,
             self._scale,
             steps,

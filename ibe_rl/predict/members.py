@@ -94,7 +94,7 @@ def in_state_units(layers: Layers, scale: Scale) -> Layers:
     return [(first, first_bias), *layers[1:-1], (last * units, last_bias * units)]
 
 
-def train(
+def train_members(
     layers: Layers, scale: Scale, steps: Steps, updates: int, minibatch_size: int, learning_rate: float, seed: int
 ) -> Layers:
     """Continue training, each member on its own bootstrap sample of the episodes.

@@ -8,9 +8,11 @@ from typing import Any
 from ibe_rl.types import ConfigError
 
 APPS = {
-    "agent=": "ibe_rl.apps.external.study:open_external",
+    "agent=": "ibe_rl.apps.external.explaining:open_external",
     "collect.engine=ray": "ibe_rl.apps.ray.workers",
     "instructor=human": "ibe_rl.apps.teach.classroom",
+    "explain_agent": "ibe_rl.apps.external.explaining:learn_external",
+    "open_run(agent=)": "ibe_rl.apps.external.explaining:open_for",
     "report=true": "ibe_rl.apps.paper.report_context",
     "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
     "task=figures": "ibe_rl.apps.paper.experiments:reproduce",

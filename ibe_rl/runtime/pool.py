@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import cycle
 from typing import Any
 
+import cloudpickle
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
@@ -17,13 +18,13 @@ class ProcessPool:
     """Processes that start at the first call, ignore Ctrl-C and end with this process.
 
     Args:
-        kept: copied to each process, so it must be picklable.
+        kept: copied to each process, so cloudpickle has to be able to pickle it.
         processes: how many.
     """
 
     def __init__(self, kept: Any, processes: int) -> None:
-        context = process_context()
-        self._workers = [ProcessPoolExecutor(1, context, _keep, (kept,)) for _ in range(processes)]
+        context, sent = process_context(), cloudpickle.dumps(kept)
+        self._workers = [ProcessPoolExecutor(1, context, _keep, (sent,)) for _ in range(processes)]
 
     def map(self, method: str, calls: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
         """Call a method of the kept object with the arguments of each call; results keep their order.
@@ -48,10 +49,10 @@ _kept: list[Any] = []
 """The copy of the kept object in a pool process."""
 
 
-def _keep(kept: Any) -> None:
+def _keep(sent: bytes) -> None:
     threadpool_limits(1)
     end_with_parent()
-    _kept[:] = [kept]
+    _kept[:] = [cloudpickle.loads(sent)]
 
 
 def _call(method: str, arguments: tuple[Any, ...]) -> Any:

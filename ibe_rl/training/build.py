@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from functools import partial
+from inspect import isclass
 from pathlib import Path
 from typing import Any
 
 import torch
+from threadpoolctl import threadpool_limits
 from torchrl import timeit
 
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
-from ibe_rl.config.command_line import output_folder, run_name, save_config
+from ibe_rl.config.command_line import output_folder, run_name
 from ibe_rl.config.kinds import make_several
+from ibe_rl.config.saved import save_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in
@@ -35,8 +38,10 @@ from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
 from ibe_rl.training.progress import TrainingProgress
-from ibe_rl.training.resume import State, clear_way, must_fit, take_up
+from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
+from ibe_rl.training.state import State, must_fit
+from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live
 from ibe_rl.view.run_recorder import RunRecorder
@@ -45,27 +50,39 @@ from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
 @contextmanager
-def build(cfg: TrainConfig) -> Iterator[Run]:
-    """Build a run; settings that cannot work are refused before anything is created.
+def build(
+    cfg: TrainConfig,
+    *,
+    listeners: Sequence[Listener] = (),
+    metrics: Sequence[Any] = (),
+    resumption: Resumption | None = None,
+) -> Iterator[Run]:
+    """Build a run and close it in the end; settings that cannot work are refused before anything is created.
 
     Args:
         cfg: composed and checked; with ``resume`` the run continues from its checkpoint.
+        listeners: objects to notify, beside those of the settings.
+        metrics: objects that add columns at each refresh, beside those of the settings.
+        resumption: with ``resume``, what a program changes (``ibe_rl.resume``); None: the command line counts.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    cfg, state = take_up(cfg) if cfg.resume else (cfg, None)
+    _refuse_classes(listeners=listeners, metrics=metrics)
+    cfg, state = take_up(cfg, resumption) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
     for note in check_run(cfg, env):
         print(note)  # noqa: T201 - for the user
-    listeners, metrics = make_several("listener", cfg.listeners), make_several("metric", cfg.metrics)
-    check_columns(dict(zip(cfg.metrics, metrics, strict=True)))
-    listeners += make_several("logger", cfg.loggers)
+    listeners = [*make_several("listener", cfg.listeners), *listeners, *make_several("logger", cfg.loggers)]
+    made = zip(cfg.metrics, make_several("metric", cfg.metrics), strict=True)
+    named = [*made, *((type(one).__name__, one) for one in metrics)]
+    check_columns(named)
+    metrics = [metric for _, metric in named]
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
     folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
-    with StopRequest() as stop, hold_folder(folder):
+    with threadpool_limits(1), StopRequest() as stop, hold_folder(folder):
         if state:
             _restore_folder(cfg, folder, state)
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
@@ -76,6 +93,13 @@ def build(cfg: TrainConfig) -> Iterator[Run]:
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
             yield _begin(cfg, folder, stop, owned, [LiveView(live), *listeners], metrics, classroom, state)
+
+
+def _refuse_classes(**given: Sequence[Any]) -> None:
+    for key, objects in given.items():
+        for one in objects:
+            if isclass(one):
+                raise ConfigError(f"{key}=[{one.__name__}]: a class; allowed are objects, {one.__name__}(...)")
 
 
 def _restore_folder(cfg: TrainConfig, folder: Path, state: State) -> None:

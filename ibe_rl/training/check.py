@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import gymnasium
@@ -25,14 +25,14 @@ TAKEN = ("train/", "eval/", "ibe/", "time/")
 """Beginnings of the columns of metrics.csv that are not of a metric of one's own."""
 
 
-def check_columns(metrics: Mapping[str, Metric]) -> None:
-    """Refuse metrics of one's own, by name, that would write the columns of others.
+def check_columns(metrics: Iterable[tuple[str, Metric]]) -> None:
+    """Refuse metrics of one's own, with their names, that would write the columns of others.
 
     Raises:
         ConfigError: naming the metric and the column.
     """
     seen = {"frames"}
-    for name, metric in metrics.items():
+    for name, metric in metrics:
         for column in metric.columns:
             if column in seen or column.startswith(TAKEN):
                 raise ConfigError(f"metrics.{name}: its column {column} is taken; allowed is another one, as {name}/x")

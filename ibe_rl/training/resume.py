@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-from ibe_rl.config.command_line import changed, load_config
+from ibe_rl.config.command_line import changed
 from ibe_rl.config.limits import check, kept_settings
-from ibe_rl.config.settings import TrainConfig
+from ibe_rl.config.saved import load_config
+from ibe_rl.config.settings import EnvConfig, TrainConfig
 from ibe_rl.instructors import is_live, is_resumable
 from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, link, load, policies
 from ibe_rl.storage.run_folder import (
@@ -30,16 +31,30 @@ from ibe_rl.storage.run_folder import (
     refuse_special_files,
     write_rows,
 )
+from ibe_rl.training.state import PARTS, State
 from ibe_rl.types import ConfigError
 
-State = dict[str, Any]
-DOES_NOT_FIT = (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError, ArithmeticError)
-PARTS = ("agent", "log", "development", "obedience", "predictor", "recorder", "random")
-"""What a checkpoint holds the state of."""
+
+class Resumption(NamedTuple):
+    """What a program names beside the run to resume; a script's command line otherwise.
+
+    Attributes:
+        changes: settings to change.
+        env: takes the place of the saved environment.
+        trusted: kinds that may be run although no config file names them.
+    """
+
+    changes: Sequence[str]
+    env: EnvConfig | None = None
+    trusted: Sequence[str] = ()
 
 
-def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
+def take_up(cfg: TrainConfig, asked: Resumption | None = None) -> tuple[TrainConfig, State]:
     """Read the run that ``cfg.resume`` names, without writing.
+
+    Args:
+        cfg: names the run.
+        asked: by a program; None: the command line counts.
 
     Returns:
         Its settings, overridden by those given with ``resume``, and its state.
@@ -51,13 +66,15 @@ def take_up(cfg: TrainConfig) -> tuple[TrainConfig, State]:
     if not is_run(folder):
         raise ConfigError(f"resume={folder}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
     refuse_special_files(folder)
-    saved = load_config(folder / CONFIG, TrainConfig)
+    env, trusted = (asked.env, asked.trusted) if asked else (None, ())
+    saved = load_config(folder / CONFIG, TrainConfig, env, trusted)
     if not is_resumable(saved.instructor):
         raise ConfigError(
             f"resume={folder}: instructor={saved.instructor.kind} repeats a session from its beginning; train again"
         )
     going_on = replace(saved, stop_after_frames=None)  # it has already stopped there
-    config = replace(changed(going_on, [*kept_settings(going_on), "experiment"]), run_dir=str(folder), resume=None)
+    config = changed(going_on, [*kept_settings(going_on), "experiment"], asked and asked.changes)
+    config = replace(config, env=going_on.env, run_dir=str(folder), resume=None)
     check(config)
     state = read_state(folder, cfg.resume_from)
     if state["frames"] >= config.total_frames:
@@ -92,25 +109,6 @@ def read_state(folder: Path, name: str) -> State:
     ):
         raise ConfigError(f"{path}: not a state of this version of ibe_rl to resume from; {allowed}")
     return state
-
-
-@contextmanager
-def must_fit(folder: Path) -> Iterator[None]:
-    """Report errors of the body as a state that does not fit.
-
-    Raises:
-        ConfigError: naming the run.
-    """
-    try:
-        yield
-    except ConfigError:
-        raise
-    except DOES_NOT_FIT as error:
-        first = str(error).splitlines()[0][:200] if str(error) else ""
-        raise ConfigError(
-            f"resume={folder}: its state does not fit this version of ibe_rl or its own settings "
-            f"({type(error).__name__}: {first}); train again"
-        ) from None
 
 
 def without_episodes(state: State) -> State:

@@ -24,7 +24,7 @@ from ibe_rl.storage.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import InstructionReward
-from ibe_rl.training.resume import PARTS, State, must_fit
+from ibe_rl.training.state import PARTS, State, must_fit
 from ibe_rl.types import ConfigError, Instructor
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker

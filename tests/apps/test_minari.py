@@ -17,7 +17,8 @@ from minari.data_collector import EpisodeBuffer
 from torch.utils import _pytree
 from typer.testing import CliRunner
 
-from ibe_rl.apps.external.study import external_run_config, keep_run, open_study, study
+from ibe_rl.api.explained import explain_agent, open_run
+from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.minari import export_log, import_log, minari_command
 from ibe_rl.config.command_line import composed
 from ibe_rl.envs import LANDER_ID, LANDER_TASK, Instructed
@@ -87,7 +88,7 @@ def test_a_round_trip_is_equal(run: Path, tmp_path: Path) -> None:
         assert_same(one, other)
     refreshes = [next((folder / "refreshes").glob("*.json")).read_text() for folder in (run, back)]
     assert refreshes[0] == refreshes[1]
-    assert len(str(open_study(back, pilots.pilot, ["agent_sees_instruction=false", *QUICK]).explain(seed=1))) > 1_000
+    assert len(str(open_run(back, pilots.pilot, ["agent_sees_instruction=false", *QUICK]).explain(seed=1))) > 1_000
 
 
 def test_minaris_own_tools_read_it(run: Path) -> None:
@@ -109,7 +110,7 @@ def test_minaris_own_tools_read_it(run: Path) -> None:
 
 
 def test_an_environment_that_a_config_declares_goes_out_and_comes_in(tmp_path: Path) -> None:
-    made = study(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
+    made = explain_agent(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
     dataset = export_log(made.run.folder, "mine/arm-v0")
     assert dataset.recover_environment().unwrapped.spec.id == "Reacher-v5"
     folder = import_log("mine/arm-v0", ["env=reacher", f"run_dir={tmp_path / 'back'}"])

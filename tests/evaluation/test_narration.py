@@ -6,20 +6,24 @@ import io
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from by_hand import TASK, on_a_line, plain
 from rich.console import Console
 
-from ibe_rl.config.settings import TrainConfig
-from ibe_rl.evaluation.narration import print_narration
+from ibe_rl.config.settings import ExplainConfig, TrainConfig
+from ibe_rl.evaluation import narration
+from ibe_rl.evaluation.narration import clip_of, print_narration
+from ibe_rl.evaluation.task_settings import check_task
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import RecordedRollout
-from ibe_rl.types import CANNOT_TELL, Episode, Explanation, Moment
+from ibe_rl.types import CANNOT_TELL, ConfigError, Episode, Explanation, Moment
 
 HEIGHTS = np.array([0, 1, 2, 3, 3, 3, 3, 2, 1, 0], float)
 STEPS = len(HEIGHTS) - 1
@@ -160,3 +164,23 @@ def test_the_table_is_never_longer_than_a_screen_and_says_what_it_leaves_out(tmp
     assert rows[30].startswith("350-356")
     assert lines[lines.index("...") - 1] == rows[29]
     assert "Left out: 20 rows in the middle. viewer=live or viewer=file shows every step." in lines
+
+
+def test_a_clip_is_of_an_explained_episode_only() -> None:
+    check_task(ExplainConfig(clip="x.gif"))
+    check_task(ExplainConfig(task="evaluate"))
+    with pytest.raises(ConfigError, match=r"clip=x.gif with task=evaluate: allowed with it is task=episode"):
+        check_task(ExplainConfig(clip="x.gif", task="evaluate"))
+    with pytest.raises(ConfigError, match=r"clip=x.gif with sweep=runs: allowed with it is task=episode"):
+        check_task(ExplainConfig(clip="x.gif", sweep_dir="runs"))
+
+
+def test_a_clip_that_cannot_be_finished_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(narration, "write_clip", full)
+    made = SimpleNamespace(metadata={})
+    run: Any = SimpleNamespace(horizon_steps=2, mapping=says(-1, 0, 1), task=TASK, make_env=lambda: made)
+    with pytest.raises(ConfigError, match=r"clip=.*x.gif: allowed is a file that can be written \(No space left"):
+        clip_of(run, watched(), [], tmp_path / "x.gif")

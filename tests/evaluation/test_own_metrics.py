@@ -14,8 +14,9 @@ from ibe_rl.config.settings import ExplainConfig, MetricConfig
 from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.baselines import Learnt, StateRegressor
 from ibe_rl.evaluation.judging import judge, rows_of
-from ibe_rl.evaluation.own_metrics import OwnMetrics, check_metrics
+from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.rows import Statements
+from ibe_rl.evaluation.task_settings import check_task
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.training.check import check_columns
 from ibe_rl.types import ConfigError
@@ -139,10 +140,10 @@ def test_a_metric_overrides_what_it_needs() -> None:
 def test_they_are_refused_for_a_task_that_does_not_ask_them() -> None:
     asked = {"mine": MetricConfig(kind="x:Y")}
     for task in ("evaluate", "compare"):
-        check_metrics(ExplainConfig(task=task, metrics=asked))
-    check_metrics(ExplainConfig(task="episode"))
+        check_task(ExplainConfig(task=task, metrics=asked))
+    check_task(ExplainConfig(task="episode"))
     with pytest.raises(ConfigError, match=r"^metric=\[mine\] with task=episode: allowed with task=evaluate or task="):
-        check_metrics(ExplainConfig(task="episode", metrics=asked))
+        check_task(ExplainConfig(task="episode", metrics=asked))
 
 
 @pytest.mark.parametrize("column", ["frames", "ibe/windows", "train/new", "time/x", "a/b"])
@@ -150,5 +151,5 @@ def test_a_column_that_is_taken_is_refused(column: str) -> None:
     metric, other = Metric(), Metric()
     other.columns, metric.columns = ("a/b",), ("c/d", column)
     with pytest.raises(ConfigError, match=rf"^metrics\.mine: its column {column} is taken; allowed is another one"):
-        check_columns({"other": other, "mine": metric})
-    check_columns({"other": other})
+        check_columns([("other", other), ("mine", metric)])
+    check_columns([("other", other)])

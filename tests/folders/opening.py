@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
@@ -19,7 +19,8 @@ from ibe_rl.instructors.recorded import read_lesson
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import CONFIG, METRICS, RECORDING, read_overrides, read_rows
 from ibe_rl.training.build import make_parts
-from ibe_rl.training.resume import must_fit, read_state
+from ibe_rl.training.resume import read_state
+from ibe_rl.training.state import must_fit
 from ibe_rl.view.overlay import GrowingTable, new_curves
 from ibe_rl.view.recording_file import set_back, whole_messages
 from ibe_rl.view.viewer import Messages, run_names, runs_at

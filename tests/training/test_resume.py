@@ -21,7 +21,8 @@ from benchmarks.faults import SCRIPT
 from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, load, policies
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import hold_folder
-from ibe_rl.training.resume import PARTS, read_state, without_episodes
+from ibe_rl.training.resume import read_state, without_episodes
+from ibe_rl.training.state import PARTS
 from ibe_rl.types import ConfigError
 
 RUN = [

@@ -13,8 +13,9 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.config.command_line import composed, write_config
-from ibe_rl.config.settings import ExplainConfig, TrainConfig
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.saved import write_config
+from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
@@ -27,16 +28,23 @@ from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_line, horizon_of, settled
 
 
-def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int) -> TrainConfig:
+def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int, env: EnvConfig | None = None) -> TrainConfig:
     """The config of the run folder of an external agent or log.
+
+    Args:
+        cfg: of the explanation.
+        made_from: what the agent or log is called.
+        seed: of the run.
+        env: that a program gave; None: that of the settings.
 
     Raises:
         ConfigError: if the mapping cannot be learnt in this environment.
     """
     config = composed("train", [*cfg.guest_settings, f"seed={seed}"])
-    env = make_env(config.env)
-    check_mapping(config.mapping, task_of(env))
-    _say(*check_dimensions(config.mapping, task_of(env), env))
+    config = replace(config, env=env or config.env)
+    made = make_env(config.env)
+    check_mapping(config.mapping, task_of(made))
+    _say(*check_dimensions(config.mapping, task_of(made), made))
     return replace(
         config,
         run_dir=cfg.run_dir,

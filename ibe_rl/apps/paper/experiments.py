@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from copy import copy
 from typing import Any
 
 import gymnasium
@@ -181,7 +181,8 @@ def foretell(
 ) -> dict[str, ObservedEpisodes]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
     env, predictor_config = context.run.config.env, context.cfg.predictor
-    hidden = replace(env, kwargs={**env.kwargs, **context.task.hidden_goal})
+    hidden = copy(env)
+    hidden.kwargs = {**env.kwargs, **context.task.hidden_goal}
     known = {name: taught[name] for name in (PAPERS, DEFAULT)}
     shuffled, observer = learn_shuffled(context, agent), typical(context, agent, checked)
     shown = hidden_episodes(context, agent, make_env(hidden))

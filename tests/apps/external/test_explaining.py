@@ -14,8 +14,8 @@ from processes import ROOT, call
 
 import ibe_rl
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.apps.external import study as own_agent
-from ibe_rl.apps.external.study import Study, open_study, study
+from ibe_rl.api.explained import ExplainedAgent, explain_agent, open_run
+from ibe_rl.apps.external import explaining as own_agent
 from ibe_rl.config.settings import InstructorConfig, ViewerConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.evaluation.runs import load_run
@@ -33,14 +33,16 @@ JUDGED += ["evaluate.resamples=20", "evaluate.horizons_steps=[20]", "predictor.p
 
 
 @pytest.fixture(scope="module")
-def studied(tmp_path_factory: pytest.TempPathFactory) -> Study:
+def explained(tmp_path_factory: pytest.TempPathFactory) -> ExplainedAgent:
     folder = tmp_path_factory.mktemp("guests") / "pilot"
     settings = [*QUICK, *JUDGED]
-    return study(pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings)
+    return explain_agent(
+        pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings
+    )
 
 
-def test_its_episodes_are_logged_with_what_the_rule_says_beside_it(studied: Study) -> None:
-    log = TrajectoryLog.open(studied.run.folder / "trajectories")
+def test_its_episodes_are_logged_with_what_the_rule_says_beside_it(explained: ExplainedAgent) -> None:
+    log = TrajectoryLog.open(explained.run.folder / "trajectories")
     episodes = log.read(range(24))
     assert len(log.index) == len(episodes) == 24
     for episode in episodes:
@@ -48,22 +50,22 @@ def test_its_episodes_are_logged_with_what_the_rule_says_beside_it(studied: Stud
         assert episode.given.all()
         assert [pilots.pilot(state) for state in episode.states[:20]] == episode.actions[:20].tolist()
     assert len({episode.states[0].tobytes() for episode in episodes}) == 24
-    summary = read_json(studied.run.folder / "summary.json")
+    summary = read_json(explained.run.folder / "summary.json")
     assert (summary["agent"], summary["episodes"], summary["frames"]) == ("guest", 24, log.frames)
     assert summary["success_rate"] == np.mean([episode.success for episode in episodes])
 
 
-def test_the_words_mean_what_the_instructor_means(studied: Study) -> None:
+def test_the_words_mean_what_the_instructor_means(explained: ExplainedAgent) -> None:
     left, right = (np.zeros((1, 9)) for _ in range(2))
     left[0, 0], right[0, 0] = -0.3, 0.3
-    assert studied.run.mapping.express(left) < -0.5
-    assert studied.run.mapping.express(right) > 0.5
-    assert studied.run.mapping_frame == studied.run.policy_frame
-    assert (studied.run.horizon_steps, list(studied.run.spans)) == (20, [10])
+    assert explained.run.mapping.express(left) < -0.5
+    assert explained.run.mapping.express(right) > 0.5
+    assert explained.run.mapping_frame == explained.run.policy_frame
+    assert (explained.run.horizon_steps, list(explained.run.spans)) == (20, [10])
 
 
-def test_an_agent_that_reads_no_instruction_does_not_react_to_one(studied: Study) -> None:
-    reactions = studied.run.reactions
+def test_an_agent_that_reads_no_instruction_does_not_react_to_one(explained: ExplainedAgent) -> None:
+    reactions = explained.run.reactions
     assert reactions is not None
     count, *shape = reactions.up.shape
     assert shape == [1, 9]
@@ -72,9 +74,9 @@ def test_an_agent_that_reads_no_instruction_does_not_react_to_one(studied: Study
     assert not reactions.down.any()
 
 
-def test_an_agent_that_obeys_reacts_where_nothing_has_to_be_learnt_first(studied: Study) -> None:
-    episodes = TrajectoryLog.open(studied.run.folder / "trajectories").read(range(3))
-    config = studied.run.config
+def test_an_agent_that_obeys_reacts_where_nothing_has_to_be_learnt_first(explained: ExplainedAgent) -> None:
+    episodes = TrajectoryLog.open(explained.run.folder / "trajectories").read(range(3))
+    config = explained.run.config
     reactions = own_agent._reactions(pilots.obedient, config, episodes, 20)
     assert reactions is not None
     assert (reactions.up[:, 0, 0] - reactions.down[:, 0, 0]).mean() > 0.01  # an engine to the right, or to the left
@@ -84,28 +86,30 @@ def test_an_agent_that_obeys_reacts_where_nothing_has_to_be_learnt_first(studied
     assert own_agent._reactions(pilots.obedient, replace(config, predictor=EnsembleConfig()), episodes, 20) is None
 
 
-def test_how_sure_it_is_is_calibrated_from_the_start(studied: Study) -> None:
+def test_how_sure_it_is_is_calibrated_from_the_start(explained: ExplainedAgent) -> None:
     """On episodes that the words were not learnt from, and kept with them."""
-    calibration = studied.run.calibration
+    calibration = explained.run.calibration
     assert calibration is not None
-    assert all(one.calibrated for one in studied.explain(seed=5).said)
-    opened = open_study(studied.run.folder, pilots.pilot, QUICK).run
+    assert all(one.calibrated for one in explained.explain(seed=5).said)
+    opened = open_run(explained.run.folder, pilots.pilot, QUICK).run
     assert opened.calibration is not None
     assert opened.calibration.to_dict() == calibration.to_dict()
-    assert opened.mapping.to_dict() == studied.run.mapping.to_dict()
+    assert opened.mapping.to_dict() == explained.run.mapping.to_dict()
 
 
-def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(studied: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_is_exact_or_nothing_is_said_it_is_not(
+    explained: ExplainedAgent, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refused(_: Any) -> None:
         raise ConfigError("no exact copy")
 
-    learnt = replace(studied.config, predictor=EnsembleConfig())
-    assert own_agent.first_calibration(studied.run, learnt) is None
-    silent = replace(studied.run, config=replace(studied.run.config, instructor=InstructorConfig("silent")))
+    learnt = replace(explained.config, predictor=EnsembleConfig())
+    assert own_agent.first_calibration(explained.run, learnt) is None
+    silent = replace(explained.run, config=replace(explained.run.config, instructor=InstructorConfig("silent")))
     monkeypatch.setattr(own_agent, "CALIBRATION_EPISODES", 2)
-    assert own_agent.first_calibration(silent, studied.config) is None
+    assert own_agent.first_calibration(silent, explained.config) is None
     monkeypatch.setattr(own_agent, "make_snapshot_env", refused)
-    assert own_agent.first_calibration(studied.run, studied.config) is None
+    assert own_agent.first_calibration(explained.run, explained.config) is None
 
 
 def test_a_horizon_that_nobody_set_is_found_reported_and_kept(
@@ -113,23 +117,24 @@ def test_a_horizon_that_nobody_set_is_found_reported_and_kept(
 ) -> None:
     settings = ["mapping.horizon_steps=null", "predictor.futures=1"]
     folder = tmp_path / "run"
-    made = study(pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings)
+    made = explain_agent(
+        pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings
+    )
     steps = made.run.horizon_steps
     assert 5 <= steps <= 100
     assert f"explains the next {steps} steps, as long as movements last here" in capsys.readouterr().out
     assert read_json(folder / "summary.json")["horizon_steps"] == steps
-    opened = open_study(folder, pilots.pilot).run
+    opened = open_run(folder, pilots.pilot).run
     assert (opened.horizon_steps, opened.config.mapping.horizon_steps) == (steps, steps)
     assert list(opened.spans) == [n for n in (20,) if n < steps]
 
 
-def test_it_explains_an_episode(studied: Study) -> None:
-    found = studied.explain(seed=3, context="left")
+def test_it_explains_an_episode(explained: ExplainedAgent) -> None:
+    found = explained.explain(seed=3, context="left")
     assert found.watched.episode.context == "left"
     assert len(found.said) == len(found.watched.episode)
-    assert (
-        phrase_accuracy(phrase_hits(found.watched.episode, found.said, studied.run.mapping, LANDER_TASK.phrases)) > 0.5
-    )
+    hits = phrase_hits(found.watched.episode, found.said, explained.run.mapping, LANDER_TASK.phrases)
+    assert phrase_accuracy(hits) > 0.5
     text = str(found)
     assert text.count("\n") > 5
     assert re.search("^Lunar Lander with pads: left", text, re.MULTILINE)  # a verdict comes first
@@ -139,23 +144,25 @@ def test_it_explains_an_episode(studied: Study) -> None:
     assert re.search(closing, " ".join(text.split()))
 
 
-def test_it_is_judged(studied: Study) -> None:
-    quality = studied.evaluate()
+def test_it_is_judged(explained: ExplainedAgent) -> None:
+    quality = explained.evaluate()
     ours = next(row for row in quality["rows"] if row["explainer"] == "ibe:axis")
     assert quality["verdict"]["motion_auc"]["value"] == ours["motion_auc"]["value"]
     assert quality["verdict"]["level"] in WORST_FIRST
     assert ours["motion_auc"]["value"] > 0.7
     assert quality["changing_policy"] == []
-    assert (studied.run.folder / "figures").is_dir()
+    assert (explained.run.folder / "figures").is_dir()
 
 
-def test_the_folder_alone_says_that_its_agent_is_missing(studied: Study, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = studied.run.folder
+def test_the_folder_alone_says_that_its_agent_is_missing(
+    explained: ExplainedAgent, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = explained.run.folder
     with pytest.raises(ConfigError, match=r"agent=null with run=.*trained elsewhere \(function\); allowed is its file"):
         load_run(folder)
     call("explain", f"run={folder}", "agent=pilots:pilot", "seed=3", "context=left", *QUICK[2:])
     printed = capsys.readouterr().out
-    opened = open_study(folder, pilots.pilot, QUICK)
+    opened = open_run(folder, pilots.pilot, QUICK)
     assert str(opened.explain(3, "left")) == printed
 
 
@@ -179,15 +186,15 @@ def refusal(*arguments: str) -> str:
 
 def test_an_environment_whose_file_sets_what_a_training_needs(tmp_path: Path) -> None:
     """``env=reacher`` brings a horizon, which counts, and the length of a training, which says nothing here."""
-    made = study(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
+    made = explain_agent(pilots.reach, "reacher", episodes=12, agent_sees_instruction=False, run_dir=tmp_path / "arm")
     assert (made.run.horizon_steps, list(made.run.spans)) == (10, [5])
     assert made.run.config.env.id == "Reacher-v5"
     assert all(len(one.expression) == 2 for one in made.explain(seed=1).said)
     call("explain", f"run={tmp_path / 'arm'}", "agent=pilots:reach", "agent_sees_instruction=false", "viewer=off")
 
 
-def test_settings_that_nothing_would_read_are_refused(studied: Study) -> None:
-    folder = f"run={studied.run.folder}"
+def test_settings_that_nothing_would_read_are_refused(explained: ExplainedAgent) -> None:
+    folder = f"run={explained.run.folder}"
     assert "env= with run=" in refusal(folder, "agent=pilots:pilot", "env=lander")
     assert "episodes= with run=" in refusal(folder, "agent=pilots:pilot", "episodes=9", "mapping=paper")
     assert "random_actions= without agent=" in refusal(folder, "random_actions=0.1")
@@ -204,7 +211,7 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
     def refused(message: str, agent: Any = pilots.sideways, **changes: Any) -> None:
         asked = {"agent_sees_instruction": False, "run_dir": tmp_path / "run", "episodes": 4} | changes
         with pytest.raises(ConfigError, match=message):
-            study(agent, **asked)
+            explain_agent(agent, **asked)
         assert not (tmp_path / "run").exists()
 
     refused("agent_sees_instruction=null", agent_sees_instruction=None)
@@ -213,7 +220,7 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
     refused("random_actions=2: allowed is at least 0 and at most 1", random_actions=2)
     unread = ["mapping.dimensions=[angular_velocity]"]
     refused(r"rule does not depend on them, it reads x, goal_x; allowed is \[\], or mapping=lasso", settings=unread)
-    refused("env=nothing: allowed is one of", env="nothing")
+    refused("env=nothing: allowed is one of cart_pole, .*, an id that is registered with gymnasium", env="nothing")
     refused(
         "mapping.horizon_steps=5000: allowed is at least 1 and at most 1000", settings=["mapping.horizon_steps=5000"]
     )
@@ -221,23 +228,28 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
     refused("agent=nothing: allowed is a .zip", "nothing")
 
 
-def test_episodes_that_teach_nothing_are_kept(tmp_path: Path, studied: Study) -> None:
+def test_episodes_that_teach_nothing_are_kept(tmp_path: Path, explained: ExplainedAgent) -> None:
     short = ["mapping.horizon_steps=1000", "mapping.window_end=drop"]
     with pytest.raises(ConfigError, match="episodes=2: no vocabulary can be learnt from them"):
-        study(pilots.sideways, agent_sees_instruction=False, run_dir=tmp_path / "run", episodes=2, settings=short)
+        explain_agent(
+            pilots.sideways, agent_sees_instruction=False, run_dir=tmp_path / "run", episodes=2, settings=short
+        )
     assert len(TrajectoryLog.open(tmp_path / "run" / "trajectories").index) == 2
     with pytest.raises(ConfigError, match="has no vocabulary"):
-        open_study(tmp_path / "run", pilots.sideways)
+        open_run(tmp_path / "run", pilots.sideways)
     with pytest.raises(ConfigError, match="holds a run already"):
-        study(pilots.sideways, agent_sees_instruction=False, run_dir=studied.run.folder, episodes=2)
+        explain_agent(pilots.sideways, agent_sees_instruction=False, run_dir=explained.run.folder, episodes=2)
     with pytest.raises(ConfigError, match="context=up: allowed is one of left, center, right"):
-        studied.explain(context="up")
+        explained.explain(context="up")
 
 
 def test_importing_the_package_brings_no_torch_until_it_is_needed() -> None:
     code = "import sys, ibe_rl; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
-    assert ibe_rl.study is study
-    assert ibe_rl.open_study is open_study
+    assert ibe_rl.explain_agent is explain_agent
+    assert ibe_rl.open_run is open_run
+    for name, now in {"study": explain_agent, "open_study": open_run, "Study": ExplainedAgent}.items():
+        with pytest.warns(DeprecationWarning, match=f"ibe_rl.{name} is called ibe_rl.{now.__name__} now"):
+            assert getattr(ibe_rl, name) is now
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = ibe_rl.nothing

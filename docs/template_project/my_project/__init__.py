@@ -1,0 +1,1 @@
+"""An environment, a mapping and a listener of my own."""
