@@ -1,5 +1,6 @@
 """Where ``ibe_rl/apps`` is not there, the core explains and judges a run, and names the application that is missing."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from processes import ROOT, SMALL
+
+pytestmark = pytest.mark.slow
 
 PARTS = ("ibe_rl", "configs", "hydra_plugins", "demo", "explain.py", "train.py")
 FEW = ["evaluate.episodes=3", "evaluate.calibration_episodes=2", "evaluate.changing_episodes=0", "evaluate.shuffles=1"]
@@ -31,48 +34,63 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+COMMANDS = """
+import json, sys
+import train, explain
+from ibe_rl.config.command_line import run_script
+from pathlib import Path
+
+def call(script, *arguments):
+    sys.argv = [f"{script.__name__}.py", *arguments]
+    try:
+        run_script(script.main, Path("configs").absolute(), script.__name__)
+    except SystemExit as ended:
+        return str(ended)
+    return "done"
+
+print(json.dumps([call(globals()[script], *arguments) for script, *arguments in json.loads(sys.argv[1])]))
+"""
+"""Calls scripts one after the other and prints how they ended."""
+ASKED = {
+    "train": ("train", *SMALL, "total_frames=4000", "eval_every_frames=2000", "viewer=file", "run_dir={out}/run"),
+    "episode": ("explain", "run=demo", "predictor.processes=1", "output={out}/episode.rrd"),
+    "evaluate": ("explain", "run={out}/run", "task=evaluate", *FEW),
+    "compare": ("explain", "run={out}/run", "task=compare", "compare.mappings=[paper]", *FEW),
+    "figures": ("explain", "run=demo", "task=figures"),
+    "agent": ("explain", "agent=model.zip"),
+    "sweep": ("explain", "sweep=runs"),
+}
+MISSING = {
+    "figures": "task=figures: needs ibe_rl.apps.paper.experiments",
+    "agent": "agent=: needs ibe_rl.apps.external.explaining",
+    "sweep": "sweep=: needs ibe_rl.apps.sweep.report",
+}
+
+
 @pytest.fixture(scope="module")
-def run(core: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that the core has trained, recording included."""
-    folder = tmp_path_factory.mktemp("trained") / "run"
-    few = ["total_frames=4000", "eval_every_frames=2000", "viewer=file"]
-    ended = script(core, "train.py", *SMALL, *few, f"run_dir={folder}")
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    return folder
-
-
-def script(core: Path, *command: str) -> subprocess.CompletedProcess[str]:
+def endings(core: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """How each command ended, all of them in one process that has only the core."""
+    out = tmp_path_factory.mktemp("out")
+    asked = [[part.format(out=out) for part in command] for command in ASKED.values()]
     environment = os.environ | {"PYTHONPATH": str(core)}
-    return subprocess.run(
-        [sys.executable, *command], cwd=core, env=environment, capture_output=True, text=True, timeout=300
+    ended = subprocess.run(
+        [sys.executable, "-c", COMMANDS, json.dumps(asked)],
+        cwd=core,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("explain.py", "run=demo", "predictor.processes=1", "output={out}/episode.rrd"),
-        ("explain.py", "run={run}", "task=evaluate", *FEW),
-        ("explain.py", "run={run}", "task=compare", "compare.mappings=[paper]", *FEW),
-    ],
-    ids=["episode", "evaluate", "compare"],
-)
-def test_the_core_does_without(command: tuple[str, ...], core: Path, run: Path, tmp_path: Path) -> None:
-    ended = script(core, *(part.format(run=run, out=tmp_path) for part in command))
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert "motion AUC" in ended.stdout or "went as predicted" in ended.stdout
+    return dict(zip(ASKED, json.loads(ended.stdout.splitlines()[-1]), strict=True))
 
 
-@pytest.mark.parametrize(
-    ("setting", "missing"),
-    [
-        ("task=figures", "task=figures: needs ibe_rl.apps.paper.experiments"),
-        ("agent=model.zip", "agent=: needs ibe_rl.apps.external.explaining"),
-        ("sweep=runs", "sweep=: needs ibe_rl.apps.sweep.report"),
-    ],
-)
-def test_what_an_application_is_for_names_it(setting: str, missing: str, core: Path) -> None:
-    ended = script(core, "explain.py", *(["run=demo"] if setting == "task=figures" else []), setting)
-    assert ended.returncode == 1
-    assert ended.stderr.startswith(f"error: {missing}, which cannot be imported")
-    assert ended.stderr.count("\n") == 1
+@pytest.mark.parametrize("command", ["train", "episode", "evaluate", "compare"])
+def test_the_core_does_without(command: str, endings: dict[str, str]) -> None:
+    assert endings[command] == "done"
+
+
+@pytest.mark.parametrize("command", MISSING)
+def test_what_an_application_is_for_names_it(command: str, endings: dict[str, str]) -> None:
+    assert endings[command].startswith(f"error: {MISSING[command]}, which cannot be imported")
+    assert "\n" not in endings[command]

@@ -25,10 +25,10 @@ def counts(of: Mapping[str, int]) -> str:
     return ", ".join(f"{name}: {number:,}" for name, number in of.items())
 
 
-def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | None = None) -> str:
+def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | None = None, links: bool = True) -> str:
     """The clusters as a markdown table with what each was called before; the one just spoken marked.
 
-    The name of a cluster is a link to where in the film it is said.
+    With ``links`` the name of a cluster leads to where rerun's film says it.
     """
     rows = ["| cluster | says | before | expression | windows |", "|:--|:--|:--|--:|--:|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
@@ -38,7 +38,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
         cells = [now, "" if then == now else then, number, f"{mapping.sizes[row]:,.0f}"]
         if name == spoken:
             cells = [f"**{cell}**" if cell else cell for cell in cells]
-        link = f"[#{name}](recording://said/{name})"
+        link = f"[#{name}](recording://said/{name})" if links else f"#{name}"
         rows.append("| " + " | ".join([f"→ {link}" if name == spoken else link, *cells]) + " |")
     return "\n".join(rows)
 
@@ -86,11 +86,11 @@ def worth(refresh: Refresh, task: Task) -> list[str]:
     return [in_one_line(verdicts), *meaning_lines(meanings, task), *wrong_signs(verdicts, meanings, task)]
 
 
-def standing(refresh: Refresh, task: Task, spoken: int | None) -> str:
+def standing(refresh: Refresh, task: Task, spoken: int | None, links: bool = True) -> str:
     """A vocabulary, what it is worth, what moved, and what it stands on, in markdown."""
     since = f"Since {refresh.change.since_frame:,} frames {'; '.join(moved(refresh))}.\n\n" if refresh.change else ""
     known = "  \n".join(worth(refresh, task))
-    table = f"{vocabulary_table(refresh, task.phrases, spoken)}\n\n{known}\n\n{since}"
+    table = f"{vocabulary_table(refresh, task.phrases, spoken, links)}\n\n{known}\n\n{since}"
     if not refresh.taken:  # what follows is of the one that was not taken
         return table
     return (

@@ -9,12 +9,13 @@ import pytest
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.limits import setting
 from ibe_rl.config.overrides import as_overrides, chosen_kind, kind_name
-from ibe_rl.ibe import IBEConfig, IBEMapping
+from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe import IBEMapping
 from ibe_rl.types import ConfigError
 
 
 @dataclass
-class CalmConfig(IBEConfig):
+class CalmConfig(MappingConfig):
     calmness: float = setting(1.0, low=0.0, high=2.0)
 
 

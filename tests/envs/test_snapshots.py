@@ -111,5 +111,5 @@ def test_what_a_copy_does_not_repeat_is_not_stopped():
 
 
 def test_a_simulator_in_what_cannot_be_stopped_is_refused():
-    with pytest.raises(ConfigError, match=r"predictor=simulator with env\.id=tests/Hidden-v0: this environment cannot"):
+    with pytest.raises(ConfigError, match=r"predictor=simulator with env\.id=tests/Hidden-v0: the state of"):
         make_snapshot_env(EnvConfig("tests/Hidden-v0", {}, declared()))

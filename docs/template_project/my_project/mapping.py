@@ -7,11 +7,11 @@ import numpy as np
 
 from ibe_rl import IBEMapping
 from ibe_rl.config.limits import setting
-from ibe_rl.ibe import IBEConfig
+from ibe_rl.config.settings import MappingConfig
 
 
 @dataclass
-class QuietConfig(IBEConfig):
+class QuietConfig(MappingConfig):
     """The settings of all mappings, and one more."""
 
     quiet: float = setting(0.1, low=0.0, high=1.0)  # expressions closer to 0 than this are 0

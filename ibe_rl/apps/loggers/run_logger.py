@@ -118,7 +118,7 @@ class RunLogger(Listener, ABC):
     def refreshed(self, event: Refreshed) -> None:
         """Log the vocabulary as text and table, and the pictures of the refresh."""
         frames, task = event.frames, self._run.task
-        text, rows = standing(event.refresh, task, None), phrase_rows(event.refresh, task)
+        text, rows = standing(event.refresh, task, None, links=False), phrase_rows(event.refresh, task)
         self._do(lambda: self.text("refresh/vocabulary", text, frames))
         self._do(lambda: self.table("refresh/phrases", PHRASE_COLUMNS, rows, frames))
         for name, png in pictures_of(event, task).items() if self.config.pictures else ():
