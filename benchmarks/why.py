@@ -26,8 +26,8 @@ from benchmarks.why_report import markdown, summarise
 from benchmarks.why_variants import School, Variant, variants
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe import TooLittleDataError, Windows, cut_windows

@@ -1,30 +1,34 @@
 """ibe_rl: agents that explain themselves while they learn, in their instructor's words.
 
-Importing it registers the environments with gymnasium. IBE itself works on plain arrays; what needs torch is imported
-at first use. docs/API.md lists the public API.
+Importing it registers the environments with gymnasium. IBE itself works on plain arrays. It is imported at first
+use, and so is what needs torch. docs/API.md lists the public API.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ibe_rl.envs import Instructed
-from ibe_rl.ibe import (
-    ClusterMapping,
-    Evidence,
-    IBEMapping,
-    Interpretation,
-    Meaning,
-    Reactions,
-    cut_windows,
-    delta_states,
-    interpret,
-    phrase,
-    top_episodes,
-)
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import ConfigError, Episode
 
-WITH_TORCH = {
+if TYPE_CHECKING:
+    from ibe_rl.ibe import (
+        ClusterMapping,
+        Evidence,
+        IBEMapping,
+        Interpretation,
+        Meaning,
+        Reactions,
+        cut_windows,
+        delta_states,
+        interpret,
+        phrase,
+        top_episodes,
+    )
+
+__version__ = "0.1.0"
+
+LATER = {
     **dict.fromkeys(("Study", "open_study", "study"), "ibe_rl.apps.external.study"),
     **dict.fromkeys(("export_log", "import_log"), "ibe_rl.apps.minari"),
 }
@@ -55,7 +59,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs torch at first use."""
-    if name in WITH_TORCH:
-        return getattr(import_module(WITH_TORCH[name]), name)
+    """Import a part at first use."""
+    if name in __all__:
+        return getattr(import_module(LATER.get(name, "ibe_rl.ibe")), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

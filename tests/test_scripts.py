@@ -23,7 +23,7 @@ from view_data import column, eventually, frames, read
 
 import explain
 from benchmarks import foreseeing
-from ibe_rl.config.command_line import load_config
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import EvaluateConfig, MappingConfig, TrainConfig
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES

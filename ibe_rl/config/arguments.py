@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,11 @@ from typing import Any
 from hydra.core.override_parser.types import Quote, QuotedString
 
 from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles
+from ibe_rl.config.limits import typed_names
+from ibe_rl.config.local_files import config_folders
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.storage.run_folder import CONFIG, read_yaml
 
-SPELT = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
-"""Settings that name a path but clash with a config group, mapped to their field in the config."""
 OF_A_TRAINING = re.compile(r"(env|mapping)[.=]")
 """Settings that ``explain.py`` passes on when it creates an external agent's run folder."""
 
@@ -37,8 +37,8 @@ def as_hydra_reads(arguments: Sequence[str], script: str, configs: Path) -> list
 
 def _renamed(argument: str, script: str) -> str:
     key, equals, value = argument.partition("=")
-    names = SPELT.get(script, {})
-    return f"{names[key]}={value}" if equals and key in names else argument
+    field = typed_names(ExplainConfig).get(key) if script == "explain" else None
+    return f"{field}={value}" if equals and field else argument
 
 
 def _passed_on(arguments: list[str]) -> list[str]:
@@ -57,7 +57,7 @@ def _resumed_choices(arguments: Sequence[str], configs: Path) -> list[str]:
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
         given = {one.partition("=")[0] for one in arguments}
-        folders = [KindFiles("", str(folder)) for folder in (configs, *own_folders(arguments))]
+        folders = [KindFiles("", str(folder)) for folder in reversed(config_folders(configs, arguments))]
         return [
             f"{group}={chosen}"
             for group in GROUPS
@@ -74,14 +74,6 @@ def _chosen(group: str, saved: dict[str, Any], folders: Sequence[KindFiles]) -> 
         several = saved.get(SEVERAL[group], {})
         return f"[{','.join(several)}]" if several and all(one["kind"] in names for one in several.values()) else None
     return names.get(saved[group].get("kind"))
-
-
-def own_folders(arguments: Sequence[str]) -> list[str]:
-    """The folders that ``--config-dir`` names."""
-    parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--config-dir", "-cd", action="append", default=[])
-    found: list[str] = parser.parse_known_args(list(arguments))[0].config_dir
-    return found
 
 
 def quoted(text: str) -> str:

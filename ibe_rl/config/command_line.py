@@ -6,10 +6,8 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
@@ -23,13 +21,13 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.arguments import as_hydra_reads
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles, check_config, register, with_settings
-from ibe_rl.config.settings import CODE_SETTINGS
+from ibe_rl.config.kinds import SEVERAL, check_config, register
+from ibe_rl.config.local_files import CONFIGS, ignored_configs
+from ibe_rl.config.manual import exit_with_page
+from ibe_rl.config.plugins import register_plugins
 from ibe_rl.runtime.workers import LostWorkerError
-from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_overrides, read_yaml, write_atomically
+from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_yaml
 from ibe_rl.types import ConfigError
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
@@ -40,8 +38,8 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         configs: folder of the hydra files.
         name: root config in it.
     """
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
-    register()
+    exit_with_page(sys.argv[1:], configs, name)
+    _register()
     sys.argv = as_hydra_reads(sys.argv, name, configs)
     started = False
     refused: list[str] = []
@@ -76,6 +74,13 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit("\n".join(refused))
 
 
+def _register() -> None:
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
+    sys.stderr.write(ignored_configs())
+    register()
+    register_plugins()
+
+
 def choices(group: str) -> dict[str, Any]:
     """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
     names = GlobalHydra.instance().config_loader().get_group_options(group)
@@ -84,11 +89,11 @@ def choices(group: str) -> dict[str, Any]:
 
 @contextmanager
 def settings_at_hand() -> Iterator[None]:
-    """Make ``configs/`` available to hydra, also outside ``run_script``."""
+    """Make the config files available to hydra, also outside ``run_script``."""
     if GlobalHydra.instance().is_initialized():
         yield
         return
-    register()
+    _register()
     with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
         yield
 
@@ -116,11 +121,6 @@ def named_settings() -> set[str]:
     """The top-level settings named on the command line."""
     given = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
     return {one.key_or_group.partition(".")[0] for one in given}
-
-
-def installed(program: str) -> str:
-    """Path of a program of this Python environment, relative to the working directory."""
-    return os.path.relpath(Path(sys.executable).parent / program)
 
 
 def own_configs() -> str:
@@ -161,92 +161,6 @@ def _swept() -> set[str]:
         return {one.key_or_group for one in OverridesParser.create().parse_overrides(given) if one.is_sweep_override()}
     except OverrideParseException:
         return set()
-
-
-def save_config(values: Any, folder: Path, goes_on: bool = False) -> None:
-    """Write the composed config and the overrides as hydra does; a run that ``goes_on`` appends its overrides."""
-    known = ("resume", "resume_from", *(GROUPS if goes_on else ()))
-    given = [one for one in HydraConfig.get().overrides.task if one.partition("=")[0] not in known]
-    before = read_overrides(folder / "overrides.yaml") if goes_on else []
-    write_config(values, [*before, *given], folder)
-
-
-def write_config(values: Any, overrides: Sequence[str], folder: Path) -> None:
-    """Write a config and its overrides into the folder ``.hydra``."""
-    contents = {"config": OmegaConf.structured(values), "overrides": OmegaConf.create(list(overrides))}
-    for name, content in contents.items():
-        write_atomically(folder / f"{name}.yaml", partial(_write, OmegaConf.to_yaml(content)))
-
-
-def _write(text: str, stream: BinaryIO) -> None:
-    stream.write(text.encode())
-
-
-def load_config(path: Path, schema: type) -> Any:
-    """Read a saved config: values only, no code of it is run.
-
-    Raises:
-        ConfigError: if the file does not fit the schema, or names code that no local config file names.
-    """
-    try:
-        saved = _renamed(read_yaml(path))
-        _refuse_strange_code(saved, path)
-        typed = OmegaConf.merge(OmegaConf.structured(schema), saved | with_settings(saved))
-        values: Any = OmegaConf.to_object(typed)
-    except ConfigError:
-        raise
-    except (OmegaConfBaseException, AttributeError, KeyError, TypeError, OSError, ValueError) as error:
-        reason = one_line(error)[:200]
-        raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
-    return values
-
-
-def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
-    """Update names from older versions: the package ``envs`` was called ``env``."""
-    task = saved["env"].get("task") or {}
-    old = {name: value for name, value in task.items() if isinstance(value, str) and value.startswith("ibe_rl.env.")}
-    task |= {name: f"ibe_rl.envs.{value.removeprefix('ibe_rl.env.')}" for name, value in old.items()}
-    return saved
-
-
-def _refuse_strange_code(saved: dict[str, Any], path: Path) -> None:
-    """Refuse code that no file in ``configs`` or below a ``--config-dir`` names.
-
-    Raises:
-        ConfigError: naming the code and what is allowed.
-    """
-    named = {("env", code) for code in _code_of_env(saved["env"])}
-    for group in GROUPS:
-        parts = saved.get(SEVERAL[group], {}).values() if group in SEVERAL else [saved.get(group, {})]
-        named |= {(group, kind) for kind in map(_kind_of, parts) if ":" in kind}
-    if not named:
-        return
-    with settings_at_hand():
-        sources = GlobalHydra.instance().config_loader().get_sources()
-        folders = [source for source in sources if isinstance(source, KindFiles)]
-        trusted = {(group, kind) for group in GROUPS for folder in folders for kind in folder.kinds(group)}
-        if any(group == "env" for group, _ in named):
-            trusted |= {("env", code) for one in choices("env").values() for code in _code_of_env(asdict(one))}
-    strange = sorted(named - trusted)
-    if strange:
-        group = strange[0][0]
-        codes = ", ".join(code for of, code in strange if of == group)
-        owner = "environment" if group == "env" else group
-        raise ConfigError(
-            f"{path}: its {owner} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
-            f"configs/{group} or below a --config-dir: put one there if you trust it"
-        )
-
-
-def _kind_of(values: dict[str, Any]) -> str:
-    return str(values.get("kind", ""))
-
-
-def _code_of_env(env: dict[str, Any]) -> set[str]:
-    """All code outside this package that an environment and its declared task would run."""
-    task, env_id = env.get("task") or {}, str(env.get("id"))
-    named = {str(task[name]) for name in CODE_SETTINGS if task.get(name)} | ({env_id} if ":" in env_id else set())
-    return {one for one in named if not one.startswith("ibe_rl.envs.")}
 
 
 def _with_what_a_run_keeps(composed: Any) -> Any:

@@ -26,7 +26,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from ibe_rl.config.limits import check
+from ibe_rl.config.limits import check, no_such_setting
 from ibe_rl.config.settings import (
     AgentConfig,
     EnvConfig,
@@ -139,9 +139,8 @@ def checked(settings: type[Any], values: Mapping[str, Any], key: str) -> Any:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    known = [item.name for item in fields(settings)]
-    for name in values.keys() - set(known):
-        raise ConfigError(f"{key}.{name}={values[name]}: no such setting; allowed are {', '.join(known)}")
+    for name in values.keys() - {item.name for item in fields(settings)}:
+        raise ConfigError(f"{key}.{name}={values[name]}: {no_such_setting(name, settings)}")
     try:
         config = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(settings), dict(values)))
     except OmegaConfBaseException as error:

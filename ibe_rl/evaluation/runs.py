@@ -14,8 +14,9 @@ import gymnasium
 
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.config.command_line import load_config, named_settings
+from ibe_rl.config.command_line import named_settings
 from ibe_rl.config.limits import check
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.trained_run import TrainedRun

@@ -13,8 +13,9 @@ from torchrl import timeit
 
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
-from ibe_rl.config.command_line import output_folder, run_name, save_config
+from ibe_rl.config.command_line import output_folder, run_name
 from ibe_rl.config.kinds import make_listeners, make_metrics
+from ibe_rl.config.saved import save_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
 from ibe_rl.instructors import make_instructor, stand_in

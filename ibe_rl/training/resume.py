@@ -9,8 +9,9 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.config.command_line import changed, load_config
+from ibe_rl.config.command_line import changed
 from ibe_rl.config.limits import check, kept_settings
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.instructors import is_live, is_resumable
 from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, link, load, policies

@@ -11,8 +11,9 @@ import yaml
 from own_kinds import KINDS, write_kinds
 from processes import ROOT, call
 
-from ibe_rl.config.command_line import load_config, run_script
+from ibe_rl.config.command_line import run_script
 from ibe_rl.config.kinds import GROUPS, implementation, make_listeners
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import ListenerConfig, TrainConfig
 from ibe_rl.storage.run_folder import CONFIG, METRICS, read_json, read_rows
 from ibe_rl.types import ConfigError

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ibe_rl.config.command_line import load_config
 from ibe_rl.config.limits import check
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run

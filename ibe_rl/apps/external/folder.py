@@ -13,7 +13,8 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.config.command_line import composed, write_config
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.saved import write_config
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe.meaning import Reactions

@@ -13,7 +13,7 @@ from processes import call
 from ibe_rl.apps.paper import experiments
 from ibe_rl.apps.paper.agents import PaperAgent
 from ibe_rl.apps.paper.report_context import ReportContext, check_report
-from ibe_rl.config.command_line import load_config
+from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.evaluation.runs import load_run
