@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-LATER = {
+IMPORTED_LATER = {
     **dict.fromkeys(("Study", "open_study", "study"), "ibe_rl.apps.external.study"),
     **dict.fromkeys(("export_log", "import_log"), "ibe_rl.apps.minari"),
 }
@@ -61,5 +61,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a part at first use."""
     if name in __all__:
-        return getattr(import_module(LATER.get(name, "ibe_rl.ibe")), name)
+        return getattr(import_module(IMPORTED_LATER.get(name, "ibe_rl.ibe")), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -68,7 +68,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
 }
 
 
-def main() -> None:
+def dispatch_command() -> None:
     """Do what the first argument names."""
     name, *arguments = sys.argv[1:] or ["--help"]
     if name in ("--help", "-h", "help"):
@@ -128,4 +128,4 @@ def _copied(source: Path, to: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    dispatch_command()

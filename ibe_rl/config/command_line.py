@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +19,10 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.arguments import as_hydra_reads
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.kinds import SEVERAL, check_config, register
-from ibe_rl.config.local_files import CONFIGS, ignored_configs
+from ibe_rl.config.hydra_setup import prepare_hydra, settings_at_hand
+from ibe_rl.config.kinds import SEVERAL, check_config
+from ibe_rl.config.local_files import CONFIGS
 from ibe_rl.config.manual import exit_with_page
-from ibe_rl.config.plugins import register_plugins
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_yaml
 from ibe_rl.types import ConfigError
@@ -39,7 +37,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         name: root config in it.
     """
     exit_with_page(sys.argv[1:], configs, name)
-    _register()
+    prepare_hydra()
     sys.argv = as_hydra_reads(sys.argv, name, configs)
     started = False
     refused: list[str] = []
@@ -72,30 +70,6 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit(130)
     if refused:
         sys.exit("\n".join(refused))
-
-
-def _register() -> None:
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
-    sys.stderr.write(ignored_configs())
-    register()
-    register_plugins()
-
-
-def choices(group: str) -> dict[str, Any]:
-    """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
-    names = GlobalHydra.instance().config_loader().get_group_options(group)
-    return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in names}
-
-
-@contextmanager
-def settings_at_hand() -> Iterator[None]:
-    """Make the config files available to hydra, also outside ``run_script``."""
-    if GlobalHydra.instance().is_initialized():
-        yield
-        return
-    _register()
-    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        yield
 
 
 def composed(name: str, overrides: Sequence[str]) -> Any:

@@ -20,7 +20,7 @@ _WORDS = {int: "integer", float: "number", bool: "true or false", str: "text", N
 
 
 @dataclass(frozen=True)
-class Declared:
+class DeclaredSetting:
     """A setting as it is declared.
 
     Attributes:
@@ -36,12 +36,12 @@ class Declared:
     meaning: str
 
 
-def declared(schema: Any, prefix: str = "") -> list[Declared]:
+def declared(schema: Any, prefix: str = "") -> list[DeclaredSetting]:
     """The settings of a dataclass and of those below it, without ``kind``, which the choice of a file gives."""
     return [one for item in fields(schema) for one in _declared(schema, item, prefix) if item.name != "kind"]
 
 
-def _declared(schema: Any, item: Field[Any], prefix: str) -> Iterator[Declared]:
+def _declared(schema: Any, item: Field[Any], prefix: str) -> Iterator[DeclaredSetting]:
     typed = item.metadata.get("typed", item.name)
     if typed is None:
         return
@@ -49,7 +49,7 @@ def _declared(schema: Any, item: Field[Any], prefix: str) -> Iterator[Declared]:
     if below is None or get_origin(hint) is list:
         limits = allowed_values(item.metadata)
         kind = "" if limits.startswith("one of") else _words(hint)
-        yield Declared(
+        yield DeclaredSetting(
             key, _default(item), ", ".join(filter(None, (kind, limits))), meanings(schema).get(item.name, "")
         )
     if below is not None:

@@ -13,7 +13,7 @@ from typing import Any, get_type_hints
 
 import yaml
 
-from ibe_rl.config.declared import Declared, as_typed, declared
+from ibe_rl.config.declared import DeclaredSetting, as_typed, declared
 from ibe_rl.config.limits import nearest
 from ibe_rl.config.local_files import config_folders
 from ibe_rl.config.settings import ExplainConfig, ListenerConfig, MetricConfig, TrainConfig
@@ -28,7 +28,7 @@ MATTER = {
 """The settings that matter most."""
 TOP_LEVEL = "settings"
 """The page of settings that are in no group."""
-WIDTH, LISTED = 100, 6
+PAGE_COLUMNS, LISTED = 100, 6
 """Columns, and how many choices of a group the overview has a line for."""
 
 
@@ -90,7 +90,9 @@ class Pages:
         lines += [line for group in self._chosen for line in self._summary(group)]
         others = [one for one in (*self._schemas, TOP_LEVEL) if one not in self._chosen]
         lines += ["", "more"]
-        lines += wrap(f"{'--help GROUP':<27}every setting of a group, or of {', '.join(others)}", WIDTH, **_INDENTED)
+        lines += wrap(
+            f"{'--help GROUP':<27}every setting of a group, or of {', '.join(others)}", PAGE_COLUMNS, **_INDENTED
+        )
         lines += [f"  {key:<27}{text}" for key, text in _MORE[self._script]]
         return "\n".join(lines) + "\n"
 
@@ -151,18 +153,21 @@ class Pages:
         if rest:
             label = f"  {'' if heads else group:<12}  "
             yield from wrap(
-                ("also " if heads else "") + ", ".join(rest), WIDTH, initial_indent=label, subsequent_indent=" " * 16
+                ("also " if heads else "") + ", ".join(rest),
+                PAGE_COLUMNS,
+                initial_indent=label,
+                subsequent_indent=" " * 16,
             )
 
     def _choices_with_values(self, group: str) -> Iterator[str]:
         for name, path in self._choices(group).items():
             yield f"  {'*' if name == self._chosen[group] else ' '} {name:<18}{first_comment(path)}".rstrip()
             values = ", ".join(_flat(_read(path), group))
-            yield from wrap(values, WIDTH, initial_indent=" " * 22, subsequent_indent=" " * 22)
+            yield from wrap(values, PAGE_COLUMNS, initial_indent=" " * 22, subsequent_indent=" " * 22)
         if group in ("listener", "metric"):
             yield f"    several: {group}=[NAME,NAME]"
 
-    def _of_root(self) -> list[Declared]:
+    def _of_root(self) -> list[DeclaredSetting]:
         """The settings of the root config, with the defaults of its file."""
         told = {key: _NOW.sub("DATE_TIME", as_typed(value)) for key, value in self._root.items()}
         return [replace(one, default=told.get(one.key, one.default)) for one in declared(ROOTS[self._script])]
@@ -222,7 +227,7 @@ def _rows(settings: Any) -> Iterator[str]:
         default = "must be given" if one.default is None else f"default {one.default}"
         yield f"  {one.key:<26}{default}; {one.allowed}"
         if one.meaning:
-            yield from wrap(one.meaning, WIDTH, initial_indent=" " * 28, subsequent_indent=" " * 28)
+            yield from wrap(one.meaning, PAGE_COLUMNS, initial_indent=" " * 28, subsequent_indent=" " * 28)
 
 
 def _flat(values: dict[str, Any], group: str, prefix: str = "") -> Iterator[str]:

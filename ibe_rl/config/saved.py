@@ -13,8 +13,8 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ibe_rl.config.command_line import choices, settings_at_hand
 from ibe_rl.config.error_line import one_line
+from ibe_rl.config.hydra_setup import choices, settings_at_hand
 from ibe_rl.config.kinds import GROUPS, SEVERAL, KindFiles, with_settings
 from ibe_rl.config.settings import CODE_SETTINGS
 from ibe_rl.storage.run_folder import read_overrides, read_yaml, write_atomically

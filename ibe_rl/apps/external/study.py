@@ -19,7 +19,8 @@ from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.external.policy import EpsilonGreedy, as_policy, find_agent
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.command_line import composed, settings_at_hand
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.hydra_setup import settings_at_hand
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.envs.make import episode_seed, make_env, make_snapshot_env, task_of

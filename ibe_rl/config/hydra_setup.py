@@ -1,12 +1,17 @@
-"""What hydra takes from this package: the launcher of sweeps, and config files of the working directory."""
+"""Hydra as this package uses it: where it finds config files, and how it launches the runs of a sweep."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import hydra
 from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.plugins.launcher import Launcher
@@ -14,8 +19,8 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from ibe_rl.config.kinds import KindFiles
-from ibe_rl.config.local_files import local_configs
+from ibe_rl.config.kinds import KindFiles, register
+from ibe_rl.config.local_files import CONFIGS, ignored_configs, local_configs
 from ibe_rl.runtime.apps import load_app
 
 
@@ -44,8 +49,6 @@ class LocalSearchPath(SearchPathPlugin):
 
 class ParallelLauncher(Launcher):
     """Starts each run of a sweep in a process of its own, ``runs_at_once`` at a time."""
-
-    __module__ = "hydra_plugins.ibe_rl"  # hydra takes launchers by such a name only; no package of that name is there
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Keep what is needed to compose the settings of each run; what to run is started anew, as a script."""
@@ -83,7 +86,34 @@ def _done() -> JobReturn:
     return returned
 
 
-def register_plugins() -> None:
-    """Tell hydra of them."""
+def prepare_hydra() -> None:
+    """Register schemas, config files and the launcher; hydra itself takes launchers only from ``hydra_plugins``."""
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
+    sys.stderr.write(ignored_configs())
+    register()
+    plugins = Plugins.instance()
     for plugin in (LocalFiles, LocalSearchPath, ParallelLauncher):
-        Plugins.instance().register(plugin)
+        plugins.register(plugin)
+    plugins.is_in_toplevel_plugins_module = _may_be_a_plugin
+
+
+def _may_be_a_plugin(name: str) -> bool:
+    ours = f"{ParallelLauncher.__module__}.{ParallelLauncher.__name__}"
+    return name == ours or bool(Plugins.is_in_toplevel_plugins_module(name))
+
+
+@contextmanager
+def settings_at_hand() -> Iterator[None]:
+    """Make the config files available to hydra, also outside ``run_script``."""
+    if GlobalHydra.instance().is_initialized():
+        yield
+        return
+    prepare_hydra()
+    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        yield
+
+
+def choices(group: str) -> dict[str, Any]:
+    """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
+    names = GlobalHydra.instance().config_loader().get_group_options(group)
+    return {name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in names}
