@@ -289,7 +289,8 @@ def test_an_error_that_nobody_expects_keeps_what_was_logged(tmp_path: Path, monk
     at_frames(monkeypatch, 4096, fail)
     with pytest.raises(ZeroDivisionError) as raised:
         call("train", *RUN, f"run_dir={folder}")
-    note = f"What was logged is in {folder}; its state at 3,072 frames is kept, go on from it: {typed('train')} resume={folder}"
+    again = f"{typed('train')} resume={folder}"
+    note = f"What was logged is in {folder}; its state at 3,072 frames is kept, go on from it: {again}"
     assert raised.value.__notes__ == [note]
     assert TrajectoryLog.open(folder / "trajectories").frames == 4096
     monkeypatch.undo()

@@ -1,7 +1,7 @@
 """Processes, signals, ports and code named in settings; independent of reinforcement learning.
 
 ``workers`` detects processes that die or hang, ``signals`` stops a program gracefully, ``ports`` finds free ports,
-``import_string`` imports code named in a setting or by an application.
+``import_string`` imports code named in a setting or by an application, ``installation`` knows what comes with the package.
 
 In: process handles, port numbers, import strings.
 Out: the same, monitored; one-line errors that say what can be done.
