@@ -1,7 +1,8 @@
 """Processes, signals, ports and code named in settings; independent of reinforcement learning.
 
 ``workers`` detects processes that die or hang, ``signals`` stops a program gracefully, ``ports`` finds free ports,
-``import_string`` imports code named in a setting or by an application, ``installation`` knows what comes with the package.
+``import_string`` imports code named in a setting or by an application, ``installation`` finds what comes with the
+package and tells how to type its commands.
 
 In: process handles, port numbers, import strings.
 Out: the same, monitored; one-line errors that say what can be done.

@@ -11,6 +11,7 @@ COMMAND = "ibe-rl"
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "shipped"
 """Where a wheel has what lies beside the package in the repository; see pyproject.toml."""
+_STARTED = Path(sys.argv[0])  # runpy changes it later
 _MODULES = {"view": "ibe_rl.viewer", "minari": "ibe_rl.apps.minari"}
 """Commands that have no script in the repository."""
 
@@ -42,12 +43,12 @@ def started_again(command: str) -> list[str]:
     """The beginning of a command line that starts ``train`` or ``explain`` as this program was started."""
     if _is_module():
         return [sys.executable, "-m", _PACKAGE.name, command]
-    return [sys.executable, sys.argv[0], *([command] if _is_command() else [])]
+    return [sys.executable, *([str(_STARTED), command] if _is_command() else [str(shipped(f"{command}.py"))])]
 
 
 def _is_command() -> bool:
-    return Path(sys.argv[0]).name == COMMAND
+    return _STARTED.name == COMMAND
 
 
 def _is_module() -> bool:
-    return Path(sys.argv[0]) == _PACKAGE / "__main__.py"
+    return _STARTED == _PACKAGE / "__main__.py"

@@ -15,7 +15,7 @@ PYTHON = Path(sys.executable)
 
 
 def started_as(patch: pytest.MonkeyPatch, program: str) -> None:
-    patch.setattr(sys, "argv", [program, "seed=1"])
+    patch.setattr(installation, "_STARTED", Path(program))
     patch.setenv("PATH", str(PYTHON.parent))
 
 
@@ -32,7 +32,7 @@ def test_a_script_names_scripts_wherever_one_stands(monkeypatch: pytest.MonkeyPa
     assert typed("minari") == "python -m ibe_rl.apps.minari"
     monkeypatch.chdir(PACKAGE)
     assert typed("explain") == "python ../explain.py"
-    assert started_again("train") == [sys.executable, "train.py"]
+    assert started_again("train") == [sys.executable, str(PACKAGE.parent / "train.py")]
 
 
 def test_the_command_names_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
