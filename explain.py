@@ -21,7 +21,7 @@ from pathlib import Path
 
 import torch
 
-from ibe_rl.config.command_line import installed, run_script
+from ibe_rl.config.command_line import run_script
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.compare import compare
 from ibe_rl.evaluation.evaluate import evaluate
@@ -33,6 +33,7 @@ from ibe_rl.evaluation.task_settings import check_task
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
+from ibe_rl.runtime.installation import installed
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.recorder import Recorder

@@ -1,7 +1,7 @@
 """ibe_rl: agents that explain themselves while they learn, in their instructor's words.
 
-Importing it registers the environments with gymnasium. IBE itself works on plain arrays; what needs torch is imported
-at first use. docs/API.md lists the public API.
+Importing it registers the environments with gymnasium. IBE itself works on plain arrays. It is imported at first
+use, and so is what needs torch. docs/API.md lists the public API.
 """
 
 import sys
@@ -13,23 +13,12 @@ if sys.platform == "win32":
     sys.exit("error: ibe_rl runs on Linux and macOS; on Windows run it in WSL, which is Linux: wsl --install")
 
 from ibe_rl.envs import Instructed
-from ibe_rl.ibe import (
-    ClusterMapping,
-    Evidence,
-    IBEMapping,
-    Interpretation,
-    Meaning,
-    Reactions,
-    cut_windows,
-    delta_states,
-    interpret,
-    phrase,
-    top_episodes,
-)
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import ConfigError, Episode
 
-WITH_TORCH = {
+__version__ = "0.1.0"
+
+IMPORTED_LATER = {
     **dict.fromkeys(("ExplainedAgent", "Narration", "explain_agent", "open_run"), "ibe_rl.api.explained"),
     **dict.fromkeys(("resume", "train"), "ibe_rl.api.loop"),
     "Listener": "ibe_rl.vocabulary.listener",
@@ -75,10 +64,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs torch at first use."""
+    """Import a part at first use."""
     if name in RENAMED:
         warn(f"ibe_rl.{name} is called ibe_rl.{RENAMED[name]} now", DeprecationWarning, stacklevel=2)
         name = RENAMED[name]
-    if name in WITH_TORCH:
-        return getattr(import_module(WITH_TORCH[name]), name)
+    if name in __all__:
+        return getattr(import_module(IMPORTED_LATER.get(name, "ibe_rl.ibe")), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

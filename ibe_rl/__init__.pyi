@@ -28,3 +28,5 @@ from ibe_rl.training.run import Run as Run
 from ibe_rl.types import ConfigError as ConfigError
 from ibe_rl.types import Episode as Episode
 from ibe_rl.vocabulary.listener import Listener as Listener
+
+__version__: str

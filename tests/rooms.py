@@ -16,7 +16,7 @@ ROOMS = (
 )
 """A room imports only rooms that stand before it."""
 LOOSE = ("types", "task", "viewer")
-"""Modules that lie in the package itself."""
+"""Modules that lie in the package itself, beside ``__init__`` and ``__main__``."""
 
 
 def path_of(room: str) -> Path:

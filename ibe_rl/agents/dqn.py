@@ -33,12 +33,12 @@ class DQNConfig(AgentConfig):
 
     kind: str = setting("dqn", kept=True)
     n_steps: int = setting(5, low=1, high=1_000, kept=True)  # rewards summed before bootstrapping
-    buffer_frames: int = setting(400_000, low=1_000, kept=True)
-    minibatch_size: int = setting(256, low=1)
-    frames_per_update: int = setting(10, low=1)
-    learn_after_frames: int = setting(5_000, low=0)
-    epsilon_early: float = setting(0.1, low=0.0, high=1.0)
-    epsilon_end: float = setting(0.0, low=0.0, high=1.0)
+    buffer_frames: int = setting(400_000, low=1_000, kept=True)  # transitions to draw from
+    minibatch_size: int = setting(256, low=1)  # transitions in a gradient step
+    frames_per_update: int = setting(10, low=1)  # frames for each gradient step
+    learn_after_frames: int = setting(5_000, low=0)  # first frames without learning
+    epsilon_early: float = setting(0.1, low=0.0, high=1.0)  # of random actions, once epsilon_share is over
+    epsilon_end: float = setting(0.0, low=0.0, high=1.0)  # of random actions, at the end
     epsilon_share: float = setting(0.05, low=0.0, high=1.0)  # share of the run until epsilon_early
     target_rate: float = setting(1.0, low=TINY, high=1.0)  # target update (tau) per batch; 1: a copy
 

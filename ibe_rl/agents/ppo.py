@@ -31,14 +31,14 @@ class PPOConfig(AgentConfig):
     """Proximal policy optimisation; learning rate and entropy bonus fall linearly to 0 over the run."""
 
     kind: str = setting("ppo", kept=True)
-    gae_lambda: float = setting(0.98, low=0.0, high=1.0)
-    clip: float = setting(0.2, low=1e-6, high=1.0)
-    epochs: int = setting(4, low=1)
-    minibatch_size: int = setting(512, low=2)
-    entropy: float = setting(0.004, low=0.0)
+    gae_lambda: float = setting(0.98, low=0.0, high=1.0)  # of generalised advantage estimation
+    clip: float = setting(0.2, low=1e-6, high=1.0)  # largest change of a probability ratio that counts
+    epochs: int = setting(4, low=1)  # passes over each batch
+    minibatch_size: int = setting(512, low=2)  # steps in a gradient step
+    entropy: float = setting(0.004, low=0.0)  # weight of the entropy bonus
     first_std: float = setting(0.6, low=TINY, high=10.0)  # initial, of continuous actions, in half ranges
-    value_weight: float = setting(0.5, low=0.0)
-    max_grad_norm: float = setting(0.5, low=TINY)
+    value_weight: float = setting(0.5, low=0.0)  # of the value loss
+    max_grad_norm: float = setting(0.5, low=TINY)  # gradients are scaled down to this norm
 
 
 class SamplingPolicy(TensorDictModuleBase):

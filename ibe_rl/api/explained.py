@@ -14,7 +14,8 @@ from rich.console import Console
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.api.settings import env_config, environment
-from ibe_rl.config.command_line import composed, settings_at_hand
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.hydra_setup import settings_at_hand
 from ibe_rl.config.limits import check
 from ibe_rl.config.overrides import kind_name
 from ibe_rl.config.settings import ExplainConfig

@@ -11,7 +11,8 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.config.arguments import quoted
-from ibe_rl.config.command_line import choice_names, composed
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.hydra_setup import choice_names
 from ibe_rl.config.kinds import check_config
 from ibe_rl.config.overrides import KINDS_OF_ONE, as_overrides, chosen_kind
 from ibe_rl.config.settings import EnvConfig, TrainConfig

@@ -22,6 +22,7 @@ from ibe_rl.config.command_line import composed
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.runtime.installation import typed
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, create_run_folder, find_run, refuse_special_files
 from ibe_rl.task import Task
@@ -211,7 +212,7 @@ def _minari() -> Any:
 
 def minari_command(arguments: Sequence[str] | None = None) -> int:
     """Export or import from the command line."""
-    parser = argparse.ArgumentParser(prog="python -m ibe_rl.apps.minari", description="Logs for and from Minari.")
+    parser = argparse.ArgumentParser(prog=typed("minari"), description="Logs for and from Minari.")
     commands = parser.add_subparsers(dest="command", required=True)
     out = commands.add_parser("export", help="a run's log as a dataset")
     out.add_argument("run", help="folder of the run")
@@ -228,7 +229,7 @@ def minari_command(arguments: Sequence[str] | None = None) -> int:
             line = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
         else:
             folder = import_log(asked.dataset, asked.settings, asked.instruction)
-            line = f"{folder}: explain an agent in its words with explain.py run={folder} agent=…"
+            line = f"{folder}: explain an agent in its words with {typed('explain')} run={folder} agent=…"
     except ConfigError as error:
         sys.exit(f"error: {error}")
     sys.stdout.write(f"{line}\n")

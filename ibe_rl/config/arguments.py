@@ -8,8 +8,9 @@ from itertools import pairwise
 
 from hydra.core.override_parser.types import Quote, QuotedString
 
-SPELT = {"explain": {"sweep": "sweep_dir", "agent": "agent_file"}}
-"""Settings that name a path but clash with a config group, mapped to their field in the config."""
+from ibe_rl.config.limits import typed_names
+from ibe_rl.config.settings import ExplainConfig
+
 WITH_PATH = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn")
 """Options whose value is the next argument, which may have an equals sign in it."""
 OF_A_TRAINING = re.compile(r"(env|mapping)[.=]")
@@ -43,8 +44,8 @@ def sorted_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _renamed(argument: str, script: str) -> str:
     key, equals, value = argument.partition("=")
-    names = SPELT.get(script, {})
-    return f"{names[key]}={value}" if equals and key in names else argument
+    field = typed_names(ExplainConfig).get(key) if script == "explain" else None
+    return f"{field}={value}" if equals and field else argument
 
 
 def _passed_on(arguments: list[str]) -> list[str]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +19,14 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.arguments import as_hydra_reads, sorted_arguments
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.kind_files import register, resumed_choices
+from ibe_rl.config.hydra_setup import prepare_hydra, settings_at_hand
+from ibe_rl.config.kind_files import resumed_choices
 from ibe_rl.config.kinds import SEVERAL, check_config
+from ibe_rl.config.local_files import CONFIGS
+from ibe_rl.config.manual import exit_with_page
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_yaml
 from ibe_rl.types import ConfigError
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
@@ -38,8 +37,8 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         configs: folder of the hydra files.
         name: root config in it.
     """
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise hydra prints the error and exits
-    register()
+    exit_with_page(sys.argv[1:], configs, name)
+    prepare_hydra()
     sys.argv[1:] = as_hydra_reads(sys.argv[1:], name, resumed_choices(sys.argv[1:], configs))
     started = False
     refused: list[str] = []
@@ -70,30 +69,6 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         sys.exit("\n".join(refused))
 
 
-def choices(group: str) -> dict[str, Any]:
-    """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
-    return {
-        name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in choice_names(group)
-    }
-
-
-def choice_names(group: str) -> list[str]:
-    """The names of all choices of a config group."""
-    with settings_at_hand():
-        return list(GlobalHydra.instance().config_loader().get_group_options(group))
-
-
-@contextmanager
-def settings_at_hand() -> Iterator[None]:
-    """Make ``configs/`` available to hydra, also outside ``run_script``."""
-    if GlobalHydra.instance().is_initialized():
-        yield
-        return
-    register()
-    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        yield
-
-
 def composed(name: str, overrides: Sequence[str]) -> Any:
     """Compose and check a config as ``train.py`` or ``explain.py`` does.
 
@@ -122,11 +97,6 @@ def named_settings() -> set[str]:
 def given_settings() -> list[str]:
     """The settings as typed on the command line; none where a user's own program uses the package."""
     return list(HydraConfig.get().overrides.task) if HydraConfig.initialized() else []
-
-
-def installed(program: str) -> str:
-    """Path of a program of this Python environment, relative to the working directory."""
-    return os.path.relpath(Path(sys.executable).parent / program)
 
 
 def own_configs() -> str:

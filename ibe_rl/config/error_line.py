@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import is_dataclass
 from pathlib import Path
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf.errors import OmegaConfBaseException
+
+from ibe_rl.config.limits import nearest, no_such_setting
 
 
 def one_line(error: BaseException) -> str:
@@ -19,8 +22,8 @@ def one_line(error: BaseException) -> str:
     text = str(cause)
     unknown = re.search(r"Key '(\w+)' not in '(\w+)'", text)
     if unknown:
-        names = getattr(getattr(cause, "object_type", None), "__dataclass_fields__", {})
-        return f"{getattr(cause, 'full_key', None) or unknown[1]}: no such setting; allowed are {', '.join(names)}"
+        schema, key = getattr(cause, "object_type", None), getattr(cause, "full_key", None) or unknown[1]
+        return f"{key}: {no_such_setting(unknown[1], schema) if is_dataclass(schema) else 'no such setting'}"
     key = getattr(cause, "full_key", None)
     first = text.strip().splitlines()[0] if text.strip() else type(error).__name__
     if isinstance(error, OverrideParseException):
@@ -32,8 +35,10 @@ def _unknown_choice(text: str) -> str:
     wanted = re.search(r"Could not find '([\w/]+)/([\w.-]+)'", text) or re.search(r"'([\w/]+)/([\w.-]+)'", text)
     options = [line.strip() for line in text.splitlines() if line.startswith("\t") and "/" not in line]
     if wanted and not options:  # hydra lists no options for a list of choices
-        folders = [Path(folder) / wanted[1] for folder in re.findall("path=file://(.+)", text)]
+        folders = [Path(folder) / wanted[1] for folder in re.findall(r"path=\w+://(.+)", text)]
         options = [file.stem for folder in folders for file in folder.glob("*.yaml")]
-    names = ", ".join(sorted(options))
-    allowed = f"one of {names}" if names else "the name of a file below a --config-dir"
-    return f"{wanted[1]}={wanted[2]}: allowed is {allowed}" if wanted else text.splitlines()[0]
+    if not wanted:
+        return text.splitlines()[0]
+    names = ", ".join(sorted(set(options)))
+    allowed = f"one of {names}" if names else "the name of a file in ./configs or below a --config-dir"
+    return f"{wanted[1]}={wanted[2]}: allowed is {allowed}{nearest(wanted[2], options)}"

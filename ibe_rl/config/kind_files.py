@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -20,6 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from ibe_rl.config.kinds import GROUPS, SEVERAL, settings_of, settings_of_env
+from ibe_rl.config.local_files import config_folders
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig, ViewerConfig
 from ibe_rl.storage.run_folder import CONFIG, read_yaml
 
@@ -121,7 +121,7 @@ def resumed_choices(arguments: Sequence[str], configs: Path) -> list[str]:
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
         given = {one.partition("=")[0] for one in arguments}
-        folders = [KindFiles("", str(folder)) for folder in (configs, *own_folders(arguments))]
+        folders = [KindFiles("", str(folder)) for folder in reversed(config_folders(configs, arguments))]
         return [
             f"{group}={chosen}"
             for group in GROUPS
@@ -138,14 +138,6 @@ def _chosen(group: str, saved: dict[str, Any], folders: Sequence[KindFiles]) -> 
         several = saved.get(SEVERAL[group], {})
         return f"[{','.join(several)}]" if several and all(one["kind"] in names for one in several.values()) else None
     return names.get(saved[group].get("kind"))
-
-
-def own_folders(arguments: Sequence[str]) -> list[str]:
-    """The folders that ``--config-dir`` names."""
-    parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--config-dir", "-cd", action="append", default=[])
-    found: list[str] = parser.parse_known_args(list(arguments))[0].config_dir
-    return found
 
 
 def register() -> None:

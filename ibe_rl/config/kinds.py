@@ -20,7 +20,7 @@ from gymnasium.envs.registration import load_env_creator
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ibe_rl.config.limits import check
+from ibe_rl.config.limits import check, no_such_setting
 from ibe_rl.config.settings import (
     AgentConfig,
     InstructorConfig,
@@ -131,9 +131,8 @@ def checked(settings: type[Any], values: Mapping[str, Any], key: str) -> Any:
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    known = [item.name for item in fields(settings)]
-    for name in values.keys() - set(known):
-        raise ConfigError(f"{key}.{name}={values[name]}: no such setting; allowed are {', '.join(known)}")
+    for name in values.keys() - {item.name for item in fields(settings)}:
+        raise ConfigError(f"{key}.{name}={values[name]}: {no_such_setting(name, settings)}")
     try:
         config = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(settings), dict(values)))
     except OmegaConfBaseException as error:

@@ -12,8 +12,9 @@ from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ibe_rl.config.command_line import choices, given_settings, settings_at_hand
+from ibe_rl.config.command_line import given_settings
 from ibe_rl.config.error_line import one_line
+from ibe_rl.config.hydra_setup import choices, settings_at_hand
 from ibe_rl.config.kind_files import KindFiles
 from ibe_rl.config.kinds import GROUPS, SEVERAL, with_settings
 from ibe_rl.config.settings import CODE_SETTINGS, EnvConfig
@@ -84,7 +85,7 @@ def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_strange_code(saved: dict[str, Any], path: Path, known: set[str], check_env: bool) -> None:
-    """Refuse code that no file in ``configs`` or below a ``--config-dir`` names.
+    """Refuse code that no file in ``./configs`` or below a ``--config-dir`` names.
 
     Raises:
         ConfigError: naming the code and what is allowed.
@@ -108,7 +109,7 @@ def _refuse_strange_code(saved: dict[str, Any], path: Path, known: set[str], che
         owner, python = ("environment", "env=") if group == "env" else (group, "trusted=")
         raise ConfigError(
             f"{path}: its {owner} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
-            f"configs/{group} or below a --config-dir: put one there if you trust it (in Python: open_run({python}))"
+            f"./configs/{group} or below a --config-dir: put one there if you trust it (in Python: open_run({python}))"
         )
 
 

@@ -20,9 +20,9 @@ DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
 class PhrasesConfig:
     """The words for one number of the instruction; see ``ibe_rl.task.Phrases``."""
 
-    zero: str = MISSING
-    negative: str = MISSING  # template; {degree} is replaced by the degree word
-    positive: str = MISSING
+    zero: str = MISSING  # said for 0
+    negative: str = MISSING  # said for negative numbers; {degree} is replaced by the degree word
+    positive: str = MISSING  # the same for positive numbers
     degrees: dict[str, float] = field(default_factory=lambda: dict(DEGREES))  # word: its lowest magnitude, rising
 
 
@@ -33,7 +33,7 @@ class TaskConfig:
     Modules are searched on Python's path and in the working directory.
     """
 
-    name: str = MISSING
+    name: str = MISSING  # shown in titles
     rule: str = MISSING  # module:name; states (..., S) to instructions (..., d)
     phrases: list[PhrasesConfig] = MISSING  # one per number of the instruction
     explained: list[str] = MISSING  # one state dimension per number of the instruction; +1 means it should rise
@@ -82,7 +82,7 @@ class CollectConfig:
     engine: str = setting("processes", choices=("processes", "ray"))  # ray: one machine or a cluster
     address: str | None = None  # host:port of a Ray cluster; None: start Ray on this machine for this run
     processes: int = setting(2, low=1, high=64, kept=True)  # 1: in the training process, except with Ray
-    envs_per_process: int = setting(64, low=1, high=1024, kept=True)
+    envs_per_process: int = setting(64, low=1, high=1024, kept=True)  # environments that step as one
     steps_per_batch: int = setting(64, low=1, high=100_000, kept=True)  # per environment
     overlap: bool = setting(False, kept=True)  # collect in separate processes while learning
     ahead_batches: int = setting(1, low=1, high=16, kept=True)  # with overlap: batches collected ahead of learning
@@ -101,10 +101,10 @@ class AgentConfig:
     """What all agents share."""
 
     kind: str = field(default=MISSING, metadata=KEPT)
-    hidden: list[int] = field(default_factory=lambda: [64, 64], metadata=KEPT)
+    hidden: list[int] = field(default_factory=lambda: [64, 64], metadata=KEPT)  # layer widths of its networks
     ignores: list[str] = field(default_factory=list, metadata=KEPT)  # names of state dimensions hidden from it
-    gamma: float = setting(0.995, low=0.0, high=1.0)
-    learning_rate: float = setting(1e-3, low=0.0, high=1.0)
+    gamma: float = setting(0.995, low=0.0, high=1.0)  # discount of a reward one step later
+    learning_rate: float = setting(1e-3, low=0.0, high=1.0)  # of the optimiser
     success_bonus: float = setting(100.0, low=0.0)  # added to the learner's reward on success, not to logged rewards
     reward_scale: float = setting(0.05, low=TINY)  # multiplies reward and bonus
     average_share: float = setting(0.1, low=0.0, high=1.0)  # share of past updates in the evaluated weight average
@@ -136,9 +136,9 @@ class MappingConfig:
     kind: str = "paper"  # name in summaries and tables
     horizon_steps: int | None = setting(None, low=1)  # None: estimated from the episodes at each refresh
     spans_steps: list[int] = field(default_factory=lambda: [20])  # further ones; horizon_steps=None: only shorter
-    top_fraction: float = setting(0.25, low=TINY, high=1.0)
-    top_within: str = setting("all", choices=("all", "context"))
-    window_end: str = setting("clamp", choices=("drop", "clamp"))
+    top_fraction: float = setting(0.25, low=TINY, high=1.0)  # share of the best episodes, from which it is learnt
+    top_within: str = setting("all", choices=("all", "context"))  # best of all episodes, or of each context
+    window_end: str = setting("clamp", choices=("drop", "clamp"))  # windows past the end: drop, or end with it
     failed_ends: str = setting("keep", choices=("keep", "drop"))  # windows that reach the end of a failed episode
     n_clusters: int = setting(8, low=2)  # per number of an instruction; two numbers get twice as many in total
     meaning: str = setting("tested", choices=("tested", "assumed"))  # assumed: as the best episodes moved, untested
@@ -153,6 +153,7 @@ class PredictorConfig:
     """What all predictors share; the default steps a copy of the environment from a snapshot."""
 
     kind: str = setting("simulator", kept=True)
+    # in rollouts: the last instruction, or by the rule
     future_instruction: str = setting("hold", choices=("hold", "rule"), learnt=False)
     processes: int | None = setting(None, low=1, high=64, learnt=False)  # None: 1, or 2 in task=evaluate
     futures: int = setting(3, low=1, high=100, learnt=False)  # rollouts per moment; the majority expression is reported
@@ -163,7 +164,7 @@ class PredictorConfig:
 class ViewerConfig:
     """``live`` records and serves the recording, ``file`` records only, ``off`` does neither."""
 
-    mode: str = setting("live", choices=("live", "file", "off"))
+    mode: str = setting("live", choices=("live", "file", "off"))  # record and serve, record only, or neither
     grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
     web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
     max_recording_mb: int = setting(50, low=1)  # MB of 10^6 bytes; recorded more sparsely as the run grows
@@ -195,30 +196,32 @@ class MetricConfig:
 
 @dataclass
 class TrainConfig:
-    """``train.py``.
+    """A training.
 
     With ``refresh_every_frames=0`` the vocabulary is refreshed eight times in a run, in a long one every 250,000
     frames. With ``refresh_when_stale`` each refresh only fits a candidate. It replaces the current vocabulary if its
     ``motion_auc`` on the newest episodes is higher by more than this value.
     """
 
-    seed: int = setting(0, low=0, high=MAX_SEED, kept=True)
-    total_frames: int = setting(2_000_000, low=1)  # rounded up to whole batches
+    seed: int = setting(0, low=0, high=MAX_SEED, kept=True)  # of all random numbers
+    total_frames: int = setting(2_000_000, low=1)  # frames to train for, rounded up to whole batches
     stop_after_frames: int | None = setting(None, low=1)  # stop here, with schedules still set for total_frames
-    run_dir: str = field(default=MISSING, metadata=KEPT)
+    run_dir: str = field(default=MISSING, metadata=KEPT)  # folder of the run, which is made
     runs_at_once: int | None = setting(None, low=1, high=1024)  # in a sweep (-m); None: one core per process
     runs_on: str | None = None  # in a sweep: HOST:PORT of a Ray cluster this machine belongs to; None: here
     resume: str | None = None  # folder of the run to resume; only settings to change are named beside it
     resume_from: str = setting("latest", choices=("latest", "best"))  # latest checkpoint or best evaluation
-    checkpoint_every_frames: int = setting(100_000, low=1)  # also at refreshes and evaluations
-    refresh_every_frames: int | None = setting(0, low=0)  # also at the end; 0: see above; None: no vocabulary
-    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # least gain in motion_auc, see above
+    checkpoint_every_frames: int = setting(100_000, low=1)  # between saved states; also at refreshes and evaluations
+    refresh_every_frames: int | None = setting(0, low=0)  # frames between vocabularies; 0: eight of them; None: none
+    # least gain in motion_auc for a new vocabulary; None: any
+    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
     explain_every_steps: int = setting(5, low=1)  # in the episode shown at a refresh; each one holds until the next
-    eval_every_frames: int = setting(400_000, low=1)  # also at the end
-    eval_episodes: int = setting(100, low=1, high=10_000)
-    keep_policy_every_frames: int | None = setting(10_000, low=1)  # agents of any skill; less often later; None: never
-    report: bool = False  # end with the paper's experiments, as explain.py task=figures
+    eval_every_frames: int = setting(400_000, low=1)  # between evaluations; also at the end
+    eval_episodes: int = setting(100, low=1, high=10_000)  # of each evaluation
+    # for agents of any skill; less often later; None: never
+    keep_policy_every_frames: int | None = setting(10_000, low=1)
+    report: bool = False  # end with the paper's experiments, as task=figures of explain
     env: EnvConfig = field(default=MISSING, metadata=KEPT)
     collect: CollectConfig = field(default_factory=CollectConfig)
     log: LogConfig = field(default_factory=LogConfig, metadata=KEPT)
@@ -238,7 +241,7 @@ class EvaluateConfig:
     """How explanations are scored (``task=evaluate`` and ``task=compare``)."""
 
     seed: int = setting(0, low=0, high=999)  # of the episodes and of the sampled futures
-    episodes: int = setting(100, low=2, high=10_000)
+    episodes: int = setting(100, low=2, high=10_000)  # on which it is judged
     calibration_episodes: int = setting(60, low=2, high=10_000)  # held-out episodes to calibrate the confidence on
     changing_episodes: int = setting(40, low=0, high=10_000)  # with each kept policy; 0: skip
     stride_steps: int = setting(4, low=1)  # between scored moments
@@ -251,7 +254,7 @@ class EvaluateConfig:
 class CompareConfig:
     """Which mappings ``task=compare`` compares."""
 
-    mappings: list[str] = field(default_factory=list)  # names of files in configs/mapping; empty: all
+    mappings: list[str] = field(default_factory=list)  # names of choices of mapping; empty: all
 
 
 @dataclass
@@ -269,16 +272,18 @@ class FiguresConfig:
 
 @dataclass
 class ExplainConfig:
-    """``explain.py``."""
+    """An explanation."""
 
     run: str | None = None  # run folder; None: the newest in runs/
-    agent_file: str | None = None  # agent=FILE.zip or agent=MODULE:NAME on the command line: an external agent
+    # an agent trained elsewhere: FILE.zip or MODULE:NAME
+    agent_file: str | None = field(default=None, metadata={"typed": "agent"})
     agent_sees_instruction: bool | None = None  # None: as the external agent or its run folder declares
     episodes: int = setting(200, low=2, high=100_000)  # of the external agent, to learn its vocabulary from
     random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of random actions in these episodes
     run_dir: str = MISSING  # run folder to create for the external agent
-    guest_settings: list[str] = field(default_factory=list)  # env=, env.…, mapping=, mapping.…: as for train.py
-    sweep_dir: str | None = None  # sweep=DIR on the command line: report on all runs of a sweep instead
+    guest_settings: list[str] = field(default_factory=list, metadata={"typed": None})  # env and mapping, as for train
+    sweep_dir: str | None = field(default=None, metadata={"typed": "sweep"})  # folder of a sweep to report on instead
+    # what to do with the run
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # of the episode; None: drawn

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ibe_rl.config.command_line import choices
+from ibe_rl.config.hydra_setup import choices
 from ibe_rl.config.settings import ExplainConfig, MappingConfig
 from ibe_rl.evaluation import report, tables
 from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.config.command_line import choices
+from ibe_rl.config.hydra_setup import choices
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.advice import lines_of, verdict_of

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ibe_rl.config.command_line import choices
+from ibe_rl.config.hydra_setup import choices
 from ibe_rl.config.settings import ExplainConfig, PredictorConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.baselines import Learnt, StateRegressor, fit_state_regressors

@@ -17,11 +17,14 @@ OF_INSTRUCTIONS = ("lasso", "network", "rule")
 class IBEConfig(MappingConfig):
     """Settings of ``IBEMapping``; the defaults are the paper's."""
 
+    # what is clustered: all dimensions, weighted by information, along a lasso, by a network, or the instructor's axis
     space: str = setting("all", choices=SPACES)
-    split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))
+    split: str = setting("kmeans", choices=("kmeans", "bisecting", "quantile"))  # how displacements are clustered
     power: float = setting(1.0, low=0.05, high=1.0)  # exponent of magnitudes; below 1: more clusters for small ones
     symmetric: bool = False  # mirror the clusters, as many on each side of 0
+    # of mean instructions: range to [-1, 1], largest magnitude to 1, or expressions as large as the movement
     normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
+    # the expression is of the nearest cluster, a mean over clusters by proximity, or the movement without clusters
     membership: str = setting("hard", choices=("hard", "soft", "direct"))
     weigh_followed: bool = False  # weight windows by how well the instruction was followed
     hidden: list[int] = field(default_factory=lambda: [32, 32])  # layer widths of space=network

@@ -32,10 +32,10 @@ class EnsembleConfig(PredictorConfig):
 
     kind: str = setting("ensemble", kept=True)
     moments_at_once: int = setting(2_560, low=1, learnt=False)  # futures that fit the processor's cache
-    members: int = setting(5, low=2, high=100, kept=True)
-    hidden: list[int] = field(default_factory=lambda: [32, 32], metadata=KEPT)
+    members: int = setting(5, low=2, high=100, kept=True)  # networks in the ensemble
+    hidden: list[int] = field(default_factory=lambda: [32, 32], metadata=KEPT)  # layer widths of each
     updates: int = setting(400, low=1)  # per refresh, of all members
-    minibatch_size: int = setting(1_024, low=1)
+    minibatch_size: int = setting(1_024, low=1)  # steps in a gradient step
     learning_rate: float = setting(5e-3, low=TINY, high=1.0)  # falls to 0 at each refresh
     newest_frames: int = setting(400_000, low=1)  # about this many frames of the log
     max_uncertainty: float = setting(

@@ -8,16 +8,18 @@ from typing import Any
 from ibe_rl.types import ConfigError
 
 APPS = {
+    "--multirun": "ibe_rl.apps.sweep.launch:launch",
     "agent=": "ibe_rl.apps.external.explaining:open_external",
     "collect.engine=ray": "ibe_rl.apps.ray.workers",
-    "instructor=human": "ibe_rl.apps.teach.classroom",
     "explain_agent": "ibe_rl.apps.external.explaining:learn_external",
+    "instructor=human": "ibe_rl.apps.teach.classroom",
+    "minari": "ibe_rl.apps.minari:minari_command",
     "open_run(agent=)": "ibe_rl.apps.external.explaining:open_for",
     "report=true": "ibe_rl.apps.paper.report_context",
     "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
     "task=figures": "ibe_rl.apps.paper.experiments:reproduce",
 }
-"""Setting to the module, or the function in it, that implements it."""
+"""Setting or command to the module, or the function in it, that implements it."""
 
 
 def load_app(setting: str) -> Any:

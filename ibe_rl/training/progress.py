@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ibe_rl.config.command_line import installed, own_configs
+from ibe_rl.config.command_line import own_configs
+from ibe_rl.runtime.installation import typed
 from ibe_rl.view import sentences
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.training_episodes import horizon_line
@@ -112,11 +113,10 @@ def closing_table(summary: Mapping[str, Any]) -> None:
 
 def how_to_open(folder: Path, in_sweep: bool) -> list[str]:
     """How to view a run again."""
-    python = installed("python")
-    beside = [f"  beside the others:    {python} -m ibe_rl.viewer {folder.parent}"] if in_sweep else []
+    beside = [f"  beside the others:    {typed('view')} {folder.parent}"] if in_sweep else []
     return [
         f"the run is in {folder}",
-        f"  look at it again:     {python} -m ibe_rl.viewer {folder}",
+        f"  look at it again:     {typed('view')} {folder}",
         *beside,
-        f"  one episode in words: {python} explain.py {own_configs()}run={folder}",
+        f"  one episode in words: {typed('explain')} {own_configs()}run={folder}",
     ]

@@ -1,6 +1,6 @@
 """Open runs again in rerun's web viewer, several side by side with their curves in the same plots.
 
-    python -m ibe_rl.viewer [RUN ...] [--grpc-port N] [--web-port N]
+    ibe-rl view [RUN ...] [--grpc-port N] [--web-port N]      or python -m ibe_rl.viewer
 
 RUN is the folder of a run or of a sweep, or a recording, finished or still growing. Without one the newest run below
 ``runs/`` is opened. The messages of all recordings are copied into one temporary file, so that one server with one
@@ -20,6 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
+from ibe_rl.runtime.installation import typed
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import (
     CONFIG,
@@ -209,7 +210,7 @@ def say(runs: Mapping[str, Path], ports: Ports) -> None:
 
 def open_recordings(arguments: Sequence[str] | None = None) -> int:
     """Open runs from the command line until Ctrl-C."""
-    parser = argparse.ArgumentParser(prog="python -m ibe_rl.viewer", description="Open runs in the browser.")
+    parser = argparse.ArgumentParser(prog=typed("view"), description="Open runs in the browser.")
     what = "folder of a run or of a sweep, or a recording, finished or growing; default: the newest run below runs/"
     parser.add_argument("run", type=Path, nargs="*", help=what)
     parser.add_argument("--grpc-port", type=int, help=f"default {GRPC_PORT}, or a free one")

@@ -16,7 +16,7 @@ from ibe_rl.apps.paper.agents import PAPER_SUCCESS, PaperAgent, RunAll, most_run
 from ibe_rl.apps.paper.names import PAPERS
 from ibe_rl.apps.paper.vocabularies import variants
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.command_line import choices
+from ibe_rl.config.hydra_setup import choices
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.moments import SEEN_STEPS

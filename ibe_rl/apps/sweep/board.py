@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from rich.table import Table
 
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, OUTPUT, Job, Outcome, read_summary
-from ibe_rl.config.command_line import installed
+from ibe_rl.runtime.installation import typed
 from ibe_rl.storage.run_folder import METRICS
 
 TAIL_BYTES = 20_000
@@ -140,4 +140,4 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
 
 def viewer_command(sweep: Path) -> str:
     """The command that shows all runs of a sweep."""
-    return f"{installed('python')} -m ibe_rl.viewer {sweep}"
+    return f"{typed('view')} {sweep}"

@@ -13,10 +13,10 @@ from ibe_rl.apps.sweep.board import Board, failures, outcomes_table, viewer_comm
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.apps.sweep.processes import run_all
 from ibe_rl.config.arguments import quoted
-from ibe_rl.config.command_line import installed
 from ibe_rl.config.kinds import check_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.instructors import is_live
+from ibe_rl.runtime.installation import started_again, typed
 from ibe_rl.runtime.operating_system import usable_cores
 from ibe_rl.types import ConfigError
 
@@ -117,7 +117,7 @@ def command(job: Job, goes_on: bool, flags: Sequence[str], extra: Sequence[str])
     given = [one for one in job.overrides if key_of(one) not in OF_THE_SWEEP]
     asked = [f"resume={quoted(str(job.folder))}"] if goes_on else [*given, *extra, f"run_dir={quoted(str(job.folder))}"]
     single = ["hydra.mode=RUN", f"hydra.job.name={quoted(job.name)}"]
-    return [sys.executable, sys.argv[0], *flags, *asked, *single]
+    return [*started_again("train"), *flags, *asked, *single]
 
 
 def sweep_hints(sweep: Path) -> list[str]:
@@ -125,5 +125,5 @@ def sweep_hints(sweep: Path) -> list[str]:
     return [
         f"the runs are in {sweep}",
         f"  look at all of them:   {viewer_command(sweep)}",
-        f"  a report of the sweep: {installed('python')} explain.py sweep={sweep}",
+        f"  a report of the sweep: {typed('explain')} sweep={sweep}",
     ]

@@ -1,0 +1,54 @@
+"""How the program is installed and started: the files that come with it, and commands as a person types them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+COMMAND = "ibe-rl"
+_PACKAGE = Path(__file__).parents[1]
+_INSTALLED = _PACKAGE / "shipped"
+"""Where a wheel has what lies beside the package in the repository; see pyproject.toml."""
+_STARTED = Path(sys.argv[0])  # runpy changes it later
+_MODULES = {"view": "ibe_rl.viewer", "minari": "ibe_rl.apps.minari"}
+"""Commands that have no script in the repository."""
+
+
+def shipped(name: str) -> Path:
+    """A file or folder that comes with the package: ``configs``, ``demo``, ``train.py`` or ``explain.py``."""
+    return (_INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent) / name
+
+
+def installed(program: str) -> str:
+    """How to type a program of this Python environment: its name if the shell finds it, else its relative path."""
+    path = Path(sys.executable).parent / program
+    found = shutil.which(program)
+    return program if found is not None and Path(found) == path else os.path.relpath(path)
+
+
+def typed(command: str) -> str:
+    """How to type a command of ``ibe-rl`` in the working directory, in the way this program was started."""
+    if _is_module():
+        return f"{installed('python')} -m {_PACKAGE.name} {command}"
+    if _is_command() or _INSTALLED.is_dir():
+        return f"{installed(COMMAND)} {command}"
+    if command in _MODULES:
+        return f"{installed('python')} -m {_MODULES[command]}"
+    return f"{installed('python')} {os.path.relpath(shipped(f'{command}.py'))}"
+
+
+def started_again(command: str) -> list[str]:
+    """The beginning of a command line that starts ``train`` or ``explain`` as this program was started."""
+    if _is_module():
+        return [sys.executable, "-m", _PACKAGE.name, command]
+    return [sys.executable, *([str(_STARTED), command] if _is_command() else [str(shipped(f"{command}.py"))])]
+
+
+def _is_command() -> bool:
+    return _STARTED.name == COMMAND
+
+
+def _is_module() -> bool:
+    return _STARTED == _PACKAGE / "__main__.py"
