@@ -14,6 +14,7 @@ from ibe_rl.config.arguments import quoted
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.overrides import as_overrides, kind_name
 from ibe_rl.envs.given import GivesEnv
+from ibe_rl.runtime.installation import shipped
 from ibe_rl.task import Task
 from ibe_rl.training.build import build
 from ibe_rl.training.resume import Resumption
@@ -70,10 +71,8 @@ def train(run: Run) -> dict[str, Any]:
 
 @cache
 def _loop() -> Callable[[Run], dict[str, Any]]:
-    """The function ``train`` of train.py, which lies beside the package in a checkout, else in ``shipped``."""
-    package = Path(__file__).parents[1]
-    path = next(one for one in (package / "shipped" / "train.py", package.parent / "train.py") if one.is_file())
-    spec = spec_from_file_location("ibe_rl_train_script", path)
+    """The function ``train`` of train.py, which is no module of the package."""
+    spec = spec_from_file_location("ibe_rl_train_script", shipped("train.py"))
     assert spec is not None
     assert spec.loader is not None
     script = module_from_spec(spec)
