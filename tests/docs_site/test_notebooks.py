@@ -34,7 +34,7 @@ def run(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
 @pytest.mark.slow
 def test_the_quick_start(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     printed = run("quick_start.ipynb", monkeypatch, tmp_path)
-    assert "about its next 60 steps went as predicted" in printed
+    assert "of the next 60 steps went as predicted" in printed
     assert "\x1b" not in printed
     assert "falling moderately to the right" in printed
     assert "+1.00  falling to the right" in printed
