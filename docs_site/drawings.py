@@ -102,9 +102,9 @@ def draw_explanation(run: TrainedRun, shown: RecordedRollout, path: Path) -> Non
         [said] = explain([shown.moments[EXPLAINED_STEP]], run.policy, predictor, voice)
     states, now = shown.episode.states[:, :2], EXPLAINED_STEP
     figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
-    axes.plot(*states[: now + 1].T, color="0.6", label="flown")
+    axes.plot(*states[: now + 1].T, color="0.6", label="path so far")
     axes.plot(*said.path[:, :2].T, ".", color="tab:cyan", label=f"predicted for the next {run.horizon_steps} steps")
-    axes.plot(*states[now : now + run.horizon_steps + 1].T, color="tab:green", label="flown then")
+    axes.plot(*states[now : now + run.horizon_steps + 1].T, color="tab:green", label="realised")
     axes.plot(*states[now], "o", color="black")
     instruction = phrase(shown.episode.instructions[now], run.task.phrases)
     axes.annotate(f"instruction: {instruction}", tuple(states[now]), (0.2, states[now, 1] + 0.05))
