@@ -37,7 +37,7 @@ from ibe_rl.runtime.installation import installed
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.recorder import Recorder
-from ibe_rl.view.relay import Ports, Relay, choose_ports, invitation
+from ibe_rl.view.relay import Ports, Relay, choose_ports, wants_browser
 
 
 def main(cfg: ExplainConfig) -> None:
@@ -70,7 +70,7 @@ def explain_episode(run: TrainedRun, cfg: ExplainConfig) -> None:
     recording = record(run, cfg, rollout, said)
     print(f"recording: {recording}\n  open it with: {installed('rerun')} {recording}")
     if ports:
-        serve_until_enter(recording, ports)
+        serve_until_enter(recording, ports, wants_browser(cfg.viewer.open))
 
 
 def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: Sequence[Explanation]) -> Path:
@@ -87,13 +87,13 @@ def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: 
     return path
 
 
-def serve_until_enter(recording: Path, ports: Ports) -> None:
+def serve_until_enter(recording: Path, ports: Ports, browser: bool) -> None:
     """Serve the recording until Enter or Ctrl-C; not served without a terminal, which could not end it."""
     if not sys.stdin.isatty():
         print("not served: there is no terminal from which to stop it")
         return
-    with Relay(recording, ports):
-        print(invitation(ports))
+    with Relay(recording, ports, browser) as relay:
+        print(*relay.wait(), sep="\n")
         input("  press Enter to stop ")
 
 

@@ -165,6 +165,7 @@ class ViewerConfig:
     """``live`` records and serves the recording, ``file`` records only, ``off`` does neither."""
 
     mode: str = setting("live", choices=("live", "file", "off"))  # record and serve, record only, or neither
+    open: str = setting("auto", choices=("auto", "always", "never"))  # the browser; auto: from a terminal on a desktop
     grpc_port: int | None = setting(None, low=1, high=65535)  # None: 9876, or a free one
     web_port: int | None = setting(None, low=1, high=65535)  # None: 9090, or a free one
     max_recording_mb: int = setting(50, low=1)  # MB of 10^6 bytes; recorded more sparsely as the run grows

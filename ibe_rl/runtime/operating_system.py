@@ -142,11 +142,11 @@ def can_listen(port: int, host: str, family: socket.AddressFamily) -> bool:
             probe.bind((host, port))
         except OSError:
             return False
-    return sys.platform == "linux" or not _answers(port, host, family)
+    return sys.platform == "linux" or not answers(port, host, family)
 
 
-def _answers(port: int, host: str, family: socket.AddressFamily) -> bool:
-    """Whether somebody listens: with SO_REUSEADDR, BSD systems also bind beside a server of all addresses."""
+def answers(port: int, host: str, family: socket.AddressFamily) -> bool:
+    """Whether somebody listens; with SO_REUSEADDR, BSD systems also bind beside a server of all addresses."""
     with socket.socket(family) as probe:
         probe.settimeout(1.0)
         return probe.connect_ex((host, port)) == 0
@@ -162,6 +162,13 @@ def usable_cores() -> int:
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def has_desktop() -> bool:
+    """Whether a browser could open before the person who started this."""
+    if "SSH_CONNECTION" in os.environ:
+        return False
+    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def processor_name() -> str:

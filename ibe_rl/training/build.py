@@ -43,7 +43,7 @@ from ibe_rl.training.run import Run
 from ibe_rl.training.state import State, must_fit
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
-from ibe_rl.view.relay import News, choose_ports, page, serve_live
+from ibe_rl.view.relay import choose_ports, page, serve_live, wants_browser
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
@@ -87,7 +87,8 @@ def build(
             _restore_folder(cfg, folder, state)
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
-            live = serve_live(folder / RECORDING, ports, owned, print) if ports else list
+            browser = wants_browser(cfg.viewer.open)
+            live = serve_live(folder / RECORDING, ports, owned, print, browser) if ports else list
             classroom = None
             if teach:
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)

@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import time
+import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -22,13 +23,15 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import quote
 
-from ibe_rl.runtime.operating_system import is_stopped
-from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free
+from ibe_rl.runtime.operating_system import has_desktop, is_stopped
+from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free, is_served
 from ibe_rl.runtime.workers import ending
 from ibe_rl.view.server import HANG_S, MOMENT_S, ViewerServer, end_process
 
 GRPC_PORT, WEB_PORT = 9876, 9090
 CHUNK_BYTES = 1 << 18
+START_S = 60.0
+"""How long the page may take to answer where somebody waits for it."""
 DRAIN_S = 2.0
 """How long the rest of the recording may take to reach the server once the relay is asked to end."""
 News = Callable[[], list[str]]
@@ -106,14 +109,16 @@ class Relay:
     Args:
         recording: the file, which may not be there yet.
         ports: from ``choose_ports``.
+        browser: opens the page in the browser as soon as it answers.
 
     Raises:
         RuntimeError: if the viewer is not installed or the process cannot be started.
     """
 
-    def __init__(self, recording: Path, ports: Ports) -> None:
+    def __init__(self, recording: Path, ports: Ports, browser: bool = False) -> None:
         rerun_binary()
-        self._recording, self._told = recording, False
+        self._recording, self._ports, self._browser = recording, ports, browser
+        self._answered = self._told = False
         numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
         command = [sys.executable, "-m", "ibe_rl.view.relay", str(recording), *numbers]
         try:
@@ -129,16 +134,36 @@ class Relay:
         return self._process.poll() is None
 
     def news(self) -> list[str]:
-        """A line the first time that nobody can watch any more, and never again; waits for nothing."""
+        """The address once it answers, and a line once nobody can watch any more; waits for nothing."""
+        arrived = self._arrival()
         trouble = None if self._told else self._trouble()
         if trouble is None:
-            return []
+            return arrived
         self._told = True
         again = f"{sys.executable} -m ibe_rl.viewer {self._recording.parent}"
         return [
+            *arrived,
             f"warning: the live view has ended: {trouble}; training goes on and the recording is written all the "
-            f"same, look at it with: {again}"
+            f"same, look at it with: {again}",
         ]
+
+    def wait(self) -> list[str]:
+        """The news when the page answers, or cannot any more."""
+        until = time.monotonic() + START_S
+        while self.alive() and not self._serves() and time.monotonic() < until:
+            time.sleep(MOMENT_S)
+        return self.news()
+
+    def _serves(self) -> bool:
+        return is_served(self._ports.web) and is_served(self._ports.grpc)
+
+    def _arrival(self) -> list[str]:
+        if self._answered or not self._serves():
+            return []
+        self._answered = True
+        if self._browser:
+            webbrowser.open(page(self._ports))
+        return [invitation(self._ports)]
 
     def _trouble(self) -> str | None:
         if not self.alive():
@@ -242,14 +267,24 @@ def _main(arguments: Sequence[str] | None = None) -> int:
     return relay(asked.recording, Ports(asked.grpc_port, asked.web_port), _Stop(asked.parent))
 
 
-def serve_live(recording: Path, ports: Ports, owned: ExitStack, say: Callable[[str], None]) -> News:
-    """Start the process that serves the recording while it grows; without it training goes on all the same."""
+def wants_browser(choice: str) -> bool:
+    """Whether to open the page: ``viewer.open``, where "auto" asks for a terminal on a desktop."""
+    return choice == "always" or (choice == "auto" and has_desktop() and sys.stdout.isatty())
+
+
+def serve_live(
+    recording: Path, ports: Ports, owned: ExitStack, say: Callable[[str], None], browser: bool = False
+) -> News:
+    """Start the process that serves the recording while it grows; without it training goes on all the same.
+
+    Returns:
+        what there is to say of it from now on, the address first.
+    """
     try:
-        relay = owned.enter_context(Relay(recording, ports))
+        relay = owned.enter_context(Relay(recording, ports, browser))
     except RuntimeError as reason:
         say(f"warning: no live view, the recording is written all the same: {reason}")
         return list
-    say(invitation(ports))
     return relay.news
 
 

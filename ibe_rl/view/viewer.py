@@ -35,7 +35,7 @@ from ibe_rl.storage.run_folder import (
 from ibe_rl.types import ConfigError
 from ibe_rl.view.overlay import Overlay
 from ibe_rl.view.recording_file import END, HEAD_BYTES, MAGIC, next_message
-from ibe_rl.view.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, invitation
+from ibe_rl.view.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, wants_browser
 
 _RUNS = Path("runs")
 _POLL_S = 0.5
@@ -181,8 +181,8 @@ def serve(runs: Mapping[str, Path], ports: Ports) -> int:
             parts.append(Messages(curves_file))  # last, as the viewer opens on what came last
         with closing(Overlay(curves_file, curves)) as overlay, shown.open("wb") as file:
             append_new_messages(parts, file)
-            with Relay(shown, ports) as relay:
-                say(runs, ports)
+            with Relay(shown, ports, wants_browser("auto")) as relay:
+                say(runs, relay.wait())
                 while relay.alive() and not stop:
                     time.sleep(_POLL_S)
                     overlay.update()
@@ -199,9 +199,9 @@ def append_new_messages(parts: Sequence[Messages], shown: BinaryIO) -> None:
     shown.flush()
 
 
-def say(runs: Mapping[str, Path], ports: Ports) -> None:
+def say(runs: Mapping[str, Path], news: Sequence[str]) -> None:
     """Print which runs are open under which name, the address, and how to end."""
-    lines = [*(f"{name}: {run}" for name, run in runs.items()), invitation(ports)]
+    lines = [*(f"{name}: {run}" for name, run in runs.items()), *news]
     if len(runs) > 1:
         lines.append("  a click in the list on the left opens one run, a button at the top right shows the list again")
     sys.stdout.write("\n".join([*lines, "  Ctrl-C ends it\n"]))
