@@ -52,8 +52,7 @@ def main(cfg: ExplainConfig) -> None:
         refuse_external_settings(cfg)
         run = open_trained(cfg.run)
     tasks = {"episode": explain_episode, "evaluate": evaluate, "compare": compare, "predictors": judge_predictors}
-    task = tasks.get(cfg.task) or load_app(f"task={cfg.task}")
-    task(run, as_trained(cfg, run))
+    (tasks.get(cfg.task) or load_app(f"task={cfg.task}"))(run, as_trained(cfg, run))
 
 
 def explain_episode(run: TrainedRun, cfg: ExplainConfig) -> None:

@@ -43,7 +43,7 @@ from ibe_rl.training.run import Run
 from ibe_rl.training.state import State, must_fit
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
-from ibe_rl.view.relay import choose_ports, page, serve_live, wants_browser
+from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browser
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
