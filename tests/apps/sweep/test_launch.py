@@ -76,7 +76,7 @@ def test_a_sweep_on_a_cluster_is_told_where_and_how_many(monkeypatch: pytest.Mon
 
 
 def test_every_run_has_a_core_for_each_of_its_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(launching, "cores", lambda: 8)
+    monkeypatch.setattr(launching, "usable_cores", lambda: 8)
 
     def of(processes: int, overlap: bool = False) -> TrainConfig:
         return replace(CFG, collect=CollectConfig(processes=processes, overlap=overlap))

@@ -51,7 +51,7 @@ def test_the_table_holds_every_condition_and_metric(place: Path) -> None:
 
 def test_the_page_says_what_is_missing_before_the_numbers(place: Path) -> None:
     page = (place / "figures" / "report.html").read_text()
-    notice, rest = page.split("What the runs ended on", 1)
+    notice, rest = page.split("Final values", 1)
     assert "1 of 10 runs are not finished and do not count" in notice
     assert "mapping=axis, seed=9: not finished, at 1,000 frames" in notice
     assert "a single run, so no interval and no conclusion: mapping=lasso" in notice
