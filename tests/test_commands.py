@@ -14,6 +14,12 @@ WHOLE_PAGES = {"OWN_AGENT.md": "test_own_docs.py", "OWN_LOG.md": "test_own_docs.
 SWEPT = "apps/sweep/test_launch.py::test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again"
 SERVED = "view/test_viewer.py::test_runs_are_served_until_they_are_closed"
 ELSEWHERE = {
+    "train.py logger=mlflow loggers.mlflow.uri=http://127.0.0.1:5000": (
+        "apps/loggers/test_mlflow_logger.py::test_it_reads_curves_texts_pictures_and_settings"
+    ),
+    "explain.py agent=model.zip env=lander clip=landing.gif": (
+        "apps/external/test_explaining.py::test_a_model_file_is_explained_from_the_command_line"
+    ),
     "train.py instructor=human": "apps/teach/test_taught_session.py::test_every_step_says_what_the_page_had_sent",
     "train.py instructor=recorded instructor.recording=RUN stop_after_frames=FRAMES": (
         "training/test_resume.py::test_a_recorded_session_is_trained_anew"

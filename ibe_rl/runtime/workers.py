@@ -30,13 +30,21 @@ class LostWorkerError(RuntimeError):
 
 
 def process_context() -> BaseContext:
-    """How processes are started; TorchRL starts its own in the same way, unless a program has chosen another."""
-    method = process_start_method()
-    context = multiprocessing.get_context(method)
+    """How processes are started."""
+    context = multiprocessing.get_context(process_start_method())
     context.set_forkserver_preload(PRELOADED)
-    if multiprocessing.get_start_method(allow_none=True) is None:
-        multiprocessing.set_start_method(method)
     return context
+
+
+@contextmanager
+def as_processes_start() -> Iterator[None]:
+    """Let TorchRL start processes as ``process_context`` does: it takes the global method, and has set it to spawn."""
+    before, method = multiprocessing.get_start_method(), process_context().get_start_method()
+    multiprocessing.set_start_method(method if before == "spawn" else before, force=True)
+    try:
+        yield
+    finally:
+        multiprocessing.set_start_method(before, force=True)
 
 
 def end_with_parent(farewell_s: float = 0.0) -> None:

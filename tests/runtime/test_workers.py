@@ -92,11 +92,11 @@ def test_nobody_outlives_a_trainer_that_is_killed(training: Any, tmp_path: Path)
     assert eventually(lambda: all(gone(one) for one in family))
 
 
-def sleeps(*_: Any) -> Any:
+def sleeps(*_: Any, **__: Any) -> Any:
     time.sleep(600)
 
 
-def dies(*_: Any) -> Any:
+def dies(*_: Any, **__: Any) -> Any:
     os.kill(os.getpid(), signal.SIGKILL)
 
 

@@ -169,8 +169,9 @@ def test_the_folder_alone_says_that_its_agent_is_missing(
 def test_a_model_file_is_explained_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pilots.trained("DQN").save(tmp_path / "model.zip")
     own = [f"run_dir={tmp_path / 'run'}", "episodes=10", "random_actions=0.3", "env.kwargs.pad=left"]
-    call("explain", f"agent={tmp_path / 'model.zip'}", "env=lander", *own, *QUICK)
+    call("explain", f"agent={tmp_path / 'model.zip'}", "env=lander", f"clip={tmp_path / 'x.gif'}", *own, *QUICK)
     assert "Lunar Lander with pads: left" in capsys.readouterr().out
+    assert (tmp_path / "x.gif").read_bytes().startswith(b"GIF89a")
     config = load_run(tmp_path / "run", lambda _: pilots.sideways).config
     assert config.env.kwargs["pad"] == "left"
     assert config.agent == ExternalPolicyConfig(made_from=str(tmp_path / "model.zip"))
