@@ -258,3 +258,28 @@ def test_windows_is_refused_in_one_line():
         assert (ended.returncode == 1) is refused
         assert ended.stderr.count("\n") == refused
         assert ("WSL" in ended.stderr) is refused
+
+
+@pytest.mark.parametrize(
+    ("platform", "variables", "desktop"),
+    [
+        ("linux", {}, False),
+        ("linux", {"DISPLAY": ":0"}, True),
+        ("linux", {"WAYLAND_DISPLAY": "wayland-0"}, True),
+        ("linux", {"DISPLAY": "localhost:10.0", "SSH_CONNECTION": "a 1 b 2"}, False),
+        ("darwin", {}, True),
+    ],
+)
+def test_a_desktop(platform: str, variables: dict[str, str], desktop: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SSH_CONNECTION"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr("sys.platform", platform)
+    assert system.has_desktop() is desktop
+
+
+@pytest.mark.parametrize(("platform", "method"), [("linux", "forkserver"), ("darwin", "spawn")])
+def test_workers_are_copies_where_a_fork_is_safe(platform: str, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", platform)
+    assert system.process_start_method() == method

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import re
 import signal
@@ -170,3 +171,18 @@ def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
 
 def test_how_a_process_ended():
     assert [ending(-9), ending(-15), ending(3)] == ["SIGKILL", "SIGTERM", "exit status 3"]
+
+
+@pytest.mark.parametrize(("before", "during"), [("spawn", "forkserver"), ("fork", "fork")])
+def test_processes_start_as_copies_unless_a_program_has_chosen(
+    before: str, during: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(workers, "process_start_method", lambda: "forkserver")
+    mine = multiprocessing.get_start_method()
+    multiprocessing.set_start_method(before, force=True)
+    try:
+        with workers.as_processes_start():
+            assert multiprocessing.get_start_method() == during
+        assert multiprocessing.get_start_method() == before
+    finally:
+        multiprocessing.set_start_method(mine, force=True)

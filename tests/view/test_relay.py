@@ -266,3 +266,38 @@ def test_a_killed_trainer_leaves_nothing_behind(tmp_path: Path, viewer_hangs: bo
         trainer.kill()
     assert eventually(lambda: gone(relay))
     assert eventually(lambda: gone(server))
+
+
+@pytest.mark.parametrize(
+    ("choice", "desktop", "terminal", "wanted"),
+    [
+        ("auto", True, True, True),
+        ("auto", False, True, False),
+        ("auto", True, False, False),
+        ("always", False, False, True),
+        ("never", True, True, False),
+    ],
+)
+def test_the_browser_is_wanted_from_a_terminal_on_a_desktop(
+    choice: str, desktop: bool, terminal: bool, wanted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "has_desktop", lambda: desktop)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal, raising=False)
+    assert module.wants_browser(choice) is wanted
+
+
+@pytest.mark.parametrize("browser", [True, False])
+def test_the_address_is_told_once_it_answers(browser: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    served: set[int] = set()
+    monkeypatch.setattr(module, "is_served", served.__contains__)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    ports = free_ports()
+    with Relay(tmp_path / "recording.rrd", ports, browser) as relay:
+        assert relay.news() == []
+        served.add(ports.web)
+        assert relay.news() == []  # the page alone would show nothing
+        served.add(ports.grpc)
+        assert relay.wait() == [module.invitation(ports)]
+        assert relay.news() == []
+    assert opened == ([module.page(ports)] if browser else [])
