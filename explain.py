@@ -1,4 +1,4 @@
-"""Let a trained agent explain itself: roll out one episode and explain each step, or evaluate the explanations.
+"""Let a trained agent explain an episode step by step, or judge its explanations.
 
 python explain.py                                the newest run below runs/
 python explain.py run=runs/NAME seed=3 context=left
