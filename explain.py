@@ -29,7 +29,7 @@ from ibe_rl.evaluation.narration import check_episode, clip_of, explain_rollout,
 from ibe_rl.evaluation.predictors import judge_predictors
 from ibe_rl.evaluation.run_predictor import as_trained
 from ibe_rl.evaluation.runs import open_trained, refuse_external_settings
-from ibe_rl.evaluation.task_settings import check_task
+from ibe_rl.evaluation.task_settings import refuse_unread
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
@@ -42,7 +42,7 @@ from ibe_rl.view.relay import Ports, Relay, choose_ports, wants_browser
 
 def main(cfg: ExplainConfig) -> None:
     """Open the run and do its ``task``, or report a sweep."""
-    check_task(cfg)
+    refuse_unread(cfg)
     if cfg.sweep_dir is not None:
         load_app("sweep=")(cfg)
         return

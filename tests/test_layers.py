@@ -99,7 +99,7 @@ def test_each_room_says_what_it_is_for(room: str):
 
 
 def test_the_package_itself_imports_only_what_needs_no_torch():
-    assert {used for user, used in EDGES if user == ""} == {"types", "envs", "ibe", "task"}
+    assert {used for user, used in EDGES if user == ""} == {"types", "envs", "task"}
     assert {user for user, used in EDGES if used == ""} == {"__main__"}
 
 

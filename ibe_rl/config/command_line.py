@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from ibe_rl.config.arguments import as_hydra_reads, sorted_arguments
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.hydra_setup import prepare_hydra, settings_at_hand
+from ibe_rl.config.hydra_setup import given_settings, prepare_hydra, settings_at_hand
 from ibe_rl.config.kind_files import resumed_choices
 from ibe_rl.config.kinds import SEVERAL, check_config
 from ibe_rl.config.local_files import CONFIGS
@@ -92,11 +92,6 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
 def named_settings() -> set[str]:
     """The top-level settings named on the command line."""
     return {one.key_or_group.partition(".")[0] for one in OverridesParser.create().parse_overrides(given_settings())}
-
-
-def given_settings() -> list[str]:
-    """The settings as typed on the command line; none where a user's own program uses the package."""
-    return list(HydraConfig.get().overrides.task) if HydraConfig.initialized() else []
 
 
 def own_configs() -> str:

@@ -12,6 +12,7 @@ from typing import Any
 import hydra
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.plugins.launcher import Launcher
@@ -124,3 +125,8 @@ def choice_names(group: str) -> list[str]:
     """The names of all choices of a config group."""
     with settings_at_hand():
         return list(GlobalHydra.instance().config_loader().get_group_options(group))
+
+
+def given_settings() -> list[str]:
+    """The settings as typed on the command line; none where a user's own program uses the package."""
+    return list(HydraConfig.get().overrides.task) if HydraConfig.initialized() else []

@@ -147,7 +147,13 @@ class Pages:
 
     def _summary(self, group: str) -> Iterator[str]:
         choices, first = self._choices(group), self._chosen[group]
-        listed = list(choices) if first and len(choices) <= LISTED else [first] if first in choices else []
+        listed = (
+            list(choices)
+            if len(choices) <= LISTED and group not in ("logger", "sweep")
+            else [first]
+            if first in choices
+            else []
+        )
         rest = [name for name in choices if name not in listed]
         heads = [*listed, *([] if choices else ["(none yet; yours: ./configs/" + group + "/NAME.yaml)"])]
         for number, name in enumerate(heads):

@@ -12,9 +12,8 @@ from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ibe_rl.config.command_line import given_settings
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.hydra_setup import choices, settings_at_hand
+from ibe_rl.config.hydra_setup import choices, given_settings, settings_at_hand
 from ibe_rl.config.kind_files import KindFiles
 from ibe_rl.config.kinds import GROUPS, SEVERAL, with_settings
 from ibe_rl.config.settings import CODE_SETTINGS, EnvConfig

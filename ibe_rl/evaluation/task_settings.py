@@ -6,7 +6,7 @@ from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.types import ConfigError
 
 
-def check_task(cfg: ExplainConfig) -> None:
+def refuse_unread(cfg: ExplainConfig) -> None:
     """Refuse settings that the task would not read.
 
     Raises:

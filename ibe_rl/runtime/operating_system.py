@@ -142,10 +142,10 @@ def can_listen(port: int, host: str, family: socket.AddressFamily) -> bool:
             probe.bind((host, port))
         except OSError:
             return False
-    return sys.platform == "linux" or not answers(port, host, family)
+    return sys.platform == "linux" or not accepts(port, host, family)
 
 
-def answers(port: int, host: str, family: socket.AddressFamily) -> bool:
+def accepts(port: int, host: str, family: socket.AddressFamily) -> bool:
     """Whether somebody listens; with SO_REUSEADDR, BSD systems also bind beside a server of all addresses."""
     with socket.socket(family) as probe:
         probe.settimeout(1.0)

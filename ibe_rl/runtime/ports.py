@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from ibe_rl.runtime.operating_system import answers, can_listen
+from ibe_rl.runtime.operating_system import accepts, can_listen
 from ibe_rl.types import ConfigError
 
 HOST = "127.0.0.1"
@@ -49,7 +49,7 @@ def is_free(port: int, host: str = HOST) -> bool:
 
 def is_served(port: int, host: str = HOST) -> bool:
     """True if a server answers on this port."""
-    return answers(port, host, _family(host))
+    return accepts(port, host, _family(host))
 
 
 def _family(host: str) -> socket.AddressFamily:

@@ -30,7 +30,7 @@ from ibe_rl.view.server import HANG_S, MOMENT_S, ViewerServer, end_process
 
 GRPC_PORT, WEB_PORT = 9876, 9090
 CHUNK_BYTES = 1 << 18
-START_S = 60.0
+PAGE_STARTS_S = 60.0
 """How long the page may take to answer where somebody waits for it."""
 DRAIN_S = 2.0
 """How long the rest of the recording may take to reach the server once the relay is asked to end."""
@@ -149,7 +149,7 @@ class Relay:
 
     def wait(self) -> list[str]:
         """The news when the page answers, or cannot any more."""
-        until = time.monotonic() + START_S
+        until = time.monotonic() + PAGE_STARTS_S
         while self.alive() and not self._serves() and time.monotonic() < until:
             time.sleep(MOMENT_S)
         return self.news()

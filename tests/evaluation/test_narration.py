@@ -17,7 +17,7 @@ from rich.console import Console
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.evaluation import narration
 from ibe_rl.evaluation.narration import clip_of, print_narration
-from ibe_rl.evaluation.task_settings import check_task
+from ibe_rl.evaluation.task_settings import refuse_unread
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
@@ -167,12 +167,12 @@ def test_the_table_is_never_longer_than_a_screen_and_says_what_it_leaves_out(tmp
 
 
 def test_a_clip_is_of_an_explained_episode_only() -> None:
-    check_task(ExplainConfig(clip="x.gif"))
-    check_task(ExplainConfig(task="evaluate"))
+    refuse_unread(ExplainConfig(clip="x.gif"))
+    refuse_unread(ExplainConfig(task="evaluate"))
     with pytest.raises(ConfigError, match=r"clip=x.gif with task=evaluate: allowed with it is task=episode"):
-        check_task(ExplainConfig(clip="x.gif", task="evaluate"))
+        refuse_unread(ExplainConfig(clip="x.gif", task="evaluate"))
     with pytest.raises(ConfigError, match=r"clip=x.gif with sweep=runs: allowed with it is task=episode"):
-        check_task(ExplainConfig(clip="x.gif", sweep_dir="runs"))
+        refuse_unread(ExplainConfig(clip="x.gif", sweep_dir="runs"))
 
 
 def test_a_clip_that_cannot_be_finished_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from ibe_rl.evaluation.baselines import Learnt, StateRegressor
 from ibe_rl.evaluation.judging import judge, rows_of
 from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.rows import Statements
-from ibe_rl.evaluation.task_settings import check_task
+from ibe_rl.evaluation.task_settings import refuse_unread
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.training.check import check_columns
 from ibe_rl.types import ConfigError
@@ -140,10 +140,10 @@ def test_a_metric_overrides_what_it_needs() -> None:
 def test_they_are_refused_for_a_task_that_does_not_ask_them() -> None:
     asked = {"mine": MetricConfig(kind="x:Y")}
     for task in ("evaluate", "compare"):
-        check_task(ExplainConfig(task=task, metrics=asked))
-    check_task(ExplainConfig(task="episode"))
+        refuse_unread(ExplainConfig(task=task, metrics=asked))
+    refuse_unread(ExplainConfig(task="episode"))
     with pytest.raises(ConfigError, match=r"^metric=\[mine\] with task=episode: allowed with task=evaluate or task="):
-        check_task(ExplainConfig(task="episode", metrics=asked))
+        refuse_unread(ExplainConfig(task="episode", metrics=asked))
 
 
 @pytest.mark.parametrize("column", ["frames", "ibe/windows", "train/new", "time/x", "a/b"])
