@@ -138,7 +138,7 @@ def _so_far(task: Task, number: int, title: str) -> rrb.View:
     return rrb.TimeSeriesView(
         origin="/",
         contents=[signal] if number else [signal, f"/{SAID}/**"],
-        name=f"Told (yellow), said (teal){title} by step; right-click goes there",
+        name=f"Instruction (yellow), explanation (teal){title}; right-click goes there",
         axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary, end=boundary)),
         axis_y=rrb.ScalarAxis(range=(-1.1, 1.1)),
         plot_legend=rrb.PlotLegend(visible=False),
@@ -170,7 +170,7 @@ def _scene(task: Task) -> rrb.View:
     width, height = task.scene_size
     return rrb.Spatial2DView(
         origin="/scene",
-        name=f"{task.name}: flown and predicted",
+        name=f"{task.name}: path and prediction",
         background=list(BACKGROUND),
         visual_bounds=rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height)),
     )

@@ -159,7 +159,7 @@ class Film:
     def _send_told(self, take: _Take) -> None:
         rows = picture.changes(take.instructed)
         top = np.tile([self._task.scene_size[0] / 2, 0.0], (len(rows), 1))
-        labels = [f"told: {take.instructed[i]}" for i in rows]
+        labels = [f"instruction: {take.instructed[i]}" for i in rows]
         self._send("scene/told", take.place.columns(rows), rr.Points2D.columns(positions=top, labels=labels))
 
     def _send_signals(self, take: _Take) -> None:

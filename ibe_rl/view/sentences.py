@@ -76,7 +76,7 @@ def moved(refresh: Refresh) -> list[str]:
     acts = f"it acts otherwise in {change.policy_drift:.0%} of the probed states"
     words = f"{change.drift.phrase_changed:.0%} of the probed windows are called something else"
     told = not math.isnan(change.staleness)
-    stale = f"staleness of the words before: {change.staleness:+.3f}" if told else "their staleness cannot be told"
+    stale = f"staleness of the words before: {change.staleness:+.3f}" if told else "their staleness is unknown"
     return [acts, words, stale] if refresh.taken else [acts, f"{stale}, so they stay"]
 
 

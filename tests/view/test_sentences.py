@@ -62,11 +62,11 @@ def test_a_verdict_says_what_happened_where_it_was_not_what_was_said() -> None:
     assert wording.verdict_line(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
 
 
-def test_what_cannot_be_told_is_not_a_number_in_words() -> None:
+def test_what_is_unknown_is_not_a_number_in_words() -> None:
     refresh = developed()[1]
     assert refresh.change is not None
     unknown = replace(refresh, change=replace(refresh.change, staleness=float("nan")))
-    assert sentences.moved(unknown)[-1] == "their staleness cannot be told"
+    assert sentences.moved(unknown)[-1] == "their staleness is unknown"
 
 
 def test_a_vocabulary_that_stays_is_not_said_to_stand_on_what_the_other_one_would() -> None:

@@ -21,13 +21,13 @@ from ibe_rl.view.relay import Relay
 from ibe_rl.view.relay import page as page_of_relay
 
 PANELS = {
-    "Lunar Lander with pads: flown and predicted",
+    "Lunar Lander with pads: path and prediction",
     "Instruction and explanation, step by step",
     "Now",
     "Its vocabulary",
     "Movements in its best episodes, and their clusters",
     "x change (half widths): best green, highest bar cut",
-    "Told (yellow), said (teal) by step; right-click goes there",
+    "Instruction (yellow), explanation (teal); right-click goes there",
     "Return per episode",
     "Success (share of episodes)",
     "Are its words true? (0 to 1)",
