@@ -106,6 +106,7 @@ def test_the_page_says_what_was_reached(
     assert page.read_text() == once
 
 
+@pytest.mark.slow
 def test_the_pictures_are_drawn(together: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "PICTURES", tmp_path)
     report.draw(together)

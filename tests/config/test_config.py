@@ -88,6 +88,7 @@ def test_the_papers_experiment_trains_its_kind_of_agent_and_reports():
     assert not composed("train").report
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for group, name in CHOICES if group == "sweep"])
 def test_every_sweep_varies_what_it_is_called_after_and_each_of_its_runs_can_work(name: str):
     register()

@@ -350,6 +350,7 @@ def landings(request: pytest.FixtureRequest) -> list[Replay]:
     return replays(range(16), continuous=request.param)
 
 
+@pytest.mark.slow
 def test_a_restored_game_repeats_the_flight(landings: list[Replay]):
     errors = [one.error for one in landings if not one.lands]
     assert len(errors) > 100
@@ -435,6 +436,7 @@ def test_a_snapshot_changes_nothing_and_does_not_change():
     np.testing.assert_array_equal(before.bodies, bodies)
 
 
+@pytest.mark.slow
 @ENGINES
 def test_the_lean_step_equals_gymnasiums_to_the_last_bit(continuous: bool) -> None:
     """A copy that could render goes through gymnasium's own step; whole episodes on all pads, all kinds of end."""

@@ -85,6 +85,7 @@ def test_a_metric_that_nobody_could_tell_is_an_empty_picture():
     assert np.ma.getmaskarray(changing(nothing, 60).axes[1].images[0].get_array()).all()
 
 
+@pytest.mark.slow
 def test_all_are_written_as_pictures(tmp_path: Path):
     quality = {"protocol": {"horizon_steps": 60}, "rows": ROWS, "changing_policy": AGES}
     drawn = draw_all(tmp_path, quality, CALIBRATION, OURS, ("baseline:paper",))

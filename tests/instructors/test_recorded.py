@@ -219,6 +219,7 @@ def test_any_text_is_refused_or_is_a_session(file: Path, text: str, raw: bytes):
         read_and_repeat(file)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=500)
 @given(fields=ALMOST)
 @example(fields={"episode": 0, "instructions": "", "given": "", "by": "", "heard": ""})

@@ -48,6 +48,7 @@ def learnt(log: TrajectoryLog) -> Ensemble:
     return ensemble
 
 
+@pytest.mark.slow
 def test_it_follows_the_policy_as_the_cart_would_go(learnt: Ensemble):
     starts = [moment(-1.5), moment(0, -0.5), moment(-0.5, 0.5), moment(0.2, 0.1)]
     predicted = learnt.rollout(starts, coast, 20)

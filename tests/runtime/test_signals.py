@@ -106,6 +106,7 @@ def test_interrupts_come_back_also_after_an_error():
         raise OSError("no process")
 
 
+@pytest.mark.slow
 def test_processes_started_so_do_not_run_the_script(tmp_path: Path):
     """Without it a spawned process imports the script that started it, with all that it imports."""
     script = tmp_path / "script.py"

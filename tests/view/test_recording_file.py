@@ -105,6 +105,7 @@ for call in (lambda: recorder.watched(60_000, *filmed()), recorder.flush,
 """
 
 
+@pytest.mark.slow
 def test_rerun_never_notices_a_full_disk(tmp_path: Path) -> None:
     """Not even at the exit, where its own writer waits for ever every few times."""
     path = tmp_path / "recording.rrd"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from told import run, train
 
 from ibe_rl.apps.loggers.csv import Csv
@@ -14,6 +15,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.*") if path.is_file()}
 
 
+@pytest.mark.slow
 def test_it_holds_curves_texts_and_pictures(tmp_path: Path) -> None:
     lines = train(Csv(LoggerConfig(kind="")), run(tmp_path / "run"), until=40)
     folder = tmp_path / "run/loggers/csv"
@@ -31,6 +33,7 @@ def test_it_holds_curves_texts_and_pictures(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_drops_what_lies_beyond(tmp_path: Path) -> None:
     train(Csv(LoggerConfig(kind="")), run(tmp_path / "run"), until=40)
     curve = tmp_path / "run/loggers/csv/scalars/train/return_mean.csv"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from io import BytesIO
 
+import pytest
 from PIL import Image
 from told import event
 from view_data import TASK, developed, refreshed
@@ -12,6 +13,7 @@ from ibe_rl.apps.loggers.phrase_table import PHRASE_COLUMNS, phrase_rows
 from ibe_rl.apps.loggers.pictures import draw_clusters, draw_episode, pictures_of
 
 
+@pytest.mark.slow
 def test_they_are_png_files_drawn_once() -> None:
     told = event(20)
     found = pictures_of(told, TASK)

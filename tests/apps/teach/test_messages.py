@@ -82,6 +82,7 @@ def parsed(text: str | bytes) -> Message | None:
         return None
 
 
+@pytest.mark.slow
 @given(st.text() | st.binary())
 def test_no_text_breaks_it(text: str | bytes):
     parsed(text)
