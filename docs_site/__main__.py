@@ -27,7 +27,7 @@ def main() -> int:
 def stage(docs: Path, copy: Path) -> None:
     """The Markdown that the site is built from: docs/, its notebooks as pages, and the reference."""
     shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(docs, copy, ignore=shutil.ignore_patterns(".ipynb_checkpoints", "runs"))
+    shutil.copytree(docs, copy, ignore=shutil.ignore_patterns(".ipynb_checkpoints", "runs", "__pycache__"))
     for notebook in copy.glob("notebooks/*.ipynb"):
         notebook.with_suffix(".md").write_text(as_page(json.loads(notebook.read_text())))
     for page in copy.glob("*.md"):
