@@ -78,7 +78,7 @@ def _parameters(signature: inspect.Signature) -> list[str]:
 
 
 def _parameter(one: inspect.Parameter) -> str:
-    stars = {one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "")
+    stars = {"VAR_POSITIONAL": "*", "VAR_KEYWORD": "**"}.get(one.kind.name, "")
     type_of = "" if one.annotation is one.empty else f": {one.annotation}"
     if one.default is one.empty:
         return f"{stars}{one.name}{type_of}"
