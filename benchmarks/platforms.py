@@ -46,7 +46,7 @@ def check(system: str, version: str, wheels: str) -> str:
     target = ["--python-platform", SYSTEMS[system], "--python-version", version]
     command = [*uv, "-c", PINS, "--find-links", wheels, "--only-binary", ":all:", *target, "pyproject.toml"]
     environment = os.environ | {"MACOSX_DEPLOYMENT_TARGET": "14.0"}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - our own
     if done.returncode:
         return f"{system}, Python {version}: {' '.join(done.stderr.split())}"
     loose = unpinned(done.stdout, (ROOT / PINS).read_text())

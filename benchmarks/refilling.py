@@ -51,7 +51,7 @@ def fly(frames: int) -> list[Episode]:
     """Episodes of the agent of the demo and of random actions, about the same number of frames of each."""
     random = np.random.default_rng(0)
     trained = load_run(ROOT / "demo").policy
-    choices = int(make_gym(LANDER_ID, {}).action_space.n)  # type: ignore[attr-defined]  # the lander's is discrete
+    choices = int(make_gym(LANDER_ID, {}).action_space.n)  # the lander's is discrete
     return fly_with(trained, frames // 2) + fly_with(lambda seen: random.integers(choices, size=len(seen)), frames // 2)
 
 

@@ -37,7 +37,7 @@ def _mean(each: list[dict[str, Any]]) -> dict[str, Any]:
     """Mean of dictionaries of the same shape."""
     if isinstance(each[0], dict):
         return {name: _mean([one[name] for one in each]) for name in each[0]}
-    return round(float(np.mean(each)), 4)  # type: ignore[return-value]  # the leaves are numbers
+    return round(float(np.mean(each)), 4)  # the leaves are numbers
 
 
 def _of_mapping(mapping: ClusterMapping, flown: Flown, learnt: Windows) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def headless_viewer() -> Iterator[ViewerClient]:
     port = free_port(9876)
     size = "x".join(map(str, WINDOW))
     command = [str(rerun_binary()), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", size]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:  # noqa: S603
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:  # noqa: S603 - our own
         try:
             yield connected(f"rerun+http://127.0.0.1:{port}/proxy")
         finally:

@@ -37,4 +37,4 @@ def picture() -> str:
 
 
 if __name__ == "__main__":
-    print(picture())  # noqa: T201
+    print(picture())  # noqa: T201 - talks to a person

@@ -111,7 +111,7 @@ def test_the_table_counts() -> None:
 
 def test_rules() -> None:
     states = np.array([[-1.0], [0.0], [1.0]])
-    first = lambda states: states[..., 0]  # noqa: E731
+    first = lambda states: states[..., 0]  # noqa: E731 - a feature in a line
     assert towards(first, 1.0, 0.5)(states).tolist() == [[1], [1], [0]]
     assert the_sign_of(first)(states).tolist() == [[-1], [0], [1]]
     assert only_below(first, 0.5)(states).tolist() == [[1], [1], [0]]

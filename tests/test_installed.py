@@ -74,7 +74,7 @@ def outside() -> dict[str, str]:
 def said_by(programs: Path, place: Path, command: str) -> str:
     """What a command prints that is typed there."""
     variables = outside() | {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
-    ended = subprocess.run(command, shell=True, cwd=place, env=variables, capture_output=True, text=True, timeout=250)  # noqa: S602
+    ended = subprocess.run(command, shell=True, cwd=place, env=variables, capture_output=True, text=True, timeout=250)  # noqa: S602 - as a person types it
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
 

@@ -49,12 +49,12 @@ def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, c
     assert judged == [names["explained"]]
     assert (place / "runs" / "mine" / "refreshes").is_dir()
     assert "of the next 20 steps went as predicted" in capsys.readouterr().out
-    exec(quickly(function), names)  # noqa: S102
+    exec(quickly(function), names)  # noqa: S102 - our own page
     assert names["explained"].run.config.agent.sees_instruction is False
-    exec(answer, names)  # noqa: S102
+    exec(answer, names)  # noqa: S102 - our own page
     assert names["model"].observation_space.shape == (11,)
     [log] = blocks(LOG)
-    exec(log, names)  # noqa: S102
+    exec(log, names)  # noqa: S102 - our own page
     assert names["dataset"].total_episodes == 12
     assert (place / names["folder"] / "refreshes").is_dir()
 

@@ -35,4 +35,4 @@ def main(arguments: Sequence[str] | None = None) -> str:
 
 
 if __name__ == "__main__":
-    print(main())  # noqa: T201
+    print(main())  # noqa: T201 - talks to a person

@@ -69,7 +69,7 @@ class Lamp(gymnasium.Wrapper[Array, Any, Array, Any]):
 
     def __init__(self, env: gymnasium.Env[Array, Any]):
         super().__init__(env)
-        self.observation_space = spaces.Box(-np.inf, np.inf, (env.observation_space.shape[0] + 1,), np.float32)  # type: ignore[index]
+        self.observation_space = spaces.Box(-np.inf, np.inf, (env.observation_space.shape[0] + 1,), np.float32)
         self._lamp = np.float32(1)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -95,7 +95,7 @@ class OtherStart(gymnasium.Wrapper[Array, Any, Array, Any]):
         """Reset to the drawn state."""
         _, info = self.env.reset(seed=seed, options=options)
         state = np.random.default_rng([START_STREAM, seed or 0]).uniform(-self._reach, self._reach)
-        self.unwrapped.state = state  # type: ignore[attr-defined]
+        self.unwrapped.state = state
         return state.astype(np.float32), info
 
 
@@ -103,7 +103,7 @@ class Copyable(gymnasium.Wrapper[Array, Any, Array, Any]):
     """Takes snapshots of an environment in pure Python, wrappers included, by a deep copy."""
 
     @property
-    def unwrapped(self) -> Copyable:  # type: ignore[override]
+    def unwrapped(self) -> Copyable:
         """Itself, so that snapshots include the wrappers inside."""
         return self
 

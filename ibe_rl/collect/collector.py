@@ -23,7 +23,7 @@ from ibe_rl.envs.make import make_env, make_vector_env
 from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.runtime.workers import Processes, Workers, as_processes_start, end_with_parent, next_of, starting
+from ibe_rl.runtime.workers import Processes, Workers, end_with_parent, next_of, start_method_for_torchrl, starting
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
@@ -113,7 +113,7 @@ def make_collector(
             ray = load_app("collect.engine=ray")
             return ray.RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
     limit_s = collect.timeout_s if apart(collect) else None
-    with interrupts_stay_here(), script_stays_here(), as_processes_start(), starting(limit_s):
+    with interrupts_stay_here(), script_stays_here(), start_method_for_torchrl(), starting(limit_s):
         return Collector(
             factories if apart(collect) else factories[0],
             deepcopy(agent.policy),  # shared by the processes and updated only between batches

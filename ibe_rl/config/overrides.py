@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.arguments import quoted
-from ibe_rl.config.kinds import GROUPS, checked, implementation, settings_of
+from ibe_rl.config.kinds import GROUPS, SEVERAL, checked, implementation, settings_of
 from ibe_rl.types import ConfigError
 
 
@@ -79,5 +79,5 @@ def kind_name(group: str, kind: Any) -> str:
     return name
 
 
-KINDS_OF_ONE = tuple(group for group in GROUPS if group not in ("listener", "metric"))
+KINDS_OF_ONE = tuple(group for group in GROUPS if group not in SEVERAL)
 """Groups of which a run has one kind."""

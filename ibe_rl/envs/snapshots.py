@@ -113,7 +113,7 @@ def stoppable(env: gymnasium.Env[Any, Any]) -> Stoppable | None:
     environment.
     """
     if hasattr(env.unwrapped, "snapshot"):
-        own: Stoppable = env.unwrapped  # type: ignore[assignment]
+        own: Stoppable = env.unwrapped  # type: ignore[assignment]  # it has what is asked for
         return own
     method = _method(env)
     return None if method is None else method(_unwrapped(env))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.types import ConfigError
 
+OF_AN_EPISODE = ("context", "output", "clip")
+"""Settings that only ``task=episode`` reads."""
+
 
 def refuse_unread(cfg: ExplainConfig) -> None:
     """Refuse settings that the task would not read.
@@ -16,6 +19,9 @@ def refuse_unread(cfg: ExplainConfig) -> None:
         raise ConfigError(
             f"metric=[{','.join(cfg.metrics)}] with task={cfg.task}: allowed with task=evaluate or task=compare"
         )
-    if cfg.clip is not None and (cfg.task != "episode" or cfg.sweep_dir is not None):
-        task = f"task={cfg.task}" if cfg.sweep_dir is None else f"sweep={cfg.sweep_dir}"
-        raise ConfigError(f"clip={cfg.clip} with {task}: allowed with it is task=episode, without sweep=")
+    task = f"task={cfg.task}" if cfg.sweep_dir is None else f"sweep={cfg.sweep_dir}"
+    for name in OF_AN_EPISODE if task != "task=episode" else ():
+        if (value := getattr(cfg, name)) is not None:
+            raise ConfigError(f"{name}={value} with {task}: allowed with it is task=episode, without sweep=")
+    if cfg.output is not None and cfg.viewer.mode == "off":
+        raise ConfigError(f"output={cfg.output} with viewer=off: allowed with it is viewer=file or viewer=live")

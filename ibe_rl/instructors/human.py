@@ -28,7 +28,7 @@ class Human:
     check, stand_in = staticmethod(check_mixed), staticmethod(others_stand_in)
 
     @staticmethod
-    def make(config: HumanConfig, task: Task, seed: int, person: Instructor | None = None) -> MixedInstructor:  # noqa: ARG004
+    def make(config: HumanConfig, task: Task, seed: int, person: Instructor | None = None) -> MixedInstructor:  # noqa: ARG004 - it draws nothing
         """See ``ibe_rl.instructors``.
 
         Raises:

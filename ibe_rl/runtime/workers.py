@@ -30,15 +30,15 @@ class LostWorkerError(RuntimeError):
 
 
 def process_context() -> BaseContext:
-    """How processes are started."""
+    """How processes are started; on Linux as copies of one that has imported ``PRELOADED``."""
     context = multiprocessing.get_context(process_start_method())
     context.set_forkserver_preload(PRELOADED)
     return context
 
 
 @contextmanager
-def as_processes_start() -> Iterator[None]:
-    """Let TorchRL start processes as ``process_context`` does: it takes the global method, and has set it to spawn."""
+def start_method_for_torchrl() -> Iterator[None]:
+    """Let TorchRL start processes as ``process_context`` does, by the global method, which its import sets to spawn."""
     before, method = multiprocessing.get_start_method(), process_context().get_start_method()
     multiprocessing.set_start_method(method if before == "spawn" else before, force=True)
     try:

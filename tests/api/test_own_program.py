@@ -145,7 +145,7 @@ def test_settings_that_cannot_work_are_refused(asked: dict[str, Any], message: s
 def test_a_class_in_place_of_a_listener_is_refused() -> None:
     made = ibe_rl.settings(env="lander", viewer="off")
     with pytest.raises(ibe_rl.ConfigError, match=r"listeners=\[Hears\]: a class; allowed are objects, Hears\(...\)"):
-        ibe_rl.build(made, listeners=[Hears]).__enter__()  # type: ignore[list-item]
+        ibe_rl.build(made, listeners=[Hears]).__enter__()
 
 
 def test_a_gymnasium_object_with_a_task_of_its_own_is_enough() -> None:

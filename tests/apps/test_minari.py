@@ -122,8 +122,8 @@ def test_an_environment_that_a_config_declares_goes_out_and_comes_in(tmp_path: P
 def collected(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Minari's own collector, which takes one function from jax: here torch's of the same name."""
     jax, tree = ModuleType("jax"), ModuleType("jax.tree_util")
-    tree.tree_map = _pytree.tree_map  # type: ignore[attr-defined]
-    jax.tree_util = tree  # type: ignore[attr-defined]
+    tree.tree_map = _pytree.tree_map
+    jax.tree_util = tree
     monkeypatch.setitem(sys.modules, "jax", jax)
     monkeypatch.setitem(sys.modules, "jax.tree_util", tree)
 

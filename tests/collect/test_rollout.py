@@ -229,7 +229,7 @@ def test_moments_of_a_game_that_cannot_be_stopped_have_no_snapshot():
         snapshot = property()  # it has none
 
     instructor = make_instructor(InstructorConfig("oracle"), Counter.task)
-    stay = lambda observations: np.zeros(len(observations), int)  # noqa: E731
+    stay = lambda observations: np.zeros(len(observations), int)  # noqa: E731 - a policy in a line
     [stopped] = moments_at([Counter()], stay, instructor, [4], [2])
     [other] = moments_at([Unstoppable()], stay, instructor, [4], [2])
     assert (stopped.snapshot, other.snapshot) == (2, None)

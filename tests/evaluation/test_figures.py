@@ -55,7 +55,7 @@ def test_explainers_are_in_the_order_of_their_truth():
     figure = by_explainer(ROWS, 60)
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert names == ["shuffled", "paper", "ibe:axis"]
-    points = [line.get_xdata()[0] for line in figure.axes[0].lines if len(line.get_xdata()) == 1]  # type: ignore[arg-type, index]
+    points = [line.get_xdata()[0] for line in figure.axes[0].lines if len(line.get_xdata()) == 1]
     assert points == [0.5, 0.7, 0.9]
     assert "60 steps" in figure.get_suptitle()
 
@@ -71,7 +71,7 @@ def test_confidence_is_drawn_in_percent():
 
 def test_horizons_without_a_value_are_left_out():
     left = over_horizons(ROWS, (OURS, "baseline:paper"), 60).axes[0]
-    assert [len(line.get_ydata()) for line in left.lines] == [2, 1, 2]  # type: ignore[arg-type]  # and the dotted one
+    assert [len(line.get_ydata()) for line in left.lines] == [2, 1, 2]  # and the dotted one
     assert left.get_xticks().tolist() == [20, 60]
 
 

@@ -14,10 +14,9 @@ import pytest
 from by_hand import TASK, on_a_line, plain
 from rich.console import Console
 
-from ibe_rl.config.settings import ExplainConfig, TrainConfig
+from ibe_rl.config.settings import TrainConfig
 from ibe_rl.evaluation import narration
 from ibe_rl.evaluation.narration import clip_of, print_narration
-from ibe_rl.evaluation.task_settings import refuse_unread
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
@@ -34,7 +33,7 @@ def says(*expressions: float, **meaning: object) -> ClusterMapping:
     """What changes by -2, 0 and 2 are called."""
     where = np.column_stack([[-2, 0, 2], np.zeros((3, 2))])
     made = replace(on_a_line([0, 0, 0], expressions), space=plain(3), centres=where)
-    return replace(made, meanings=(Meaning(**meaning),)) if meaning else made  # type: ignore[arg-type]
+    return replace(made, meanings=(Meaning(**meaning),)) if meaning else made
 
 
 def watched(heights: np.ndarray = HEIGHTS) -> RecordedRollout:
@@ -164,15 +163,6 @@ def test_the_table_is_never_longer_than_a_screen_and_says_what_it_leaves_out(tmp
     assert rows[30].startswith("350-356")
     assert lines[lines.index("...") - 1] == rows[29]
     assert "Left out: 20 rows in the middle. viewer=live or viewer=file shows every step." in lines
-
-
-def test_a_clip_is_of_an_explained_episode_only() -> None:
-    refuse_unread(ExplainConfig(clip="x.gif"))
-    refuse_unread(ExplainConfig(task="evaluate"))
-    with pytest.raises(ConfigError, match=r"clip=x.gif with task=evaluate: allowed with it is task=episode"):
-        refuse_unread(ExplainConfig(clip="x.gif", task="evaluate"))
-    with pytest.raises(ConfigError, match=r"clip=x.gif with sweep=runs: allowed with it is task=episode"):
-        refuse_unread(ExplainConfig(clip="x.gif", sweep_dir="runs"))
 
 
 def test_a_clip_that_cannot_be_finished_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

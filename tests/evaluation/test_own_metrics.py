@@ -134,7 +134,7 @@ def test_a_spread_over_refits_is_of_all_of_them(capsys: pytest.CaptureFixture[st
 def test_a_metric_overrides_what_it_needs() -> None:
     nothing = Metric()
     event, statements = SimpleNamespace(), SimpleNamespace()
-    assert (nothing.columns, nothing(event), nothing.score(statements)) == ((), {}, {})  # type: ignore[arg-type]
+    assert (nothing.columns, nothing(event), nothing.score(statements)) == ((), {}, {})
 
 
 def test_they_are_refused_for_a_task_that_does_not_ask_them() -> None:

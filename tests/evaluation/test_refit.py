@@ -46,7 +46,7 @@ def test_a_vocabulary_of_another_horizon(run: Run):
 def test_shuffled_lessons_teach_something_else_each_time(run: Run):
     steps: list[int] = []
     several = Refits(run(20), 0).shuffled(config(), 5, 6, lambda: steps.append(1))
-    means = [np.abs(mapping.mean_instructions).max() for mapping in several]  # type: ignore[attr-defined]
+    means = [np.abs(mapping.mean_instructions).max() for mapping in several]
     assert len(means) == len(steps) == 6
     assert len(set(means)) > 1
     assert max(means) < 0.8  # what was told goes with nothing any more
@@ -121,7 +121,7 @@ def test_all_mappings_learn_from_as_many_frames_as_the_run_did(run: Run):
 def test_a_run_without_a_log_or_with_a_damaged_one_is_refused(run: Run, tmp_path: Path):
     empty = SimpleNamespace(folder=tmp_path / "nowhere")
     with pytest.raises(ConfigError, match=r"nowhere: it has no log \(trajectories/\) to learn other vocabularies from"):
-        Refits(empty, 0)  # type: ignore[arg-type]
+        Refits(empty, 0)
     made = run(2)
     (tmp_path / "trajectories" / "episodes.npy").write_text("no array")
     with pytest.raises(ConfigError, match=re.escape(f"run={tmp_path}: {tmp_path / 'trajectories'} is not a readable")):

@@ -111,7 +111,7 @@ def test_the_traps_are_real_ones(trained: Path, tmp_path: Path):
     sprung, path = tmp_path / "sprung", tmp_path / "file"
     openers: dict[Setter, Callable[[], Any]] = {
         in_legacy_checkpoint: lambda: torch.load(path, weights_only=False),
-        in_bare_pickle: lambda: pickle.loads(path.read_bytes()),  # noqa: S301
+        in_bare_pickle: lambda: pickle.loads(path.read_bytes()),  # noqa: S301 - a trap that must go off
         in_array: lambda: np.load(path.with_suffix(".npy"), allow_pickle=True),
         in_npz: lambda: np.load(path, allow_pickle=True)["delta"],
         as_yaml: lambda: yaml.unsafe_load(path.read_text()),

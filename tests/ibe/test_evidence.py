@@ -27,7 +27,7 @@ SOURCES: dict[str, Source] = {
 
 
 def record(agent: Agent = obeys, rule: Rule = to_the_middle, horizon_steps: int = 5, **settings: float) -> LoggedSteps:
-    return LoggedSteps.of(fly(agent, rule, **settings), horizon_steps)  # type: ignore[arg-type]
+    return LoggedSteps.of(fly(agent, rule, **settings), horizon_steps)
 
 
 def sure(evidence: Evidence | None) -> int:

@@ -16,7 +16,7 @@ PLACE, SPEED = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
 def record(*given: object, **settings: object) -> LoggedSteps:
-    return LoggedSteps.of(fly(*given, **settings), 5)  # type: ignore[arg-type]
+    return LoggedSteps.of(fly(*given, **settings), 5)
 
 
 def pendulum(episodes: int = 20, steps: int = 50, step_seconds: float = 0.05) -> list[Episode]:

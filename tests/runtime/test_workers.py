@@ -181,7 +181,7 @@ def test_processes_start_as_copies_unless_a_program_has_chosen(
     mine = multiprocessing.get_start_method()
     multiprocessing.set_start_method(before, force=True)
     try:
-        with workers.as_processes_start():
+        with workers.start_method_for_torchrl():
             assert multiprocessing.get_start_method() == during
         assert multiprocessing.get_start_method() == before
     finally:

@@ -65,7 +65,7 @@ def test_code_in_a_checkpoint_is_refused_and_does_not_run(tmp_path: Path, write:
         load(path)
     assert not sprung.exists()
     with path.open("rb") as stream:  # the trap is a real one
-        torch.load(stream, weights_only=False) if write is torch.save else pickle.load(stream)  # noqa: S301
+        torch.load(stream, weights_only=False) if write is torch.save else pickle.load(stream)  # noqa: S301 - a trap that must go off
     assert sprung.exists()
 
 

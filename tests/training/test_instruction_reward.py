@@ -128,7 +128,7 @@ def test_what_began_in_silence_is_not_judged():
 
 def test_the_weight_falls_to_nothing():
     batch, calls = climbing([1, 1]), []
-    obedience = InstructionReward(ORACLE, lambda: 2, lambda: calls.append(1) or way)  # type: ignore[func-returns-value]
+    obedience = InstructionReward(ORACLE, lambda: 2, lambda: calls.append(1) or way)
     shown = [judged(obedience, batch.clone(), frames)[1] for frames in (0, 250, 500, 999, 1_000, 5_000)]
     assert shown == pytest.approx([0.5, 0.375, 0.25, 0.0005, 0, 0])
     assert shown[-2:] == [0, 0]

@@ -59,7 +59,7 @@ def test_a_fast_environment_is_shown_every_few_steps(tmp_path: Path) -> None:
     assert (fast.stride_steps, fast.frames_per_s) == (2, 25.0)
     write_clip(fast, tmp_path / "fast.gif")
     with Image.open(tmp_path / "fast.gif") as picture:
-        assert (picture.n_frames, picture.size) == (6, (FRAME_WIDTH, FRAME_HEIGHT))  # type: ignore[attr-defined]
+        assert (picture.n_frames, picture.size) == (6, (FRAME_WIDTH, FRAME_HEIGHT))
         assert picture.info["duration"] == 40
     assert [path.name for path in tmp_path.iterdir()] == ["fast.gif"]
 

@@ -71,7 +71,7 @@ def test_a_model_of_stable_baselines3_does_what_it_does_there(kind: str, instruc
     model.save(tmp_path / "model.zip")
     loaded = policy_of(find_agent(str(tmp_path / "model.zip")))
     expected = model.predict(OBSERVATIONS[:, : 11 if instructed else 9], deterministic=True)[0]
-    for policy in (policy_of(model), loaded, policy_of(model.policy), pickle.loads(pickle.dumps(loaded))):  # noqa: S301
+    for policy in (policy_of(model), loaded, policy_of(model.policy), pickle.loads(pickle.dumps(loaded))):  # noqa: S301 - our own
         np.testing.assert_array_equal(policy(OBSERVATIONS), expected)
     assert loaded.seen == (11 if instructed else 9)
     with pytest.raises(ConfigError, match="the agent says that it reads"):

@@ -25,9 +25,9 @@ def test_the_interval_is_that_of_all_ways_to_draw_the_runs_again() -> None:
 
 def test_nothing_else_that_is_drawn_at_random_changes() -> None:
     np.random.seed(1)  # noqa: NPY002 - the generator that is to be left alone
-    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    before = np.random.get_state()[1].copy()  # noqa: NPY002 - the generator that is to be left alone
     interquartile(np.arange(4.0)[:, None], reps=20)
-    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002 - the generator that is to be left alone
 
 
 def test_the_same_runs_give_the_same_interval_and_more_runs_a_smaller_one() -> None:

@@ -170,7 +170,7 @@ def test_a_second_ctrl_c_ends_all_at_once(tmp_path: Path, monkeypatch: pytest.Mo
     real = subprocess.Popen
 
     def popen(*args: object, **settings: object) -> subprocess.Popen[bytes]:
-        started.append(real(*args, **settings))  # type: ignore[call-overload]
+        started.append(real(*args, **settings))
         return started[-1]
 
     monkeypatch.setattr(subprocess, "Popen", popen)
