@@ -26,13 +26,13 @@ SUCCESS_CURVES = {
 }
 TRUTH_CURVES = {
     "ibe/came_true": ("as predicted", colours.EXPLANATION),
-    "ibe/came_true_stale": ("words before", colours.PALE),
-    "ibe/motion_auc": ("tell the way", colours.BLUE),
-    "ibe/echo_auc": ("an echo", colours.INSTRUCTED),
+    "ibe/came_true_stale": ("previous words", colours.PALE),
+    "ibe/motion_auc": ("motion AUC", colours.BLUE),
+    "ibe/echo_auc": ("echo AUC", colours.INSTRUCTED),
 }
 CHANGE_CURVES = {
-    "ibe/policy_drift": ("acts otherwise", colours.BLUE),
-    "ibe/vocabulary_drift": ("called otherwise", colours.PINK),
+    "ibe/policy_drift": ("policy drift", colours.BLUE),
+    "ibe/vocabulary_drift": ("word drift", colours.PINK),
     "ibe/staleness": ("staleness", colours.INSTRUCTED),
 }
 SHARE = (0.0, 1.0)

@@ -26,7 +26,7 @@ PLOTS: dict[str, tuple[str, ...]] = {
     "Success, training": ("train/success_rate",),
     "Success, greedy policy": ("eval/success_rate",),
     "Share that went as predicted": ("ibe/came_true",),
-    "Words tell the way (AUC)": ("ibe/motion_auc",),
+    "Motion AUC of the words": ("ibe/motion_auc",),
     "Staleness of the vocabulary": ("ibe/staleness",),
     "Drift of the vocabulary": ("ibe/vocabulary_drift",),
     "Drift of the policy": ("ibe/policy_drift",),

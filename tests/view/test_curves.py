@@ -89,8 +89,8 @@ def test_every_curve_of_a_run_is_in_a_chart_with_its_name(rows: Rows) -> None:
     assert {"training", "greedy policy"} <= set(words_of(rows, "/charts/return")) & set(
         words_of(rows, "/charts/success")
     )
-    assert {"as predicted", "tell the way"} <= set(words_of(rows, "/charts/truth"))
-    assert {"acts otherwise", "called otherwise"} <= set(words_of(rows, "/charts/change"))
+    assert {"as predicted", "motion AUC"} <= set(words_of(rows, "/charts/truth"))
+    assert {"policy drift", "word drift"} <= set(words_of(rows, "/charts/change"))
     assert frames(rows["/charts/return/lines"])[:2] == [100_000, 200_000]
 
 
