@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tarfile
 import zipfile
 from pathlib import Path
 
@@ -40,8 +39,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy(ROOT / name, source / name)
-    with tarfile.open(build("sdist", source, dist)) as archive:
-        archive.extractall(unpacked, filter="data")
+    shutil.unpack_archive(build("sdist", source, dist), unpacked)
     return build("wheel", unpacked / f"ibe_rl-{__version__}", dist)
 
 
