@@ -95,9 +95,12 @@ def _overview() -> str:
 
 def _complete(arguments: Sequence[str]) -> None:
     """Answer the shell's question for what can follow; the line it is about is in the environment, as hydra has it."""
+    if not any(one.startswith("query=") for one in arguments):
+        _compose("train", ["--shell-completion", *arguments])
+        return
     _, command, rest = (*os.environ.get("COMP_LINE", "").split(" ", 2), "", "", "")[:3]
     if command not in COMMANDS:
-        sys.stdout.write(" ".join(COMMANDS) + "\n")
+        sys.stdout.write(("\n" if "query=fish" in arguments else " ").join(COMMANDS) + "\n")
         return
     os.environ["COMP_LINE"] = f"{COMMAND} {rest}"
     _compose("explain" if command in ("explain", "demo") else "train", ["--shell-completion", *arguments])

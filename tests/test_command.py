@@ -81,11 +81,35 @@ def test_help_version_and_what_is_mistyped(monkeypatch: pytest.MonkeyPatch, caps
         ("ibe-rl explain predictor=e", "predictor=ensemble"),
     ],
 )
+@pytest.mark.parametrize(("shell", "between"), [("bash", " "), ("fish", "\n")])
 def test_the_shell_is_told_what_can_follow(
-    line: str, expected: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    line: str,
+    expected: str,
+    shell: str,
+    between: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("COMP_LINE", line)
-    type_command(monkeypatch, "-sc", "query=bash")
-    assert capsys.readouterr().out == f"{expected}\n"
-    type_command(monkeypatch, "train", "--shell-completion", "install=bash")
-    assert "-F hydra_bash_completion ibe-rl" in capsys.readouterr().out
+    type_command(monkeypatch, "-sc", f"query={shell}")
+    assert capsys.readouterr().out == expected.replace(" ", between) + "\n"
+
+
+@pytest.mark.parametrize("command_line", [["train", "--shell-completion"], ["--shell-completion"]])
+@pytest.mark.parametrize(
+    ("shell", "line"),
+    [
+        ("bash", "-F hydra_bash_completion ibe-rl"),
+        ("zsh", "-F hydra_bash_completion ibe-rl"),  # by zsh's bashcompinit
+        ("fish", "complete -c ibe-rl -x -a '(hydra_fish_completion)'"),
+    ],
+)
+def test_each_shell_learns_to_complete(
+    command_line: list[str],
+    shell: str,
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    type_command(monkeypatch, *command_line, f"install={shell}")
+    assert line in capsys.readouterr().out

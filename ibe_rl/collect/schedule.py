@@ -37,6 +37,29 @@ def refresh_interval(config: TrainConfig) -> int | None:
     return max(1, min(REFRESH_AT_MOST_EVERY, config.total_frames // REFRESHES_OF_A_RUN))
 
 
+class RefreshSchedule:
+    """True at each multiple of ``refresh_interval`` and at the end, and before that once enough episodes have ended.
+
+    Args:
+        config: with the interval, and the episodes.
+        frames: at the start.
+        begun: whether a refresh has been tried before: then the early one has been.
+    """
+
+    def __init__(self, config: TrainConfig, frames: int = 0, begun: bool = False):
+        self._interval = refresh_interval(config)
+        self._regular = Schedule(self._interval, frames)
+        self._first_episodes = 0 if begun else config.first_refresh_episodes
+
+    def __call__(self, frames: int, episodes: int, last: bool = False) -> bool:
+        """Whether a refresh is due with so many frames and episodes behind, or at the ``last`` batch."""
+        early = self._interval is not None and 0 < self._first_episodes <= episodes
+        due = self._regular(frames, last) or early
+        if due:
+            self._first_episodes = 0
+        return due
+
+
 class GeometricSchedule:
     """For files that are kept: true once in every ``frames`` frames, later in every 2, 4, 8 times as many.
 

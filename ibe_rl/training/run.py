@@ -15,7 +15,7 @@ from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
 from ibe_rl.agents import Agent
-from ibe_rl.collect.schedule import Schedule, refresh_interval
+from ibe_rl.collect.schedule import RefreshSchedule, Schedule
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.predict import KeptPredictor
 from ibe_rl.runtime.signals import StopRequest
@@ -108,8 +108,12 @@ class Run:
     def schedule(self) -> None:
         """Start the schedules at the frames logged so far."""
         now = self.log.frames
-        self.refresh_due = Schedule(refresh_interval(self.cfg), now)
+        self._refresh_due = RefreshSchedule(self.cfg, now, begun=self.counts.tried + self.counts.skipped > 0)
         self.evaluation_due = Schedule(self.cfg.eval_every_frames, now)
+
+    def refresh_due(self, frames: int, last: bool) -> bool:
+        """Whether the vocabulary is to be relearnt now; to be asked once a batch."""
+        return self._refresh_due(frames, self.log.episodes_ended, last)
 
     @property
     def wall_s(self) -> float:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.collect.schedule import DENSE, GeometricSchedule, Schedule, refresh_interval
+from ibe_rl.collect.schedule import DENSE, GeometricSchedule, RefreshSchedule, Schedule, refresh_interval
 from ibe_rl.config.settings import TrainConfig
 
 
@@ -29,6 +29,28 @@ def test_a_run_has_eight_refreshes_unless_it_is_long_or_they_are_asked_for():
     assert [interval(each) for each in (2_000_000, 10_000_000)] == [250_000, 250_000]
     assert interval(200_000, refresh_every_frames=250_000) == 250_000
     assert interval(200_000, refresh_every_frames=None) is None
+
+
+def refreshes(seen: list[tuple[int, int]], begun: bool = False, **named: Any) -> list[int]:
+    """The frames at which a refresh is due, of those ``seen`` with as many episodes."""
+    settings = {"refresh_every_frames": 100, "first_refresh_episodes": 5, **named}
+    due = RefreshSchedule(TrainConfig(**settings), begun=begun)
+    return [frames for frames, episodes in seen if due(frames, episodes)]
+
+
+def test_the_first_refresh_comes_once_enough_episodes_have_ended():
+    seen = [(30, 4), (60, 5), (90, 11), (120, 15), (150, 20), (210, 25)]
+    assert refreshes(seen) == [60, 120, 210]
+    assert refreshes(seen, first_refresh_episodes=12) == [120, 210]  # at the multiple, or after it: no other one
+    assert refreshes(seen, first_refresh_episodes=18) == [120, 210]
+    assert refreshes(seen, first_refresh_episodes=0) == [120, 210]
+    assert refreshes(seen, begun=True) == [120, 210]
+    assert refreshes(seen, refresh_every_frames=None) == []
+
+
+def test_an_early_refresh_does_not_take_the_place_of_the_last_one():
+    due = RefreshSchedule(TrainConfig(refresh_every_frames=100, first_refresh_episodes=5))
+    assert [due(60, 5), due(80, 7, last=True)] == [True, True]
 
 
 def kept(every: int, until: int, batch: int, now: int = 0) -> list[int]:

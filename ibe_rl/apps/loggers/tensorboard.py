@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,13 @@ class Tensorboard(RunLogger):
     def place(self) -> str:
         """See ``RunLogger``."""
         return f"tensorboard --logdir {self._folder}"
+
+    def hyperparameters(self, values: Mapping[str, Any]) -> None:
+        """See ``RunLogger``; TorchRL's way adds a second run, named after the time."""
+        from torch.utils.tensorboard.summary import hparams  # needs the package
+
+        for summary in hparams(dict(values), {}):
+            self.logger.experiment.file_writer.add_summary(summary)
 
     def text(self, name: str, text: str, frames: int) -> None:
         """See ``RunLogger``."""
