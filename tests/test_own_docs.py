@@ -1,18 +1,26 @@
-"""What docs/OWN_AGENT.md and docs/OWN_LOG.md show works as it stands there."""
+"""What docs/OWN_AGENT.md, docs/OWN_LOG.md and the Python of API.md and OWN_ENVIRONMENT.md show works as it stands."""
 
 import re
 import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pilots
 import pytest
+from gates import task
 from processes import ROOT, call
 
 from ibe_rl.api.explained import ExplainedAgent
 from ibe_rl.apps import minari as minari_log
+from ibe_rl.types import Episode
 
-AGENT, LOG = ((ROOT / "docs" / f"OWN_{name}.md").read_text() for name in ("AGENT", "LOG"))
+API = (ROOT / "docs" / "API.md").read_text().partition("<!-- From here on generated")[0]
+AGENT, LOG, ENVIRONMENT = ((ROOT / "docs" / f"OWN_{name}.md").read_text() for name in ("AGENT", "LOG", "ENVIRONMENT"))
+FEW = """viewer="off", total_frames=2_048, refresh_every_frames=2_048, eval_episodes=2,
+    collect={"processes": 1, "envs_per_process": 8, "steps_per_batch": 128}, log={"capacity_frames": 10_000},
+    mapping={"horizon_steps": 5, "spans_steps": []}"""
+"""In place of ``viewer="off"``."""
 QUICK = ["mapping.horizon_steps=20", "mapping.spans_steps=[10]", "predictor.futures=1", "viewer=off"]
 
 
@@ -57,6 +65,46 @@ def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, c
     exec(log, names)  # noqa: S102 - our own page
     assert names["dataset"].total_episodes == 12
     assert (place / names["folder"] / "refreshes").is_dir()
+
+
+def test_the_programs_that_train_run(place: Path, capsys: Any) -> None:
+    train, _ = blocks(API)
+    exec(re.sub("total_frames=[0-9_]+, ", "", train).replace('viewer="off"', FEW), {})  # noqa: S102 - our own page
+    assert "vocabulary of frame 2,048" in " ".join(capsys.readouterr().out.split())
+    own = blocks(ENVIRONMENT.partition("## In Python, without a file")[2])[0].replace("runs/mine", "runs/own")
+    names = {"TASK": task(state_names=("x", "vx", "angle", "turning"), state_units=("", "", "", ""))}
+    exec(own.replace('viewer="off"', FEW), names)  # noqa: S102 - our own page
+    assert isinstance(names["explained"], ExplainedAgent)
+    assert {path.name for path in (place / "runs").iterdir()} == {"mine", "own"}
+
+
+def wandering(seed: int) -> Episode:
+    """A point that is told to come to 0, and does on the whole."""
+    random, x = np.random.default_rng(seed), [0.0]
+    x[0] = random.uniform(-2, 2)
+    for _ in range(40):
+        x.append(0.93 * x[-1] + random.normal(0, 0.08))
+    states = np.stack([x, random.normal(size=41)], axis=1)
+    wanted = np.where(states[:-1, :1] > 0.2, -1.0, np.where(states[:-1, :1] < -0.2, 1.0, 0.0))
+    rewards = -np.abs(states[1:, 0])
+    return Episode(states, np.zeros(40, int), rewards, wanted, np.ones(40, bool), False, success=False, context="")
+
+
+def test_the_vocabulary_is_one_on_plain_arrays() -> None:
+    episodes = [wandering(seed) for seed in range(40)]
+    names: dict[str, Any] = {
+        "episodes": episodes,
+        "delta_states": np.concatenate([one.states[5:] - one.states[:-5] for one in episodes]),
+        "instructions": np.concatenate([one.instructions[:36, 0] for one in episodes]),
+        "states": np.concatenate([one.states[:-1] for one in episodes]),
+        "state_instructions": np.concatenate([one.instructions[:, 0] for one in episodes]),
+        "new_delta_states": np.array([[-1.0, 0.0], [1.0, 0.0]]),
+    }
+    _, arrays = blocks(API)
+    exec(arrays, names)  # noqa: S102 - our own page
+    left, right = names["axis"].predict(names["new_delta_states"])
+    assert left < 0 < right
+    assert names["axis"].meanings_[0].known
 
 
 def test_the_commands_run(place: Path, capsys: Any) -> None:

@@ -43,7 +43,7 @@ def charts(task: Task) -> list[Chart]:
     numbers = [
         Chart(
             f"charts/{picture.entity(task, 'expression', number)}",
-            f"Expression of each cluster{title}",
+            f"{title}Expression of each cluster",
             limits=(-1, 1),
             prefix=f"{picture.entity(task, 'development', number)}/",
         )
@@ -93,9 +93,9 @@ def _of_episode(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
 
 
 def numbers_of(task: Task) -> list[tuple[int, str]]:
-    """The numbers of an instruction, and what titles end on to tell them apart; nothing if there is but one."""
+    """The numbers of an instruction, and what titles begin with to tell them apart; nothing if there is but one."""
     several = task.instruction_size > 1
-    return [(number, f": {name}" if several else "") for number, name in enumerate(task.number_names)]
+    return [(number, f"{name}: " if several else "") for number, name in enumerate(task.number_names)]
 
 
 def _shared(task: Task, share: float) -> list[float]:
@@ -138,7 +138,7 @@ def _so_far(task: Task, number: int, title: str) -> rrb.View:
     return rrb.TimeSeriesView(
         origin="/",
         contents=[signal] if number else [signal, f"/{SAID}/**"],
-        name=f"Instruction (yellow), explanation (teal){title}; right-click goes there",
+        name=f"{title}Instruction (yellow), explanation (teal); right-click goes there",
         axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary, end=boundary)),
         axis_y=rrb.ScalarAxis(range=(-1.1, 1.1)),
         plot_legend=rrb.PlotLegend(visible=False),

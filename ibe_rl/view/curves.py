@@ -30,7 +30,7 @@ LEFT, RIGHT, TOP, BOTTOM = 0.52, 1.75, 0.1, 1.75
 SIZE = (2.88, 2.3)
 """Of a panel at 1440 x 900, in hundreds of pixels: what a mark or a name takes is fixed in pixels."""
 NAME_HEIGHT = 0.23
-NAMES_AT = (RIGHT + SIZE[0]) / 2
+NAMES_AT, COLUMN_WIDTH = (RIGHT + SIZE[0]) / 2, 0.5
 AXIS_TITLE = "thousand frames"
 
 
@@ -151,11 +151,21 @@ def marks(ticks: Sequence[float], heights: Sequence[float], last: int) -> list[T
 
 
 def names(ends: Sequence[tuple[str, Colour, float]]) -> list[Text]:
-    """The names of curves to the right of where they end, none on top of another; each with a colour and an end."""
+    """The names of curves to the right of where they end, none on top of another; each with a colour and an end.
+
+    What does not fit below one another stands in columns.
+    """
     ordered = sorted(ends, key=lambda one: one[2])
+    columns = max(1, math.ceil(NAME_HEIGHT * len(ordered) / (BOTTOM + 0.3)))
+    places = [NAMES_AT + COLUMN_WIDTH * (column - (columns - 1) / 2) for column in range(columns)]
+    return [text for column, x in enumerate(places) for text in _column(ordered[column::columns], x)]
+
+
+def _column(ordered: Sequence[tuple[str, Colour, float]], x: float) -> list[Text]:
+    """Names below one another, in the order of their ends."""
     room, last, texts = BOTTOM + 0.3 - NAME_HEIGHT * len(ordered), -NAME_HEIGHT, []
     for row, (name, shade, end) in enumerate(ordered):
         wanted = min(end - NAME_HEIGHT / 2, room + NAME_HEIGHT * row)
         last = max(wanted, last + NAME_HEIGHT)
-        texts.append(((NAMES_AT, last), name, shade))
+        texts.append(((x, last), name, shade))
     return texts

@@ -30,12 +30,12 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
 
     With ``links`` the name of a cluster leads to where rerun's film says it.
     """
-    rows = ["| cluster | says | before | expression | windows |", "|:--|:--|:--|--:|--:|"]
+    rows = ["| cluster | says | expression | windows | before |", "|:--|:--|--:|--:|:--|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
     for row, (name, now) in enumerate(cluster_phrases(mapping, words).items()):
         number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
         then = before.get(name, "new") if before else now
-        cells = [now, "" if then == now else then, number, f"{mapping.sizes[row]:,.0f}"]
+        cells = [now, number, f"{mapping.sizes[row]:,.0f}", "" if then == now else then]
         if name == spoken:
             cells = [f"**{cell}**" if cell else cell for cell in cells]
         link = f"[#{name}](recording://said/{name})" if links else f"#{name}"

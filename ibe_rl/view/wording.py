@@ -39,12 +39,16 @@ def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
 
 
 def said_lines(instructed: str, explanation: Explanation) -> str:
-    """What it is told and what it says at one step, in markdown, in the words of the columns of ``explain.py``."""
-    number = " ".join(f"{x:+.2f}" for x in explanation.expression)
-    shown = f" (expression {number}" if explanation.meant else ""
-    sure = f", confidence {explanation.confidence:.0%}" if shown and explanation.calibrated else ""
+    """What it is told and what it says at one step, in markdown, in the words of the columns of ``explain.py``.
+
+    Several numbers would not fit into the line; the curves show them.
+    """
+    known = [f"expression {value:+.2f}" for value in explanation.expression] if explanation.meant else []
+    shown = known if len(known) == 1 else []
+    if known and explanation.calibrated:
+        shown = [*shown, f"confidence {explanation.confidence:.0%}"]
     says = "  \n".join(f"{span_name(one.horizon_steps)}: **{one.said}**" for one in explanation.all_spans)
-    return f"instruction: **{instructed}**  \n{says}{shown}{sure}{')' if shown else ''}"
+    return f"instruction: **{instructed}**  \n{says}" + (f" ({', '.join(shown)})" if shown else "")
 
 
 def span_name(horizon_steps: int) -> str:

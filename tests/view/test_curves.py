@@ -110,5 +110,17 @@ def test_a_recording_that_goes_on_goes_on_with_its_curves(tmp_path: Path) -> Non
 
 def test_two_numbers_have_a_chart_each() -> None:
     charts = blueprint.charts(LANDER_SPEED_TASK)
-    assert [chart.title for chart in charts[-2:]] == ["Expression of each cluster: x", "Expression of each cluster: vy"]
+    assert [chart.title for chart in charts[-2:]] == ["x: Expression of each cluster", "vy: Expression of each cluster"]
     assert charts[-1].named({"development/vy/3", "development/x/4"}).keys() == {"development/vy/3"}
+
+
+def test_names_that_do_not_fit_below_one_another_stand_in_columns() -> None:
+    few = curves.names([(f"#{one}", (1, 2, 3), 0.1 * one) for one in range(8)])
+    assert {x for (x, _), *_ in few} == {curves.NAMES_AT}
+    many = curves.names([(f"#{one}", (1, 2, 3), 0.1 * one) for one in range(16)])
+    columns = {x: [y for (at, y), *_ in many if at == x] for x in sorted({x for (x, _), *_ in many})}
+    assert len(columns) == 2
+    assert sum(columns) / 2 == pytest.approx(curves.NAMES_AT)
+    for heights in columns.values():
+        assert np.all(np.diff(heights) >= curves.NAME_HEIGHT - 1e-9)
+        assert max(heights) < curves.SIZE[1] - curves.NAME_HEIGHT

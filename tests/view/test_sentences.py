@@ -32,7 +32,7 @@ def test_the_table_names_clusters_by_their_ids_and_says_what_they_were_called() 
         link = f"[#{name}](recording://said/{name})"
         assert cells[0] == (f"→ {link}" if row == 2 else link)
         assert cells[1] == now[name]
-        assert cells[2] == ("new" if name not in before else "" if before[name] == now[name] else before[name])
+        assert cells[4] == ("new" if name not in before else "" if before[name] == now[name] else before[name])
     assert {name for name in now if name not in before} == set(refresh.change.transition.emerged)
 
 
@@ -90,7 +90,7 @@ def unknown(refresh: Refresh, **known: bool) -> Refresh:
 
 def test_a_word_without_a_known_meaning_is_not_in_the_table() -> None:
     table = sentences.vocabulary_table(unknown(refreshed(), negative=True), TASK.phrases)
-    assert f"| {CANNOT_TELL} |  | - |" in table
+    assert f"| {CANNOT_TELL} | - | " in table
     assert "to the right" not in table
     assert "to the left" in table
     none = sentences.vocabulary_table(unknown(refreshed()), TASK.phrases)
@@ -116,6 +116,9 @@ def test_neither_a_number_without_a_meaning_nor_a_confidence_that_is_none_is_sho
     number = f"(expression {one.expression[0]:+.2f}"
     assert wording.said_lines("up", one).endswith(f"{number}, confidence {one.confidence:.0%})")
     assert wording.said_lines("up", replace(one, calibrated=False)).endswith(f"{number})")
+    two = replace(one, expression=(1.0, -0.5))  # no room for both
+    assert wording.said_lines("up", two).endswith(f"** (confidence {one.confidence:.0%})")
+    assert wording.said_lines("up", replace(two, calibrated=False)).endswith("**")
     unknown = wording.said_lines("up", replace(one, meant=False, known=False))
     assert unknown.endswith(f"next {one.horizon_steps} steps: **{CANNOT_TELL}**")
 
