@@ -39,12 +39,10 @@ REWARDS = {
 }
 """Extra reward for having done what one was told; the vocabulary is learnt early, so that there is a judge."""
 COMMON = ("total_frames=700_000", "keep_policy_every_frames=null", "viewer=off")
+OFTEN = ("refresh_every_frames=50_000", "first_refresh_episodes=0", "eval_every_frames=25_000")
 PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "sight": {name: (*given, "refresh_every_frames=null", "eval_every_frames=50_000") for name, given in SIGHT.items()},
-    "reward": {
-        name: (*given, "refresh_every_frames=50_000", "eval_every_frames=25_000", "eval_episodes=50")
-        for name, given in REWARDS.items()
-    },
+    "reward": {name: (*given, *OFTEN, "eval_episodes=50") for name, given in REWARDS.items()},
 }
 QUICK = (
     *(

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.envs.box2d import lunar_lander as game
+from gymnasium.utils import EzPickle
 
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.envs.lander_task import FLAG_DISTANCE, HEIGHT, LANDER_TASK, PAD_X, PAD_Y, WIDTH, outline
@@ -79,6 +80,7 @@ class LunarLanderPads(game.LunarLander):
 
     def __init__(self, pad: str = "random", flat: bool = False, flags: bool = True, speed: bool = False, **kwargs: Any):
         super().__init__(**kwargs)
+        EzPickle.__init__(self, pad, flat, flags, speed, **kwargs)  # a copy is made with our arguments, not theirs
         self.task = LANDER_SPEED_TASK if speed else LANDER_TASK
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags

@@ -133,7 +133,7 @@ class Film:
         before, (steps, points) = take.place.columns(np.arange(len(said))), predicted.shape[:2]
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
-        words = [f"says: {one.in_time(self._short)}{'' if one.trusted else ' ?'}" for one in said]
+        words = [wording.in_lines(f"says: {one.in_time(self._short)}{'' if one.trusted else ' ?'}") for one in said]
         ends = rr.Points2D.columns(positions=predicted[:, -1], colors=_shades(said), labels=words)
         self._send("scene/says", before, ends)
 

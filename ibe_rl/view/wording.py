@@ -12,6 +12,8 @@ from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
 
 SILENCE = "(silent)"
 """Told where the instructor says nothing."""
+LONGEST_LABEL = 66
+"""Characters that fit into the picture at 1440 x 900."""
 
 
 def shared_words(words: Sequence[Phrases]) -> int:
@@ -54,6 +56,11 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
 def span_name(horizon_steps: int) -> str:
     """What a span of time is called, in the picture and in the terminal."""
     return f"next {horizon_steps} steps"
+
+
+def in_lines(label: str) -> str:
+    """A label of the picture: what is said of later is below what is said of now, where both would not fit."""
+    return label.replace(", later ", ",\nlater ") if len(label) > LONGEST_LABEL else label
 
 
 def verdict_line(steps_ago: int, said: str, happened: str) -> str:

@@ -1,6 +1,7 @@
 """The game is gymnasium's but for the pad: its physics, its pads, its reward, its end, its picture, its snapshots."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -469,3 +470,9 @@ def test_throttles_by_hand() -> None:
         (1e-3, 0.75): (0.5005, 0.75),
     }.items():
         assert throttles(action) == pytest.approx(powers)
+
+
+def test_a_copy_is_made_of_what_it_was_made_with() -> None:
+    copy = deepcopy(make(pad="left", speed=True)).unwrapped
+    copy.reset(seed=1)
+    assert (copy.pad, copy.task.instruction_size) == ("left", 2)

@@ -123,6 +123,18 @@ def test_neither_a_number_without_a_meaning_nor_a_confidence_that_is_none_is_sho
     assert unknown.endswith(f"next {one.horizon_steps} steps: **{CANNOT_TELL}**")
 
 
+def test_a_long_label_of_the_picture_has_two_lines() -> None:
+    short, long = (
+        "says: now up, later down",
+        "says: now moderately to the left and slower, later slightly to the left and faster",
+    )
+    assert wording.in_lines(short) == short
+    assert wording.in_lines(long).splitlines() == [
+        "says: now moderately to the left and slower,",
+        "later slightly to the left and faster",
+    ]
+
+
 def test_what_it_could_not_tell_is_not_judged() -> None:
     assert wording.verdict_line(60, CANNOT_TELL, "going up") == "60 steps ago it could not tell"
     assert "no known word for" in wording.verdict_line(60, "going up", CANNOT_TELL)
