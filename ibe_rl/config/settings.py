@@ -214,7 +214,7 @@ class TrainConfig:
     resume_from: str = setting("latest", choices=("latest", "best"))  # latest checkpoint or best evaluation
     checkpoint_every_frames: int = setting(100_000, low=1)  # between saved states; also at refreshes and evaluations
     refresh_every_frames: int | None = setting(0, low=0)  # frames between vocabularies; 0: eight of them; None: none
-    first_refresh_episodes: int = setting(100, low=0)  # ended ones at which the first comes early; 0: not early
+    first_refresh_episodes: int = setting(100, low=0)  # after so many the first vocabulary comes early; 0: not early
     # least gain in motion_auc for a new vocabulary; None: any
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know

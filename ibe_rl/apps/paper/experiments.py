@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from typing import Any
 
 import gymnasium
@@ -24,7 +23,7 @@ from ibe_rl.apps.paper.prediction_task import (
     most_telling,
     pick_episodes,
 )
-from ibe_rl.apps.paper.report_context import ReportContext, find_agents, report_protocol
+from ibe_rl.apps.paper.report_context import ReportContext, find_agents, hidden_goal_env, report_protocol
 from ibe_rl.config.settings import ExplainConfig, FiguresConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation import tables
@@ -181,8 +180,7 @@ def foretell(
 ) -> dict[str, ObservedEpisodes]:
     """Let observers foretell the end of episodes in which the goal cannot be seen; for each cut."""
     env, predictor_config = context.run.config.env, context.cfg.predictor
-    hidden = copy(env)
-    hidden.kwargs = {**env.kwargs, **context.task.hidden_goal}
+    hidden = hidden_goal_env(env, context.task)
     known = {name: taught[name] for name in (PAPERS, DEFAULT)}
     shuffled, observer = learn_shuffled(context, agent), typical(context, agent, checked)
     shown = hidden_episodes(context, agent, make_env(hidden))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -52,6 +53,25 @@ def check_task(task: Task) -> None:
         raise ConfigError(f"task=figures: {task.name} does not declare {', '.join(missing)}; allowed is one that does")
 
 
+def hidden_goal_env(env: EnvConfig, task: Task) -> EnvConfig:
+    """The environment in which the goal cannot be seen.
+
+    Raises:
+        ConfigError: if a program has given it, and it does not take the arguments that hide the goal.
+    """
+    hidden = copy(env)
+    hidden.kwargs = {**env.kwargs, **task.hidden_goal}
+    if task.hidden_goal and env.given:
+        try:
+            make_env(hidden).close()
+        except ConfigError as error:
+            arguments = ", ".join(f"{name}={value}" for name, value in task.hidden_goal.items())
+            raise ConfigError(
+                f"task=figures: {error}; allowed is a function that takes {arguments}, with which the goal is hidden"
+            ) from None
+    return hidden
+
+
 def as_ibe(config: MappingConfig) -> IBEConfig:
     """The settings of a mapping that can be compared with the paper's, one by one.
 
@@ -75,6 +95,7 @@ def check_report(cfg: TrainConfig, task: Task) -> None:
     if not cfg.report:
         return
     check_task(task)
+    hidden_goal_env(cfg.env, task)
     as_ibe(cfg.mapping)
     if cfg.refresh_every_frames is None or not speaks(cfg.instructor):
         key = "instructor=silent" if cfg.refresh_every_frames is not None else "refresh_every_frames=null"
@@ -124,6 +145,7 @@ class ReportContext:
 
     def __post_init__(self) -> None:
         check_task(self.run.task)
+        hidden_goal_env(self.run.config.env, self.run.task)
         as_ibe(self.run.config.mapping)
 
     @property

@@ -6,20 +6,26 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import pytest
 from few import FEW
 from processes import call
 
 from ibe_rl.apps.paper import experiments
 from ibe_rl.apps.paper.agents import PaperAgent
-from ibe_rl.apps.paper.report_context import ReportContext, as_ibe, check_report
+from ibe_rl.apps.paper.report_context import ReportContext, as_ibe, check_report, hidden_goal_env
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import ExplainConfig, MappingConfig, PredictorConfig, TrainConfig, ViewerConfig
+from ibe_rl.envs import LANDER_TASK
+from ibe_rl.envs.giving import given_env
+from ibe_rl.envs.lander import LunarLanderPads
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.types import ConfigError, Episode
+
+HIDDEN = {"flat": True, "flags": False}
 
 
 @pytest.mark.parametrize(
@@ -132,6 +138,16 @@ def test_a_mapping_without_the_papers_settings_is_refused() -> None:
     assert as_ibe(own) is own
     with pytest.raises(ConfigError, match=r"^task=figures with mapping\.kind=mine:Own: it has no normalisation and "):
         as_ibe(MappingConfig(kind="mine:Own"))
+
+
+def test_a_given_environment_whose_goal_cannot_be_hidden_is_refused() -> None:
+    def made() -> gymnasium.Env:
+        return gymnasium.make("ibe_rl/LunarLanderPads-v0")
+
+    assert hidden_goal_env(given_env(lambda **kwargs: LunarLanderPads(**kwargs)), LANDER_TASK).kwargs == HIDDEN
+    assert hidden_goal_env(given_env(made), replace(LANDER_TASK, hidden_goal={})).kwargs == {}
+    with pytest.raises(ConfigError, match=r"^task=figures: env=.*flat.*; allowed is a function that takes flat=True, "):
+        hidden_goal_env(given_env(made), LANDER_TASK)
 
 
 def test_an_environment_without_a_report_is_refused_before_the_training(opened: ReportContext) -> None:
