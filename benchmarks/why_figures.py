@@ -120,7 +120,7 @@ def _dots(panel: Axes, record: dict[str, Any], place: int, names: set[str]) -> N
     told = record["motion_auc_disobeyed"]["value"]
     if told is not None:
         style = {"markerfacecolor": "white", "color": ORANGE, "markersize": 5.5, "linestyle": "none"}
-        panel.plot(told, place, "D", **style, label="where it did not go as told" if first else None)
+        panel.plot(told, place, "D", **style, label="where it did not follow the instruction" if first else None)
 
 
 def of_reasons(runs: Sequence[dict[str, Any]]) -> Figure:
