@@ -151,10 +151,11 @@ def _beside(views: Sequence[rrb.View]) -> rrb.View | rrb.Container:
 
 def _changes(task: Task, number: int) -> rrb.View:
     name, unit = task.number_names[number], task.state_units[task.explained[number]]
-    return rrb.BarChartView(
+    return rrb.Spatial2DView(
         origin=f"/{picture.entity(task, 'change', number)}",
         name=f"{name} change ({unit}): best green, highest bar cut",
-        plot_legend=rrb.PlotLegend(visible=False),
+        background=list(BACKGROUND),
+        visual_bounds=rrb.VisualBounds2D(x_range=(-1.12, 1.12), y_range=(-0.4, 0.15)),
     )
 
 

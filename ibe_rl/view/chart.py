@@ -12,10 +12,13 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture
+from ibe_rl.view.marks import labelled, round_steps
 from ibe_rl.vocabulary.refresh import Refresh
 
 _HEIGHT = 0.45
 """Of the scatter in units of its half width, for a panel that is broader than high."""
+BARS = 0.36
+"""Height of a histogram in units of its half width."""
 _LETTER_WIDTH = 0.052
 """In the same units, at 1440 x 900."""
 
@@ -99,9 +102,20 @@ def expressions(refresh: Refresh, number: int) -> dict[int, float]:
 def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, number: int) -> None:
     """Draw how an explained dimension changed in the best and in other episodes (the paper's histograms)."""
     best, others = (windows.delta[:, task.explained[number]] for windows in (refresh.top, refresh.others))
-    edges = bin_edges(np.concatenate([best, others]))
-    middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges).astype(np.float32)
+    edges, entity = bin_edges(np.concatenate([best, others])), picture.entity(task, "change", number)
     drawn = picture.cut(densities([best, others], edges))
+    highest = float(np.max(drawn)) or 1.0
     for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.MUTED), strict=True):
-        chart = rr.BarChart(density, abscissa=middles, widths=widths, color=(*colour, 150))
-        recording.log(f"{picture.entity(task, 'change', number)}/{name}", chart)
+        line = rr.LineStrips2D([outline(density / highest)], colors=[colour], radii=rr.Radius.ui_points(1))
+        recording.log(f"{entity}/{name}", line)
+    lines, thin = [[(-1, 0), (1, 0)], [(0, 0), (0, -BARS)]], rr.Radius.ui_points(0.5)
+    axes = rr.LineStrips2D(lines, colors=[colours.AXIS], radii=thin)
+    recording.log(f"{entity}/axes", axes)
+    ticks = round_steps(-edges[-1], edges[-1], 4)
+    recording.log(f"{entity}/marks", labelled([((x / edges[-1], 0.0), f"{x:g}", colours.AXIS) for x in ticks]))
+
+
+def outline(heights: Array) -> Array:
+    """The outline ``(2 B + 2, 2)`` of bars of these heights ``(B,)`` in [0, 1] side by side, y down."""
+    x = np.repeat(np.linspace(-1, 1, len(heights) + 1), 2)
+    return np.stack([x, -BARS * np.concatenate([[0], np.repeat(heights, 2), [0]])], axis=1)

@@ -11,8 +11,8 @@ from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.ibe.space import scaled
 from ibe_rl.metrics.histogram import bin_edges, densities
+from ibe_rl.view import chart, picture
 from ibe_rl.view import palette as colours
-from ibe_rl.view import picture
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.vocabulary.refresh import Refresh
 
@@ -66,9 +66,22 @@ def test_the_densities_are_those_of_the_explained_dimension(rows: Rows) -> None:
     edges = bin_edges(np.concatenate(groups))
     best, others = densities(groups, edges)
     for name, density, drawn in zip(("best", "others"), (best, others), picture.cut([best, others]), strict=True):
-        [tensor] = rows[f"/change/{name}"][0]["BarChart:values"]
-        assert np.allclose(tensor["buffer"], drawn)
+        [line] = rows[f"/change/{name}"][0]["LineStrips2D:strips"]
+        assert np.allclose(line, chart.outline(drawn / np.max(picture.cut([best, others]))))
         assert 0.95 < density.sum() * (edges[1] - edges[0]) <= 1
+
+
+def test_a_histogram_is_the_outline_of_its_bars_with_round_numbers_below(rows: Rows) -> None:
+    assert chart.outline(np.array([0.5, 1.0])).tolist() == [
+        [-1, 0], [-1, -0.5 * chart.BARS], [0, -0.5 * chart.BARS], [0, -chart.BARS], [1, -chart.BARS], [1, 0],
+    ]  # fmt: skip
+    [marks] = [row for row in rows["/change/marks"] if row["frames"] == developed()[0].frame]
+    places, labels = np.array(marks["Points2D:positions"])[:, 0], marks["Points2D:labels"]
+    assert 3 <= len(labels) <= 5
+    assert "0" in labels
+    assert np.all(np.abs(places) <= 1)
+    limit = bin_edges(np.concatenate([developed()[0].top.delta[:, 0], developed()[0].others.delta[:, 0]]))[-1]
+    assert np.allclose(places * limit, [float(label) for label in labels], atol=1e-5)
 
 
 def test_clusters_are_drawn_in_the_two_dimensions_that_tell_them_apart(recorder: Recorder, tmp_path: Path) -> None:
@@ -95,8 +108,8 @@ def test_without_other_episodes_and_spread_the_vocabulary_is_drawn_all_the_same(
     still = replace(refresh.top, delta=np.zeros_like(refresh.top.delta))
     recorder.refresh(replace(refresh, top=still, others=refresh.top[:0]))
     recorder.close()
-    [others] = read(tmp_path / "recording.rrd")["/change/others"][0]["BarChart:values"]
-    assert not np.any(others["buffer"])
+    [others] = read(tmp_path / "recording.rrd")["/change/others"][0]["LineStrips2D:strips"]
+    assert not np.any(np.array(others)[:, 1])
 
 
 def test_two_numbers_have_panels_of_their_own_and_the_scatter_shows_both(tmp_path: Path) -> None:
