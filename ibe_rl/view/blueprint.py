@@ -95,7 +95,7 @@ def _of_episode(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
 def numbers_of(task: Task) -> list[tuple[int, str]]:
     """The numbers of an instruction, and what titles begin with to tell them apart; nothing if there is but one."""
     several = task.instruction_size > 1
-    return [(number, f"{name}: " if several else "") for number, name in enumerate(task.number_names)]
+    return [(number, f"{name.replace('_', ' ')}: " if several else "") for number, name in enumerate(task.number_names)]
 
 
 def _shared(task: Task, share: float) -> list[float]:
@@ -150,7 +150,7 @@ def _beside(views: Sequence[rrb.View]) -> rrb.View | rrb.Container:
 
 
 def _changes(task: Task, number: int) -> rrb.View:
-    name, unit = task.number_names[number], task.state_units[task.explained[number]]
+    name, unit = task.number_names[number].replace("_", " "), task.state_units[task.explained[number]]
     return rrb.Spatial2DView(
         origin=f"/{picture.entity(task, 'change', number)}",
         name=f"{name} change ({unit}): best green, highest bar cut",

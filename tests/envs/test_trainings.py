@@ -29,7 +29,7 @@ FILES = sorted(path.stem for path in (Path(__file__).parents[2] / "configs" / "e
 @pytest.mark.parametrize("name", FILES)
 def test_it_trains_learns_a_vocabulary_and_explains(name: str, tmp_path: Path):
     folder = tmp_path / name
-    once = ["total_frames=4000", "refresh_every_frames=4000", "eval_every_frames=4000"]
+    once = [*("total_frames=4000", "refresh_every_frames=4000", "eval_every_frames=4000"), "first_refresh_episodes=0"]
     call("train", f"env={name}", *SMALL, *FEW, *once, f"run_dir={folder}")
     summary = json.loads((folder / "summary.json").read_text())
     assert (summary["frames"], summary["refreshes"], summary["refreshes_skipped"]) == (4096, 1, 0)
