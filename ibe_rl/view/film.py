@@ -134,7 +134,7 @@ class Film:
         dots = rr.Points2D.columns(positions=predicted.reshape(-1, 2)).partition([points] * steps)
         self._send("scene/predicted", before, dots)
         words = [wording.in_lines(f"says: {one.in_time(self._short)}{'' if one.trusted else ' ?'}") for one in said]
-        ends = rr.Points2D.columns(positions=predicted[:, -1], colors=_shades(said), labels=words)
+        ends = rr.Points2D.columns(positions=predicted[:, -1], colors=colours.legible(_shades(said)), labels=words)
         self._send("scene/says", before, ends)
 
     def _send_verdicts(self, take: _Take) -> None:

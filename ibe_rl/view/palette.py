@@ -10,6 +10,8 @@ NEGATIVE, ZERO, POSITIVE = (66, 146, 245), (160, 160, 165), (245, 134, 30)
 """Expressions -1, 0 and +1, told apart also without red or green."""
 DARKER, LIGHTER = 0.5, 0.65
 """How far the second number of an expression goes towards black and white."""
+LEAST_OF_LETTERS = 150
+"""Of the brightest colour of letters that can be read on the background."""
 INSTRUCTED, EXPLANATION = (250, 204, 21), (45, 212, 191)
 GREEN, MUTED = (132, 224, 96), (130, 130, 140)
 """The best, what went as predicted; and the others."""
@@ -44,6 +46,12 @@ def of_expressions(values: Array) -> Array:
         second = values[:, 1:2]
         shades += np.where(second < 0, DARKER * second * shades, LIGHTER * second * (255 - shades))
     return shades.round().astype(np.uint8)
+
+
+def legible(shades: Array) -> Array:
+    """The same hues ``(N, 3)`` uint8, none too dark for letters on the background."""
+    brightest = np.maximum(shades.max(axis=1, keepdims=True), 1).astype(float)
+    return (shades * np.maximum(1.0, LEAST_OF_LETTERS / brightest)).round().astype(np.uint8)
 
 
 def of_clusters(ids: Array) -> Array:

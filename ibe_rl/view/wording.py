@@ -12,7 +12,7 @@ from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
 
 SILENCE = "(silent)"
 """Told where the instructor says nothing."""
-LONGEST_LABEL = 66
+LONGEST_LABEL = 52
 """Characters that fit into the picture at 1440 x 900."""
 
 

@@ -27,3 +27,10 @@ def test_ids_keep_their_colours_and_neighbours_differ() -> None:
     shades = colours.of_clusters(np.arange(12))
     assert len(np.unique(shades, axis=0)) == 12
     assert np.array_equal(colours.of_clusters(np.array([12, 3])), shades[[0, 3]])
+
+
+def test_letters_are_never_too_dark_and_keep_their_hue() -> None:
+    shades = np.array([[20, 40, 80], [0, 0, 0], [200, 10, 10], [64, 144, 255]], np.uint8)
+    letters = colours.legible(shades)
+    assert letters[0].tolist() == [38, 75, 150]
+    assert letters[1:].tolist() == shades[1:].tolist()
