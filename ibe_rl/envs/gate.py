@@ -53,6 +53,18 @@ def place(env: gymnasium.Env[Any, Any]) -> str:
     return str(env.get_wrapper_attr("place")()) if env.has_wrapper_attr("place") else f"env={env}"
 
 
+def check_context(env: gymnasium.Env[Any, Any], task: Task, state: Array) -> None:
+    """Ask for the context of an episode that begins in ``state`` ``(S,)``.
+
+    Raises:
+        GateError: if it is unknown.
+    """
+    try:
+        task.context(state)
+    except GateError as error:
+        raise GateError(f"{place(env)}: {error}") from None
+
+
 def located(error: GateError, envs: Sequence[gymnasium.Env[Any, Any]], states: Iterable[Array]) -> GateError:
     """Add the place to an error of a task's function, if ``states`` has the state ``(S,)`` that it failed for.
 
@@ -104,6 +116,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
         space = self.env.observation_space
         row = isinstance(space, spaces.Box) and space.dtype == np.float32 and len(space.shape) == 1
         self._row = space.shape if row else None  # of the observation that needs no conversion
+        self._has_task = task is not None
         if task is not None:
             self.task = task
 
@@ -137,7 +150,10 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise self._refused("what reset() gave", given, "an observation and an info")
         if not isinstance(given[1], Mapping):
             raise self._refused("info", given[1], "a dict")
-        return self._observation(given[0]), dict(given[1])
+        observation = self._observation(given[0])
+        if self._has_task:
+            check_context(self, self.task, observation)
+        return observation, dict(given[1])
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """See ``gymnasium.Env``.
@@ -197,7 +213,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def _observation(self, value: Any) -> Any:
         try:
-            return taken(self.env.observation_space, value, "the observation", self._names)
+            return taken(self.env.observation_space, value, "observation", self._names)
         except UnfitError as error:
             raise GateError(f"{self.place()}: {error}") from None
 
@@ -219,3 +235,10 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             self.keys_seen.update(map(str, info))
             return {**info, key: False}
         return {**info, key: self._flag(f"info[{key!r}]", info[key])}
+
+
+def gate_of(env: Any) -> Gate | None:
+    """The gate of an environment; None if it has none."""
+    while isinstance(env, gymnasium.Wrapper) and not isinstance(env, Gate):
+        env = env.env
+    return env if isinstance(env, Gate) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -208,12 +208,12 @@ class InstructedEnvs(EnvBase):
         for row in np.flatnonzero(going).tolist():
             self._states[row] = self._begin(row)
         self._instructor.reset(going)
+        played = [plain(one.actions) for one in partial_episodes]
         for step in range(max(len(one.actions) for one in partial_episodes)):
             playing = going & [step < len(one.actions) for one in partial_episodes]
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
-                action = plain(partial_episodes[row].actions[step])
-                self._states[row], _, terminated, truncated, _ = self._environments[row].step(action)
+                self._states[row], _, terminated, truncated, _ = self._environments[row].step(played[row][step])
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -265,7 +265,7 @@ def step_together(envs: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Se
 
 def plain(actions: Array) -> Any:
     """Integer actions ``()`` or ``(N,)`` as plain ints, which environments read faster; others unchanged."""
-    return actions.tolist() if actions.dtype.kind in "iu" else actions
+    return actions.tolist() if actions.dtype.kind in "iu" and actions.ndim <= 1 else actions
 
 
 def make_vector_env(
@@ -273,9 +273,10 @@ def make_vector_env(
     instructor: Instructor,
     seed: int,
     partial_episodes: Sequence[PartialEpisode] = (),
+    kind: Callable[..., InstructedEnvs] = InstructedEnvs,
 ) -> EnvBase:
-    """Make ``InstructedEnvs`` with rows seeded from ``seed`` on."""
-    env = InstructedEnvs(envs, instructor, partial_episodes)
+    """Make ``InstructedEnvs``, or a ``kind`` of them, with rows seeded from ``seed`` on."""
+    env = kind(envs, instructor, partial_episodes)
     env.set_seed(seed)
     return env
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import deepcopy
 from functools import partial
 from typing import Any, Protocol, Self
@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import wrappers
 from gymnasium.utils.env_checker import data_equivalence
 
-from ibe_rl.envs.gate import Gate
+from ibe_rl.envs.gate import GateError, gate_of, user_error
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
 
@@ -158,15 +158,9 @@ def _has_snapshots(game: Any) -> bool:
     return own and all(callable(getattr(game, name, None)) for name in ("snapshot", "restore"))
 
 
-def _gate(env: Any) -> Gate | None:
-    while isinstance(env, gymnasium.Wrapper) and not isinstance(env, Gate):
-        env = env.env
-    return env if isinstance(env, Gate) else None
-
-
 def _below_gate(env: gymnasium.Env[Any, Any]) -> Any:
     """The environment as its user made it, without its time limit."""
-    gate = _gate(env)
+    gate = gate_of(env)
     inner: Any = gate.env if gate else env
     while isinstance(inner, AROUND):
         inner = inner.env
@@ -190,7 +184,7 @@ def _another(env: gymnasium.Env[Any, Any]) -> tuple[str, Callable[[], Any]] | No
     """What tells the kind of an environment, and what makes another of it; None if nothing does."""
     if isinstance(env, Declared) and env.again is not None:
         return env.again
-    gate = _gate(env)
+    gate = gate_of(env)
     spec = gate.spec if gate else env.spec
     if spec is None:
         return None
@@ -211,6 +205,32 @@ def _find_method(make: Callable[[], Any]) -> type[Copied] | None:
         except Exception:  # noqa: S112 - uncopyable objects raise many types of error
             continue
     return None
+
+
+def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Array, Array]:
+    """Step ``N`` games in roll-outs: states ``(N, S)`` float32 and whether they terminated ``(N,)``.
+
+    Raises:
+        GateError: if one raises, or gives numbers that are not finite.
+    """
+    try:
+        steps = [game.step(action) for game, action in zip(games, actions, strict=True)]
+    except Exception as error:
+        raise GateError(f"{_rolled(games)}: its step() raised {user_error(error)}") from None
+    states = np.array([after[0] for after in steps], np.float32)
+    if not np.isfinite(states.sum()):
+        _refuse_states(states, games)
+    return states, np.array([after[2] for after in steps], bool)
+
+
+def _refuse_states(states: Array, games: Sequence[Stoppable]) -> None:
+    for state in states[~np.isfinite(states).all(axis=-1)]:
+        raise GateError(f"{_rolled(games)}: the observation is {state.tolist()}; allowed are finite numbers")
+
+
+def _rolled(games: Sequence[Any]) -> str:
+    game = getattr(games[0], "game", games[0])
+    return f"env.id={game.spec.id if game.spec else type(game).__name__}, a roll-out from a snapshot"
 
 
 def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exact: bool = True) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from ibe_rl.envs.gate import GateError, place
+from ibe_rl.envs.gate import GateError, check_context, place
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, observe
 
@@ -49,7 +49,9 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """See ``gymnasium.Env``."""
         state, info = self.env.reset(seed=seed, options=options)
-        return np.asarray(state, np.float32), {**info, self.task.success_key: False}
+        seen = np.asarray(state, np.float32)
+        check_context(self, self.task, seen)
+        return seen, {**info, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """See ``gymnasium.Env``."""
