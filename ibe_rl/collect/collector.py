@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
-from contextlib import contextmanager
 from copy import deepcopy
 from functools import partial
 from pathlib import Path
@@ -20,13 +19,14 @@ from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agents import Agent
+from ibe_rl.collect.worker_envs import WorkerEnvs, raise_last_words
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.envs.gate import GateError
 from ibe_rl.envs.make import InstructedEnvs, make_env, make_vector_env
 from ibe_rl.envs.trial import play_briefly
 from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.apps import load_app
-from ibe_rl.runtime.last_words import LastWords, leave
+from ibe_rl.runtime.last_words import LastWords
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.runtime.workers import (
     LostWorkerError,
@@ -73,40 +73,6 @@ def env_of_worker(
     made = make_vector_env(envs, make_instructor(instructor, task, first, person), first, mine, kind)
     torch.manual_seed(_exploration_seed(first, mine))  # last: construction draws numbers
     return made
-
-
-class WorkerEnvs(InstructedEnvs):
-    """Environments of a worker process: an error of theirs is left to the trainer, and the process ends.
-
-    Args:
-        last_words: the trainer's folder for it.
-    """
-
-    def __init__(
-        self,
-        envs: Sequence[gymnasium.Env[Any, Any]],
-        instructor: Instructor,
-        partial_episodes: Sequence[PartialEpisode],
-        last_words: Path,
-    ):
-        super().__init__(envs, instructor, partial_episodes)
-        self._last_words = last_words
-
-    def _reset(self, tensordict: TensorDictBase | None, **others: Any) -> TensorDictBase:
-        with self._leaving():
-            return super()._reset(tensordict, **others)
-
-    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        with self._leaving():
-            return super()._step(tensordict)
-
-    @contextmanager
-    def _leaving(self) -> Iterator[None]:
-        try:
-            yield
-        except GateError as error:
-            leave(self._last_words, str(error))
-            raise SystemExit(1) from None  # TorchRL's worker would print a traceback
 
 
 def _exploration_seed(first: int, partial_episodes: Sequence[PartialEpisode]) -> int:
@@ -250,17 +216,6 @@ def batches(
         while not asked.empty():
             asked.get_nowait()
         asked.put(None)
-
-
-def raise_last_words(collector: BaseCollector) -> None:
-    """Raise the error that a worker of the collector has left.
-
-    Raises:
-        GateError: if there is one.
-    """
-    last_words: LastWords | None = getattr(collector, "last_words", None)
-    if last_words and (said := last_words.heard()):
-        raise GateError(said)
 
 
 def _collect(

@@ -61,7 +61,8 @@ class TaskFunction:
 
     def refused(self, answer: Any, allowed: str, state: Array) -> GateError:
         """The error for an answer that cannot be used, in the state ``(S,)``."""
-        return GateError(f"{self.label}: it returned {shortened(answer)}; allowed is {allowed}", np.array(state))
+        found = f"it returned {shortened(answer)} for the state {np.asarray(state).tolist()}"
+        return GateError(f"{self.label}: {found}; allowed is {allowed}", np.array(state))
 
 
 def _array(asked: TaskFunction, answer: Any, states: Array, size: int) -> Array:

@@ -202,6 +202,8 @@ def _find_method(make: Callable[[], Any]) -> type[Copied] | None:
         try:
             if repeats(method(games[0]), method(games[1]), exact=method is not Wrapped):
                 return method
+        except GateError:
+            raise  # the environment breaks, whether it is copied or not
         except Exception:  # noqa: S112 - uncopyable objects raise many types of error
             continue
     return None
@@ -213,10 +215,7 @@ def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Arra
     Raises:
         GateError: if one raises, or gives numbers that are not finite.
     """
-    try:
-        steps = [game.step(action) for game, action in zip(games, actions, strict=True)]
-    except Exception as error:
-        raise GateError(f"{_rolled(games)}: its step() raised {user_error(error)}") from None
+    steps = unbroken(lambda: [game.step(action) for game, action in zip(games, actions, strict=True)], games[0], "step")
     states = np.array([after[0] for after in steps], np.float32)
     if not np.isfinite(states.sum()):
         _refuse_states(states, games)
@@ -225,11 +224,23 @@ def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Arra
 
 def _refuse_states(states: Array, games: Sequence[Stoppable]) -> None:
     for state in states[~np.isfinite(states).all(axis=-1)]:
-        raise GateError(f"{_rolled(games)}: the observation is {state.tolist()}; allowed are finite numbers")
+        raise GateError(f"{_rolled(games[0])}: the observation is {state.tolist()}; allowed are finite numbers")
 
 
-def _rolled(games: Sequence[Any]) -> str:
-    game = getattr(games[0], "game", games[0])
+def unbroken(call: Callable[[], Any], game: Stoppable, name: str) -> Any:
+    """What ``call`` of a game gives.
+
+    Raises:
+        GateError: if it raises.
+    """
+    try:
+        return call()
+    except Exception as error:
+        raise GateError(f"{_rolled(game)}: its {name}() raised {user_error(error)}") from None
+
+
+def _rolled(stoppable_game: Stoppable) -> str:
+    game: Any = getattr(stoppable_game, "game", stoppable_game)
     return f"env.id={game.spec.id if game.spec else type(game).__name__}, a roll-out from a snapshot"
 
 
@@ -242,7 +253,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
         steps: of each replay, and the latest step of a snapshot.
         exact: bit for bit; False: to 1e-5.
     """
-    original.reset(seed=1)
+    unbroken(lambda: original.reset(seed=1), original, "reset")
     other.reset(seed=2)
     space: Any = getattr(original, "game", original.unwrapped).action_space
     space.seed(3)
@@ -252,7 +263,9 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
         if len(played) % max(1, steps // 4) == 0 and len(played) <= steps:
             stopped.append((len(played), original.snapshot()))
         action = space.sample()
-        played.append((action, deepcopy(original.step(action)[:3])))  # it may change what it gave
+        played.append(
+            (action, deepcopy(unbroken(partial(original.step, action), original, "step")[:3]))
+        )  # it may change what it gave
     for start, snapshot in stopped:
         other.restore(snapshot)
         if not all(_same(other.step(action)[:3], seen, exact) for action, seen in played[start : start + steps]):
