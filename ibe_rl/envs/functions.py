@@ -89,10 +89,7 @@ def _worst(wrong: Array, answer: Array, states: Array) -> tuple[Array, Array]:
 def _instructions(asked: TaskFunction, answer: Any, states: Array) -> Array:
     said = _array(asked, answer, states, asked.task.instruction_size)
     values = asked.task.instruction_values
-    declared = said == values[0]
-    for value in values[1:]:
-        declared |= said == value
-    if declared.all():  # nearly always, and faster than the next line
+    if set(said.ravel().tolist()) <= set(values):  # nearly always, and much faster than the next line
         return said
     near = np.abs(said[..., None] - np.asarray(values)).min(axis=-1) <= NEAR  # false for NaN
     if not near.all():

@@ -84,8 +84,9 @@ def located(error: GateError, envs: Sequence[gymnasium.Env[Any, Any]], states: I
 class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Lets pass only what can be used; stands directly around a user's environment and keeps its time limit.
 
-    Observations are copied and have the shape and dtype of their space, rewards are finite floats, the ends and
-    ``info[success_key]`` bools. Harmless differences are converted.
+    Observations have the shape and dtype of their space, rewards are finite floats, the ends and ``info[success_key]``
+    bools; harmless differences are converted. Observations are copied unless the environment makes a new one at each
+    step and says so: ``new_observations = True``.
 
     Args:
         env: the environment; an outermost time limit of gymnasium is replaced by the gate's own.
@@ -123,6 +124,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             and space.shape[0] <= SHORT
         )
         self._row = space.shape if row else None  # of the observation that needs no conversion
+        self._copies = not getattr(env.unwrapped, "new_observations", False)
         self._has_task = task is not None
         if task is not None:
             self.task = task
@@ -169,13 +171,12 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             GateError: if it raises or gives what cannot be used.
         """
         self._steps += 1
+        given: Any = None
         try:
-            given: Any = self.env.step(action)
+            given = self.env.step(action)
+            observation, reward, terminated, truncated, info = given
         except Exception as error:
-            raise self._broken("step", error) from None
-        if type(given) is not tuple or len(given) != 5:
-            given = self._converted(given)
-        observation, reward, terminated, truncated, info = given
+            raise self._misshapen(given) if given is not None else self._broken("step", error) from None
         if (  # nearly all steps need no conversion
             type(observation) is np.ndarray
             and observation.dtype == FLOAT32
@@ -187,17 +188,14 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             and type(info) is dict
             and (self._success_key is None or type(info.get(self._success_key)) is bool)
         ):
-            observation = observation.copy()
+            if self._copies:
+                observation = observation.copy()
         else:
             observation, reward, terminated, truncated, info = self._converted(given)
         return observation, reward, terminated, truncated or self._steps >= self._limit, info
 
     def _converted(self, given: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        try:
-            observation, reward, terminated, truncated, info = given
-        except (TypeError, ValueError):
-            allowed = "observation, reward, terminated, truncated and info"
-            raise self._refused("what step() gave", given, allowed) from None
+        observation, reward, terminated, truncated, info = given
         number = as_number(reward)
         if number is None:
             raise self._refused("the reward", reward, "one finite number")
@@ -208,6 +206,9 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
         if isinstance(error, GateError):
             return error
         return GateError(f"{self.place()}: its {call}() raised {user_error(error)}")
+
+    def _misshapen(self, given: Any) -> GateError:
+        return self._refused("what step() gave", given, "observation, reward, terminated, truncated and info")
 
     def _refused(self, what: str, value: Any, allowed: str) -> GateError:
         return GateError(f"{self.place()}: {what} is {shortened(value)}; allowed is {allowed}")
