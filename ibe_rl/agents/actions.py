@@ -6,7 +6,7 @@ Shapes: ``B`` steps, ``A`` numbers of a continuous action, ``K`` outputs of the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 import gymnasium
@@ -46,12 +46,12 @@ class Actions(Protocol):
 
 
 class Categorical:
-    """One of ``n`` actions; the outputs are their logits."""
+    """One of ``n`` actions, counted from ``start``; the outputs are their logits."""
 
     learnt_from = "action"
 
-    def __init__(self, n: int):
-        self.outputs = n
+    def __init__(self, n: int, start: int = 0):
+        self.outputs, self._start = n, start
 
     def finish(self, network: nn.Module) -> nn.Module:
         """Nothing to add."""
@@ -61,17 +61,51 @@ class Categorical:
         """See ``Actions``; ``action`` ``(B,)`` int64."""
         log_probs = outputs.log_softmax(-1)
         action = torch.multinomial(log_probs.exp(), 1)
-        return {"action": action.squeeze(-1), "action_log_prob": log_probs.gather(-1, action).squeeze(-1)}
+        log_prob = log_probs.gather(-1, action).squeeze(-1)
+        return {"action": action.squeeze(-1) + self._start, "action_log_prob": log_prob}
 
     def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """See ``Actions``."""
         log_probs = outputs.log_softmax(-1)
-        chosen = log_probs.gather(-1, drawn[:, None]).squeeze(-1)
+        chosen = log_probs.gather(-1, drawn[:, None] - self._start).squeeze(-1)
         return chosen, -(log_probs.exp() * log_probs).sum(-1)
 
     def mode(self, outputs: Tensor) -> Tensor:
         """See ``Actions``; ``(B,)`` int64."""
-        return best(outputs)
+        return best(outputs) + self._start
+
+
+class Categoricals:
+    """Several choices at once, independent given the observation; the outputs are the logits of each in turn."""
+
+    learnt_from = "action"
+
+    def __init__(self, choices: Sequence[Categorical]):
+        self._choices, self._sizes = choices, [one.outputs for one in choices]
+        self.outputs = sum(self._sizes)
+
+    def finish(self, network: nn.Module) -> nn.Module:
+        """Nothing to add."""
+        return network
+
+    def _each(self, outputs: Tensor) -> Iterator[tuple[Categorical, Tensor]]:
+        return zip(self._choices, outputs.split(self._sizes, dim=-1), strict=True)
+
+    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+        """See ``Actions``; ``action`` ``(B, A)`` int64."""
+        drawn = [one.draw(logits) for one, logits in self._each(outputs)]
+        log_prob = torch.stack([one["action_log_prob"] for one in drawn]).sum(0)
+        return {"action": torch.stack([one["action"] for one in drawn], dim=-1), "action_log_prob": log_prob}
+
+    def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
+        """See ``Actions``."""
+        parts = zip(self._each(outputs), drawn.unbind(-1), strict=True)
+        found = [one.evaluate_actions(logits, column) for (one, logits), column in parts]
+        return torch.stack([log_prob for log_prob, _ in found]).sum(0), torch.stack([e for _, e in found]).sum(0)
+
+    def mode(self, outputs: Tensor) -> Tensor:
+        """See ``Actions``; ``(B, A)`` int64."""
+        return torch.stack([one.mode(logits) for one, logits in self._each(outputs)], dim=-1)
 
 
 def best(outputs: Tensor) -> Tensor:
@@ -138,8 +172,8 @@ class Gaussian:
 
 
 def discrete(space: gymnasium.Space[Any]) -> bool:
-    """True for ``Discrete`` from 0."""
-    return isinstance(space, gymnasium.spaces.Discrete) and space.start == 0
+    """True for ``Discrete``."""
+    return isinstance(space, gymnasium.spaces.Discrete)
 
 
 def continuous(space: gymnasium.Space[Any]) -> bool:
@@ -156,11 +190,22 @@ def make_actions(space: gymnasium.Space[Any], first_std: float) -> Actions:
         ConfigError: for any other space.
     """
     if isinstance(space, gymnasium.spaces.Discrete) and discrete(space):
-        return Categorical(int(space.n))
+        return Categorical(int(space.n), int(space.start))
+    if choices := choices_of(space):
+        return Categoricals([Categorical(n, start) for n, start in choices])
     if isinstance(space, gymnasium.spaces.Box) and continuous(space):
         low, high = (torch.from_numpy(bound.astype(np.float32)) for bound in (space.low, space.high))
         return Gaussian(low, high, first_std)
     raise ConfigError(
-        f"env: its actions are {space}; allowed are Discrete ones from 0, or with agent=ppo one row of numbers (Box) "
-        "with finite bounds"
+        f"env: its actions are {space}; allowed are Discrete, or with agent=ppo one row of MultiDiscrete, MultiBinary "
+        "or floating-point numbers with finite bounds (Box)"
     )
+
+
+def choices_of(space: gymnasium.Space[Any]) -> list[tuple[int, int]]:
+    """The sizes and first values of a row of choices; empty for other spaces."""
+    if isinstance(space, gymnasium.spaces.MultiDiscrete) and space.nvec.ndim == 1:
+        return list(zip(space.nvec.tolist(), space.start.tolist(), strict=True))
+    if isinstance(space, gymnasium.spaces.MultiBinary) and len(space.shape) == 1:
+        return [(2, 0)] * space.shape[0]
+    return []

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from ibe_rl.agents.actions import discrete
+from ibe_rl.agents.actions import Categorical, discrete
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.config.limits import TINY, setting
@@ -51,9 +51,9 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
 
     epsilon: torch.Tensor
 
-    def __init__(self, network: nn.Module, n_actions: int):
+    def __init__(self, network: nn.Module, n_actions: int, start: int = 0):
         super().__init__()
-        self.network, self._n_actions = network, n_actions
+        self.network, self._n_actions, self._start = network, n_actions, start
         self.register_buffer("epsilon", torch.ones(()))
         self.in_keys, self.out_keys = ["observation"], ["action"]
 
@@ -62,7 +62,8 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
         """Observations ``(N, O)`` to actions ``(N,)``."""
         best = self.network(tensordict.get("observation")).argmax(-1)
         explore = torch.rand(best.shape) < self.epsilon
-        return tensordict.set("action", torch.where(explore, torch.randint_like(best, self._n_actions), best))
+        chosen = torch.where(explore, torch.randint_like(best, self._n_actions), best)
+        return tensordict.set("action", chosen + self._start)
 
 
 def n_step_returns(steps: TensorDictBase, n_steps: int, gamma: float) -> TensorDict:
@@ -130,10 +131,11 @@ class DQN:
         self.check(config, actions)
         assert isinstance(actions, gymnasium.spaces.Discrete)
         self._config, self._total_frames, self._frames = config, total_frames, 0
-        n_actions = int(actions.n)
+        n_actions, self._start = int(actions.n), int(actions.start)
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0, ignored=ignored)
-        self._network, self.policy, self._epsilon = network, EpsilonGreedyPolicy(deepcopy(network), n_actions), 1.0
-        self.greedy = GreedyPolicy(network, config.average_share)
+        self._network, self._epsilon = network, 1.0
+        self.policy = EpsilonGreedyPolicy(deepcopy(network), n_actions, self._start)
+        self.greedy = GreedyPolicy(network, config.average_share, Categorical(n_actions, self._start).mode)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
         self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
@@ -174,6 +176,7 @@ class DQN:
     def _store(self, batch: TensorDictBase) -> None:
         ends = [("next", name) for name in ("observation", "done", "terminated")]
         steps = batch.select("observation", "action", *ends)
+        steps["action"] = steps["action"] - self._start
         steps["next", "reward"] = learning_reward(batch, self._config)
         if self._unfinished is not None:
             steps = torch.cat([self._unfinished, steps], 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
 from copy import deepcopy
 from functools import partial
+from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any
@@ -18,12 +19,24 @@ from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agents import Agent
+from ibe_rl.collect.worker_envs import WorkerEnvs, raise_last_words
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.envs.make import make_env, make_vector_env
+from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.make import InstructedEnvs, make_env, make_vector_env
+from ibe_rl.envs.trial import play_briefly
 from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.apps import load_app
+from ibe_rl.runtime.last_words import LastWords
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.runtime.workers import Processes, Workers, end_with_parent, next_of, start_method_for_torchrl, starting
+from ibe_rl.runtime.workers import (
+    LostWorkerError,
+    Processes,
+    Workers,
+    end_with_parent,
+    next_of,
+    start_method_for_torchrl,
+    starting,
+)
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
@@ -45,16 +58,19 @@ def env_of_worker(
     seed: int,
     lesson: OpenLesson | None = None,
     partial_episodes: Sequence[PartialEpisode] = (),
+    last_words: Path | None = None,
 ) -> EnvBase:
     """Make a worker's environments in its own process; ``partial_episodes`` are those of all workers."""
     torch.set_num_threads(1)
     if apart(collect):
         end_with_parent(OUTLIVES_TRAINER_S if lesson else 0.0)
+        play_briefly(make_env(env), seed=0)  # its errors appear before the training
     first = seed * SEEDS_PER_RUN + worker * collect.envs_per_process
     envs = [make_env(env) for _ in range(collect.envs_per_process)]
     person = lesson(envs) if lesson else None
     mine = partial_episodes[worker * collect.envs_per_process :][: collect.envs_per_process]
-    made = make_vector_env(envs, make_instructor(instructor, task, first, person), first, mine)
+    kind = partial(WorkerEnvs, last_words=last_words) if last_words else InstructedEnvs
+    made = make_vector_env(envs, make_instructor(instructor, task, first, person), first, mine, kind)
     torch.manual_seed(_exploration_seed(first, mine))  # last: construction draws numbers
     return made
 
@@ -96,6 +112,7 @@ def make_collector(
         LostWorkerError: if a process dies or hangs before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
+    last_words = LastWords() if apart(collect) and collect.engine != "ray" else None  # Ray sends its own
     make = partial(
         env_of_worker,
         env=env,
@@ -105,6 +122,7 @@ def make_collector(
         seed=seed,
         lesson=lesson,
         partial_episodes=partial_episodes,
+        last_words=last_words.folder if last_words else None,
     )
     factories = [partial(make, worker) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
@@ -114,7 +132,7 @@ def make_collector(
             return ray.RayWorkers(factories, deepcopy(agent.policy), rows * collect.steps_per_batch, collect)
     limit_s = collect.timeout_s if apart(collect) else None
     with interrupts_stay_here(), script_stays_here(), start_method_for_torchrl(), starting(limit_s):
-        return Collector(
+        collector = Collector(
             factories if apart(collect) else factories[0],
             deepcopy(agent.policy),  # shared by the processes and updated only between batches
             frames_per_batch=rows * collect.steps_per_batch,
@@ -122,6 +140,8 @@ def make_collector(
             auto_register_policy_transforms=False,  # they are for recurrent policies
             **(many if apart(collect) else {}),
         )
+    collector.last_words = last_words
+    return collector
 
 
 def check_collect(config: CollectConfig) -> None:
@@ -182,7 +202,11 @@ def batches(
         for _ in range(ahead_batches if overlap else 1):
             ask()
         while True:
-            batch = next_of(coming, workers, timeout_s if apart else None)
+            try:
+                batch = next_of(coming, workers, timeout_s if apart else None)
+            except LostWorkerError:
+                raise_last_words(collector)
+                raise
             if overlap:
                 ask()
             yield batch.reshape(-1, batch.shape[-1])
@@ -206,7 +230,8 @@ def _collect(
             collector.update_policy_weights_(weights)
             coming.put(next(source))
     except Exception as error:
-        coming.put(error)
+        cause = getattr(error, "cause", None)  # of Ray's error for one in a worker
+        coming.put(cause if isinstance(cause, GateError) else error)
 
 
 def steps_of(batch: TensorDictBase) -> dict[str, Array]:

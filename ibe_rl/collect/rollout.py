@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from ibe_rl.envs.gate import GateError, located
 from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.task import RecordedRollout
@@ -49,7 +50,7 @@ class _Rollout:
 
     def add(self, action: Any, state: Array, reward: float, terminated: bool, truncated: bool, info: Any) -> None:
         self.terminated, self.done = terminated, terminated or truncated
-        self.success = bool(info[self.task.success_key])
+        self.success = info[self.task.success_key]
         self.states.append(state)
         self.actions.append(action)
         self.rewards.append(float(reward))
@@ -144,7 +145,10 @@ def _step_all(rollouts: Sequence[_Rollout], policy: Policy, instructor: Instruct
     """Step the unfinished rollouts; the instructor sees all rows, so that each keeps its index."""
     states = np.array([rollout.states[-1] for rollout in rollouts])
     unfinished = np.array([not rollout.done for rollout in rollouts])
-    instruction, given = instructor.instruct(states, unfinished)
+    try:
+        instruction, given = instructor.instruct(states, unfinished)
+    except GateError as error:
+        raise located(error, [rollout.env for rollout in rollouts], states) from None
     rows = np.flatnonzero(unfinished).tolist()
     actions = policy(observe(states[rows], instruction[rows], given[rows]))
     for row in rows:

@@ -10,13 +10,14 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf.errors import OmegaConfBaseException
 
 from ibe_rl.config.limits import nearest, no_such_setting
+from ibe_rl.types import ConfigError
 
 
 def one_line(error: BaseException) -> str:
     """Describe an error in one line: the key, the value and what is allowed."""
     if isinstance(error, MissingConfigException):
         return _unknown_choice(str(error))
-    cause = error.__cause__ or error
+    cause = error if isinstance(error, ConfigError) else error.__cause__ or error
     if isinstance(error, HydraException) and isinstance(error.__context__, OmegaConfBaseException):
         cause = error.__context__
     text = str(cause)

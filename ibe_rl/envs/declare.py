@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import gymnasium
@@ -10,8 +10,9 @@ import numpy as np
 from gymnasium import spaces
 
 from ibe_rl.config.settings import CODE_SETTINGS, PhrasesConfig, TaskConfig
+from ibe_rl.envs.functions import CHECKS, checked_success, with_checks
 from ibe_rl.envs.wrappers import SUCCESS, Declared
-from ibe_rl.runtime.import_string import import_named, raised
+from ibe_rl.runtime.import_string import import_named
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array, ConfigError
 
@@ -50,10 +51,12 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
         if getattr(config, name)
     }
     task = _task(env, config, made)
-    named = {name: getattr(config, name) for name in ("rule", "motion", "goal_offset", "scene_path", "context")}
-    check_functions(env, task, {name: text for name, text in named.items() if text}, "env.task")
+    named = {name: getattr(config, name) or "" for name in CHECKS}
+    task = with_checks(task, named, "env.task")
+    check_functions(env, task, {name: text for name, text in named.items() if text})
+    success = checked_success(made.get("success"), config.success, task)
     draw = {part: made[part] for part in SHAPE_FUNCTIONS if part in made}
-    return Declared(env, task, made.get("success"), draw)
+    return Declared(env, task, success, draw)
 
 
 def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str, Callable[..., Any]]) -> Task:
@@ -149,38 +152,17 @@ def _steps(env: gymnasium.Env[Any, Any], config: TaskConfig) -> int:
     return int(registered)
 
 
-def check_functions(env: gymnasium.Env[Any, Any], task: Task, named: Mapping[str, str], key: str) -> None:
+def check_functions(env: gymnasium.Env[Any, Any], task: Task, named: Iterable[str]) -> None:
     """Call the functions of a task with a first state, so that their errors appear before training.
 
     Args:
         env: is reset.
-        task: of the environment.
-        named: the functions to call, with their names for the errors; always with ``rule``.
-        key: where they were declared.
+        task: of the environment, with checked functions.
+        named: the functions to call; ``first_contact``, which reads whole episodes, is not.
 
     Raises:
         ConfigError: naming the function, what it gave and what is allowed.
     """
     state = np.asarray(env.reset(seed=0)[0], np.float32)
-    several, size = np.stack([state, state]), task.instruction_size
-    shapes = {"rule": (2, size), "motion": (2, size), "goal_offset": (2, size), "scene_path": (2, 2)}
-
-    def call(name: str, given: Array) -> Any:
-        try:
-            return getattr(task, name)(given)
-        except Exception as error:  # user code may raise anything
-            raise ConfigError(f"{key}.{name}={named[name]}: it raised {raised(error)}") from None
-
-    for name in [name for name in shapes if name in named]:
-        got = np.shape(call(name, several))
-        if got != shapes[name]:
-            raise ConfigError(
-                f"{key}.{name}={named[name]}: for 2 states it gave an array of shape {got}; allowed is {shapes[name]}"
-            )
-    said = np.asarray(task.rule(several))
-    if not np.all(np.abs(said) <= 1):
-        raise ConfigError(f"{key}.rule={named['rule']}: it returned {said[0].tolist()}; allowed is -1 to 1")
-    if "context" in named and (about := call("context", state)) not in task.contexts:
-        raise ConfigError(
-            f"{key}.context={named['context']}: it returned {about!r}; allowed is one of {', '.join(task.contexts)}"
-        )
+    for name in set(named) - {"first_contact"}:
+        getattr(task, name)(state if name == "context" else np.stack([state, state]))

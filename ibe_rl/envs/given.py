@@ -11,6 +11,8 @@ import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from ibe_rl.config.settings import EnvConfig
+from ibe_rl.envs.functions import with_checks
+from ibe_rl.envs.gate import Gate
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
@@ -63,5 +65,8 @@ def make_given(given: GivenEnv) -> Declared:
                 "number of the state"
             )
     limit = made.spec.max_episode_steps if made.spec is not None else None
-    limited = made if limit == task.max_episode_steps else TimeLimit(made, task.max_episode_steps)
-    return Declared(limited, task, again=(given.token, partial(make_given, given)))
+    limited: gymnasium.Env[Any, Any] = (
+        made if limit == task.max_episode_steps else TimeLimit(made, task.max_episode_steps)
+    )
+    gate = Gate(limited, f"env={given.id}", task.success_key, task.state_names)
+    return Declared(gate, with_checks(task, {}, "task"), again=(given.token, partial(make_given, given)))

@@ -10,6 +10,7 @@ import cloudpickle
 import gymnasium
 
 from ibe_rl.envs.declare import check_functions, state_size
+from ibe_rl.envs.functions import CHECKS, name_of
 from ibe_rl.envs.given import GivenEnv, GivesEnv, MakeGym, make_given
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
@@ -27,7 +28,7 @@ def given_env(env: GivesEnv, task: Task | None = None, name: str | None = None) 
     Raises:
         ConfigError: if it cannot be made or copied, or the task does not fit.
     """
-    known = name or _name(env)
+    known = name or name_of(env)
     given = GivenEnv(id=known, given=True)
     given.maker = _copies(env, known) if isinstance(env, gymnasium.Env) else env
     given.declared, given.token = task, uuid4().hex
@@ -38,16 +39,8 @@ def given_env(env: GivesEnv, task: Task | None = None, name: str | None = None) 
     made = make_given(given)
     state_size(made)
     own: Task = made.task
-    named = {part: _name(getattr(own, part)) for part in ("rule", "motion", "goal_offset", "scene_path", "context")}
-    check_functions(made, own, {part: text for part, text in named.items() if getattr(own, part) is not None}, "task")
+    check_functions(made, own, [part for part in CHECKS if getattr(own, part) is not None])
     return given
-
-
-def _name(given: Any) -> str:
-    if isinstance(given, partial):
-        return _name(given.func)
-    named = given if hasattr(given, "__qualname__") else type(given)
-    return f"{named.__module__}.{named.__qualname__}"
 
 
 def _copies(env: gymnasium.Env[Any, Any], name: str) -> MakeGym:

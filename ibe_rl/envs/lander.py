@@ -73,6 +73,7 @@ class LunarLanderPads(game.LunarLander):
         ValueError: for an unknown pad.
     """
 
+    new_observations = True  # each step makes its own
     lander: Any
     prev_shaping: Any
     wind_idx: Any

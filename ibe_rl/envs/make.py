@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -16,9 +16,10 @@ from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 from ibe_rl.config.kinds import checked, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
+from ibe_rl.envs.gate import Gate, GateError, located, place, user_error
 from ibe_rl.envs.given import GivenEnv, make_given
+from ibe_rl.envs.own_task import with_own_task
 from ibe_rl.envs.snapshots import Stoppable, stoppable
-from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Shape, Task
@@ -51,14 +52,11 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
         raise
     except (TypeError, ValueError, AssertionError, ImportError, gymnasium.error.Error) as error:
         raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
+    label = f"env.id={env_id}"
     if declared is not None:
-        return declare(env, declared)
-    if not env.has_wrapper_attr("task") or not isinstance(task_of(env), Task):
-        raise ConfigError(
-            f"env.id={env_id}: it declares no task; allowed is an environment with an attribute task of type "
-            "ibe_rl.task.Task, or to declare it in env.task (docs/OWN_ENVIRONMENT.md)"
-        )
-    return env if env.observation_space.dtype == np.float32 else Declared(env, task_of(env))
+        key = None if declared.success else declared.success_key
+        return declare(Gate(env, label, key, declared.state_names or ()), declared)
+    return with_own_task(env, label)
 
 
 def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,8 +113,17 @@ def task_of(env: gymnasium.Env[Any, Any]) -> Task:
 
 
 def drawn(env: gymnasium.Env[Any, Any], part: str) -> list[Shape]:
-    """The current "background" or "figure" of an environment; empty if it cannot be drawn."""
-    return list(env.get_wrapper_attr(part)()) if env.has_wrapper_attr(part) else []
+    """The current "background" or "figure" of an environment; empty if it cannot be drawn.
+
+    Raises:
+        GateError: if drawing it raises.
+    """
+    if not env.has_wrapper_attr(part):
+        return []
+    try:
+        return list(env.get_wrapper_attr(part)())
+    except Exception as error:
+        raise GateError(f"{place(env)}: its {part}() raised {user_error(error)}") from None
 
 
 class InstructedEnvs(EnvBase):
@@ -201,12 +208,12 @@ class InstructedEnvs(EnvBase):
         for row in np.flatnonzero(going).tolist():
             self._states[row] = self._begin(row)
         self._instructor.reset(going)
+        played = [plain(one.actions) for one in partial_episodes]
         for step in range(max(len(one.actions) for one in partial_episodes)):
             playing = going & [step < len(one.actions) for one in partial_episodes]
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
-                action = plain(partial_episodes[row].actions[step])
-                self._states[row], _, terminated, truncated, _ = self._environments[row].step(action)
+                self._states[row], _, terminated, truncated, _ = self._environments[row].step(played[row][step])
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -235,7 +242,10 @@ class InstructedEnvs(EnvBase):
         Only the rows ``(N,)`` in ``asked`` get a new instruction: the others have theirs for this state, or have
         terminated.
         """
-        instruction, given = self._instructor.instruct(self._states, asked)
+        try:
+            instruction, given = self._instructor.instruct(self._states, asked)
+        except GateError as error:
+            raise located(error, self._environments, self._states) from None
         self._said = np.where(asked[:, None], np.concatenate([instruction, given], axis=1), self._said)
         observation = torch.from_numpy(observe(self._states, self._said[:, :-1], self._said[:, -1:]))
         state_end = self._states.shape[1]
@@ -255,7 +265,7 @@ def step_together(envs: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Se
 
 def plain(actions: Array) -> Any:
     """Integer actions ``()`` or ``(N,)`` as plain ints, which environments read faster; others unchanged."""
-    return actions.tolist() if actions.dtype.kind in "iu" else actions
+    return actions.tolist() if actions.dtype.kind in "iu" and actions.ndim <= 1 else actions
 
 
 def make_vector_env(
@@ -263,9 +273,10 @@ def make_vector_env(
     instructor: Instructor,
     seed: int,
     partial_episodes: Sequence[PartialEpisode] = (),
+    kind: Callable[..., InstructedEnvs] = InstructedEnvs,
 ) -> EnvBase:
-    """Make ``InstructedEnvs`` with rows seeded from ``seed`` on."""
-    env = InstructedEnvs(envs, instructor, partial_episodes)
+    """Make ``InstructedEnvs``, or a ``kind`` of them, with rows seeded from ``seed`` on."""
+    env = kind(envs, instructor, partial_episodes)
     env.set_seed(seed)
     return env
 

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
+from ibe_rl.envs.gate import GateError, check_context, place
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, observe
 
@@ -23,7 +24,7 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
     States are float32; ``info["success"]`` at each step is whether the episode ended in success.
 
     Args:
-        env: with its time limit.
+        env: a gate around the environment.
         task: as declared.
         success: (last state ``(S,)``, terminated, truncated) to bool; None: read from ``info`` under the task's key,
             else False.
@@ -48,17 +49,25 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """See ``gymnasium.Env``."""
         state, info = self.env.reset(seed=seed, options=options)
-        return np.asarray(state, np.float32), {**info, self.task.success_key: False}
+        seen = np.asarray(state, np.float32)
+        check_context(self, self.task, seen)
+        return seen, {**info, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """See ``gymnasium.Env``."""
+        reward: Any
         raw, reward, terminated, truncated, info = self.env.step(action)
         state = np.asarray(raw, np.float32)
         if self._success is not None:
-            info = {**info, SUCCESS: bool(self._success(state, bool(terminated), bool(truncated)))}
-        elif self.task.success_key not in info:
-            info = {**info, self.task.success_key: False}
-        return state, float(reward), bool(terminated), bool(truncated), info
+            info = {**info, SUCCESS: self._judged(state, terminated, truncated)}
+        return state, reward, terminated, truncated, {self.task.success_key: False, **info}
+
+    def _judged(self, state: Array, terminated: bool, truncated: bool) -> bool:
+        assert self._success is not None
+        try:
+            return bool(self._success(state, terminated, truncated))
+        except GateError as error:
+            raise GateError(f"{place(self)}: {error}") from None
 
     def background(self) -> list[Any]:
         """The static shapes of the drawing."""

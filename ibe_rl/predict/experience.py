@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from ibe_rl.agents.actions import choices_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, ConfigError, Episode
 
@@ -34,34 +35,38 @@ def newest_episodes(log: TrajectoryLog, frames: int, until_frame: int | None = N
 
 @dataclass(frozen=True)
 class ActionColumns:
-    """Actions as columns: one-hot for discrete actions, the numbers of a continuous action.
+    """Actions as columns: one-hot for each choice, the numbers of a continuous action.
 
     Attributes:
         size: ``A`` columns.
-        first: the first discrete action; None: continuous.
+        choices: the size and the first value of each choice; empty: continuous.
     """
 
     size: int
-    first: int | None
+    choices: tuple[tuple[int, int], ...] = ()
 
     @classmethod
     def of(cls, space: gymnasium.Space[Any]) -> ActionColumns:
         """The columns of an action space.
 
         Raises:
-            ConfigError: if it is neither Discrete nor Box.
+            ConfigError: if it is none of Discrete, MultiDiscrete, MultiBinary and Box.
         """
         if isinstance(space, gymnasium.spaces.Discrete):
-            return cls(int(space.n), int(space.start))
+            return cls(int(space.n), ((int(space.n), int(space.start)),))
+        if choices := tuple(choices_of(space)):
+            return cls(sum(n for n, _ in choices), choices)
         if isinstance(space, gymnasium.spaces.Box):
-            return cls(int(np.prod(space.shape)), None)
-        raise ConfigError(f"predictor: env has actions {space}; a learned predictor allows Discrete and Box")
+            return cls(int(np.prod(space.shape)))
+        raise ConfigError(f"predictor: env has actions {space}; a learned predictor allows a row of choices or a Box")
 
     def __call__(self, actions: Array) -> Array:
         """Actions ``(N,)`` or ``(N, ...)`` to ``(N, A)`` float32."""
-        if self.first is None:
+        if not self.choices:
             return actions.reshape(len(actions), self.size).astype(np.float32, copy=False)
-        return np.eye(self.size, dtype=np.float32)[actions - self.first]
+        chosen = actions.reshape(len(actions), len(self.choices)).T
+        parts = [np.eye(n, dtype=np.float32)[row - first] for row, (n, first) in zip(chosen, self.choices, strict=True)]
+        return np.concatenate(parts, axis=1)
 
 
 @dataclass(frozen=True)

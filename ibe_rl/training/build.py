@@ -41,6 +41,7 @@ from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
 from ibe_rl.training.state import State, must_fit
+from ibe_rl.training.success_note import SuccessNote
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browser
@@ -71,8 +72,9 @@ def build(
     _refuse_classes(listeners=listeners, metrics=metrics)
     cfg, state = take_up(cfg, resumption) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
-    for note in check_run(cfg, env):
-        print(note)  # noqa: T201 - for the user
+    notes = check_run(cfg, env)
+    for note in notes:
+        print(f"note: {note}")  # noqa: T201 - for the user
     listeners = [*make_several("listener", cfg.listeners), *listeners, *make_several("logger", cfg.loggers)]
     made = zip(cfg.metrics, make_several("metric", cfg.metrics), strict=True)
     named = [*made, *((type(one).__name__, one) for one in metrics)]
@@ -93,7 +95,7 @@ def build(
             if teach:
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
-            yield _begin(cfg, folder, stop, owned, [LiveView(live), *listeners], metrics, classroom, state)
+            yield _begin(cfg, folder, stop, owned, [LiveView(live), *listeners], metrics, classroom, state, notes)
 
 
 def _refuse_classes(**given: Sequence[Any]) -> None:
@@ -120,12 +122,13 @@ def _begin(
     metrics: Sequence[Metric],
     classroom: Any,
     state: State | None,
+    notes: list[str],
 ) -> Run:
     """Make all parts and notify the listeners of the start."""
     timeit.erase()
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
-        run.metrics = list(metrics)
+        run.metrics, run.notes = list(metrics), notes
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
         columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]
@@ -133,7 +136,7 @@ def _begin(
         optional = [one for one in (run.recorder, progress, classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
-        run.tell = Listeners([Table(table), *optional, *listeners, checkpoints], progress.say)
+        run.tell = Listeners([Table(table), *optional, *listeners, SuccessNote(), checkpoints], progress.say)
         owned.callback(run.tell.close)
         _collect(run, owned, classroom)
         run.tell.begin(run)

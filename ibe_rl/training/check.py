@@ -11,7 +11,8 @@ from ibe_rl.agents import check_actions, check_agent
 from ibe_rl.collect.collector import check_collect
 from ibe_rl.config.command_line import is_sweep
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_snapshot_env, task_of
+from ibe_rl.envs.make import task_of
+from ibe_rl.envs.trial import try_out
 from ibe_rl.instructors import check_instructor
 from ibe_rl.predict import check_predictor, is_learnt
 from ibe_rl.runtime.apps import load_app
@@ -64,9 +65,7 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     if cfg.report:
         load_app("report=true").check_report(cfg, task)
     check_predictor(cfg.predictor, cfg.instructor, env)
-    if not is_learnt(cfg.predictor):
-        make_snapshot_env(cfg.env)  # to predict in
-    notes = check_dimensions(cfg.mapping, task, env)
+    notes = [*try_out(cfg.env, not is_learnt(cfg.predictor)), *check_dimensions(cfg.mapping, task, env)]
     if not task.judges_success:
-        notes.append(f"note: {cfg.env.id} does not report success, so no episode counts as one")
+        notes.append(f"{cfg.env.id} does not report success, so no episode counts as one")
     return notes

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import own_configs
+from ibe_rl.envs.gate import GateError
 from ibe_rl.runtime.installation import typed
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state
-from ibe_rl.storage.run_folder import CHECKPOINTS
+from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, write_json
+from ibe_rl.training.summary import summarise
 from ibe_rl.types import ConfigError
 
 
@@ -52,20 +54,28 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
 
 @contextmanager
 def resumable(run: Any) -> Iterator[None]:
-    """If a worker is lost between two batches, save the current state and say how to resume.
+    """If a worker or the environment fails between two batches, save the current state and say how to resume.
 
     Raises:
         LostWorkerError: with the command that resumes the run.
+        GateError: with the same; summary.json has it as ``failure``.
     """
+    command = f"{typed('train')} {own_configs()}resume={run.folder}"
     try:
         yield
     except LostWorkerError as error:
         if not run.log.frames:
             raise LostWorkerError(f"{error}; nothing had been collected yet, start the run again") from None
         save_state(run.folder, run.state_dict())
-        command = f"{typed('train')} {own_configs()}resume={run.folder}"
         raise LostWorkerError(
             f"{error}; the run is saved as of {run.log.frames:,} frames, to go on: {command}"
+        ) from None
+    except GateError as error:
+        save_state(run.folder, run.state_dict())
+        ended = {"stopped_early": True, "failure": str(error)}
+        write_json(run.folder / SUMMARY, summarise(run, {}) | ended)
+        raise GateError(
+            f"{error}; the run is saved as of {run.log.frames:,} frames, to go on once this is mended: {command}"
         ) from None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -97,8 +97,8 @@ def _counts(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count:,}" for name, count in counts.items())
 
 
-def closing_table(summary: Mapping[str, Any]) -> None:
-    """Print the summary of a run as a table."""
+def closing_table(summary: Mapping[str, Any], told: Sequence[str] = ()) -> None:
+    """Print the summary of a run as a table, without the notes already ``told``."""
     table = Table("what", "value", title="the run in numbers")
     for key in ("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"):
         table.add_row(key, f"{summary[key]:,.3g}" if isinstance(summary[key], float) else f"{summary[key]:,}")
@@ -107,7 +107,7 @@ def closing_table(summary: Mapping[str, Any]) -> None:
     for name, seconds in summary["time_s"].items():
         table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
     Console().print(table)
-    for line in summary["notes"]:
+    for line in [note for note in summary["notes"] if note not in told]:
         Console(highlight=False, soft_wrap=True).print(f"note: {line}", markup=False)
 
 

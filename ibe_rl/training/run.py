@@ -76,6 +76,7 @@ class Run:
         batches: endless batches ``[N, T]``.
         partial_episodes: the unfinished episodes of a resumed run.
         last: whether the batch just logged is the last one.
+        notes: what the trial and the first episodes found, already printed; kept in summary.json.
     """
 
     cfg: TrainConfig
@@ -101,6 +102,7 @@ class Run:
     started_s: float = field(default_factory=time.perf_counter)
     resumed: bool = False
     last: bool = False
+    notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.schedule()

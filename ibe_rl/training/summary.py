@@ -40,15 +40,15 @@ def recent_mean(values: Array, count: int) -> float:
 
 
 def summarise(run: Run, row: dict[str, float]) -> dict[str, Any]:
-    """The contents of summary.json; ``row`` is the last one of metrics.csv."""
+    """The contents of summary.json; ``row`` is the last one of metrics.csv, empty if the run failed."""
     cfg, counts, vocabulary, wall_s = run.cfg, run.counts, run.vocabulary, run.wall_s
     return {
         "frames": run.log.frames,
         "wall_s": wall_s,
         "frames_per_s": run.log.frames / wall_s,
         "episodes": run.log.episodes_ended,
-        "success_rate": row["eval/success_rate"],
-        "return_mean": row["eval/return_mean"],
+        "success_rate": row.get("eval/success_rate"),
+        "return_mean": row.get("eval/return_mean"),
         "evaluation_episodes": cfg.eval_episodes,
         "horizon_steps": vocabulary.horizon_steps,
         "refreshes": counts.refreshes,
@@ -56,7 +56,7 @@ def summarise(run: Run, row: dict[str, float]) -> dict[str, Any]:
         "refreshes_skipped": counts.skipped,
         "stopped_early": bool(run.stop),
         "meaning": [one.to_dict() for one in vocabulary.mapping.meanings] if vocabulary.mapping else [],
-        "notes": list(vocabulary.notes),
+        "notes": [*run.notes, *vocabulary.notes],
         "time_s": run.times_s(),
         "seed": cfg.seed,
         "agent": cfg.agent.kind,

@@ -58,7 +58,7 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
                 f"them, it reads {', '.join(read)}; {WAY_OUT}"
             )
     still = [task.state_names[row] for row in np.flatnonzero(kept & (np.ptp(states, axis=0) == 0))]
-    return [f"note: mapping.dimensions: {', '.join(still)} did not change in random episodes"] if still else []
+    return [f"mapping.dimensions: {', '.join(still)} did not change in random episodes"] if still else []
 
 
 def _clusters_by_rule(config: MappingConfig) -> bool:

@@ -1,0 +1,63 @@
+"""Environments in a worker process, whose errors reach the trainer as one message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+from tensordict import TensorDictBase
+from torchrl.collectors import BaseCollector
+
+from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.make import InstructedEnvs
+from ibe_rl.runtime.last_words import LastWords, leave
+from ibe_rl.storage.partial_episode import PartialEpisode
+from ibe_rl.types import Instructor
+
+
+class WorkerEnvs(InstructedEnvs):
+    """Environments of a worker process: an error of theirs is left to the trainer, and the process ends.
+
+    Args:
+        last_words: the trainer's folder for it.
+    """
+
+    def __init__(
+        self,
+        envs: Sequence[gymnasium.Env[Any, Any]],
+        instructor: Instructor,
+        partial_episodes: Sequence[PartialEpisode],
+        last_words: Path,
+    ):
+        super().__init__(envs, instructor, partial_episodes)
+        self._last_words = last_words
+
+    def _reset(self, tensordict: TensorDictBase | None, **others: Any) -> TensorDictBase:
+        with self._leaving():
+            return super()._reset(tensordict, **others)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        with self._leaving():
+            return super()._step(tensordict)
+
+    @contextmanager
+    def _leaving(self) -> Iterator[None]:
+        try:
+            yield
+        except GateError as error:
+            leave(self._last_words, str(error))
+            raise SystemExit(1) from None  # TorchRL's worker would print a traceback
+
+
+def raise_last_words(collector: BaseCollector) -> None:
+    """Raise the error that a worker of the collector has left.
+
+    Raises:
+        GateError: if there is one.
+    """
+    last_words: LastWords | None = getattr(collector, "last_words", None)
+    if last_words and (said := last_words.heard()):
+        raise GateError(said)
