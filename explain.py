@@ -34,6 +34,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.installation import installed
+from ibe_rl.runtime.printed import for_shell, visible
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.recorder import Recorder
@@ -63,11 +64,12 @@ def explain_episode(run: TrainedRun, cfg: ExplainConfig) -> None:
     rollout, said = explain_rollout(run, cfg)
     print_narration(run, rollout, said)
     if cfg.clip:
-        print(f"clip: {clip_of(run, rollout, said, Path(cfg.clip))}")
+        print(f"clip: {visible(str(clip_of(run, rollout, said, Path(cfg.clip))))}")
     if cfg.viewer.mode == "off":
         return
     recording = record(run, cfg, rollout, said)
-    print(f"recording: {recording}\n  open it with: {installed('rerun')} {recording}")
+    opens = for_shell(installed("rerun")), for_shell(str(recording.absolute()))
+    print(f"recording: {visible(str(recording))}\n  open it with: {' '.join(opens)}")
     if ports:
         serve_until_enter(recording, ports, wants_browser(cfg.viewer.open))
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.external.policy import check_same_actions
-from ibe_rl.config.command_line import composed
+from ibe_rl.config.command_line import command_on, composed
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
@@ -229,7 +229,7 @@ def minari_command(arguments: Sequence[str] | None = None) -> int:
             line = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
         else:
             folder = import_log(asked.dataset, asked.settings, asked.instruction)
-            line = f"{folder}: explain an agent in its words with {typed('explain')} run={folder} agent=…"
+            line = f"{folder}: explain an agent in its words with {command_on(folder, 'explain', 'run')} agent=…"
     except ConfigError as error:
         sys.exit(f"error: {error}")
     sys.stdout.write(f"{line}\n")

@@ -16,6 +16,11 @@ def one_line(error: BaseException) -> str:
     """Describe an error in one line: the key, the value and what is allowed."""
     if isinstance(error, MissingConfigException):
         return _unknown_choice(str(error))
+    if is_below_null(error):
+        return (
+            "a setting below one that is null, as env.task.name where the environment declares its own task; allowed "
+            "are those of parts that are there"
+        )
     cause = error.__cause__ or error
     if isinstance(error, HydraException) and isinstance(error.__context__, OmegaConfBaseException):
         cause = error.__context__
@@ -25,10 +30,17 @@ def one_line(error: BaseException) -> str:
         schema, key = getattr(cause, "object_type", None), getattr(cause, "full_key", None) or unknown[1]
         return f"{key}: {no_such_setting(unknown[1], schema) if is_dataclass(schema) else 'no such setting'}"
     key = getattr(cause, "full_key", None)
+    if key and "is not in struct" in text:
+        return f"{key}: no such setting; allowed is one that is there, or +{key}=VALUE to add it"
     first = text.strip().splitlines()[0] if text.strip() else type(error).__name__
     if isinstance(error, OverrideParseException):
         return f"{error.override}: {first}"
     return f"{key}: {first}" if key else first
+
+
+def is_below_null(error: BaseException) -> bool:
+    """True for omegaconf's assertion about a setting whose parent is null."""
+    return isinstance(error, AssertionError) and str(error).startswith("Unexpected type")
 
 
 def _unknown_choice(text: str) -> str:

@@ -40,6 +40,18 @@ def import_from_here(module: str) -> ModuleType:
     return importlib.import_module(module)
 
 
+def imported_from_here() -> bool:
+    """Whether a module was imported that lies in the working directory itself, where another folder has none of it."""
+    places = (_place_of(module) for name, module in [*sys.modules.items()] if "." not in name)
+    return str(Path.cwd()) in sys.path and Path.cwd() in places
+
+
+def _place_of(module: ModuleType) -> Path | None:
+    """The folder in which a module or package lies."""
+    file = getattr(module, "__file__", None)
+    return None if file is None else Path(file).absolute().parents[file.endswith("__init__.py")]
+
+
 def raised(error: Exception) -> str:
     """A short description of an error from user code."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

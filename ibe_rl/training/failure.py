@@ -7,8 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.config.command_line import own_configs
-from ibe_rl.runtime.installation import typed
+from ibe_rl.config.command_line import command_on
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS
@@ -63,7 +62,7 @@ def resumable(run: Any) -> Iterator[None]:
         if not run.log.frames:
             raise LostWorkerError(f"{error}; nothing had been collected yet, start the run again") from None
         save_state(run.folder, run.state_dict())
-        command = f"{typed('train')} {own_configs()}resume={run.folder}"
+        command = command_on(run.folder, "train", "resume")
         raise LostWorkerError(
             f"{error}; the run is saved as of {run.log.frames:,} frames, to go on: {command}"
         ) from None
@@ -75,7 +74,8 @@ def how_to_go_on(folder: Path) -> str:
         frames = load(folder / CHECKPOINTS / LATEST)["frames"]
     except (ConfigError, KeyError, TypeError):
         return "train again: no state was saved"
-    return f"resume its saved state of {frames:,} frames: {typed('train')} {own_configs()}resume={folder}"
+    command = command_on(folder, "train", "resume")
+    return f"resume its saved state of {frames:,} frames: {command}"
 
 
 def _is_in(filename: object, folder: Path) -> bool:
