@@ -24,7 +24,8 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.runtime.installation import typed
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, create_run_folder, find_run, refuse_special_files
+from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, refuse_special_files
+from ibe_rl.storage.whole_folder import whole_folder
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
@@ -132,9 +133,9 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
     if first is None:
         raise ConfigError(f"dataset={dataset_id}: it has no episode; allowed is one with episodes")
     _episode(first, task, instruction)  # check before anything is made
-    folder = create_run_folder(Path(cfg.run_dir))
-    keep_run(folder, config, _episodes(dataset, task, instruction), dataset.total_steps + dataset.total_episodes)
-    return folder
+    with whole_folder(Path(cfg.run_dir)) as folder:
+        keep_run(folder, config, _episodes(dataset, task, instruction), dataset.total_steps + dataset.total_episodes)
+    return Path(cfg.run_dir)
 
 
 def _check_observations(dataset_id: str, space: Any, task: Task) -> None:

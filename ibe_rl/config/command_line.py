@@ -16,6 +16,7 @@ from hydra.types import RunMode
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
+from yaml import MarkedYAMLError
 
 from ibe_rl.config.arguments import as_hydra_reads, path_setting, sorted_arguments
 from ibe_rl.config.error_line import is_below_null, one_line
@@ -74,7 +75,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 def _reason(error: Exception, started: bool) -> str | None:
     """An error that is expected before a script starts or, in a sweep, before its first run; None for any other."""
     expected = isinstance(error, HydraException | OmegaConfBaseException | ConfigError)
-    if expected or (not started and is_below_null(error)):
+    if expected or (not started and (isinstance(error, MarkedYAMLError) or is_below_null(error))):
         return one_line(error)
     if started or not isinstance(error, OSError):
         return None
@@ -95,7 +96,7 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
         with settings_at_hand():
             arguments = as_hydra_reads(overrides, name, resumed_choices(overrides, CONFIGS))
             values = OmegaConf.to_object(hydra.compose(name, arguments))
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, MarkedYAMLError) as error:
         raise ConfigError(one_line(error)) from None
     except AssertionError as error:
         if not is_below_null(error):

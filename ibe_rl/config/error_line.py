@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf.errors import OmegaConfBaseException
+from yaml import MarkedYAMLError
 
 from ibe_rl.config.limits import nearest, no_such_setting
 
@@ -21,6 +22,9 @@ def one_line(error: BaseException) -> str:
             "a setting below one that is null, as env.task.name where the environment declares its own task; allowed "
             "are those of parts that are there"
         )
+    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
+        at = error.problem_mark
+        return f"{at.name}, line {at.line + 1}, column {at.column + 1}: {error.problem}; allowed is YAML"
     cause = error.__cause__ or error
     if isinstance(error, HydraException) and isinstance(error.__context__, OmegaConfBaseException):
         cause = error.__context__

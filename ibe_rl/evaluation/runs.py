@@ -53,12 +53,12 @@ def open_trained(
     env: EnvConfig | None = None,
     trusted: Sequence[str] = (),
 ) -> TrainedRun:
-    """Open the run in the folder ``run``, or the newest below ``runs/`` if None; see ``load_run``.
+    """Open the run in the folder ``run``, or the newest below ``runs/`` with a vocabulary if None; see ``load_run``.
 
     Raises:
         ConfigError: if there is none; and as ``load_run``.
     """
-    return load_run(find_run(run, _RUNS), external_policy, env, trusted)
+    return load_run(find_run(run, _RUNS, told=True), external_policy, env, trusted)
 
 
 def run_config(folder: Path, env: EnvConfig | None = None, trusted: Sequence[str] = ()) -> TrainConfig:

@@ -43,10 +43,11 @@ def prepare_output() -> None:
 def _lasting(stream: TextIO | None, number: int) -> TextIO:
     if stream is None:
         return TextIOWrapper(BufferedWriter(_Lasting(number, "w", closefd=False)), "utf-8", "backslashreplace")
-    if not isinstance(stream, TextIOWrapper) or stream.fileno() != number or isinstance(stream.buffer.raw, _Lasting):
+    if type(stream) is not TextIOWrapper or stream.fileno() != number:
         return stream  # of another program, such as pytest or a notebook
     stream.flush()
-    through = BufferedWriter(_Lasting(number, "w", closefd=False))
+    through: Any = _Lasting(number, "w", closefd=False)
+    through = BufferedWriter(through) if isinstance(stream.buffer, BufferedWriter) else through  # python -u has none
     at_once = stream.line_buffering, stream.write_through
     return TextIOWrapper(through, stream.encoding, "backslashreplace", None, *at_once)
 

@@ -35,17 +35,19 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
     except Exception as error:
         with suppress(Exception):  # the disk may be full
             keep()
+        go_on = how_to_go_on(folder) if frames() else "train again"
         if isinstance(error, FloatingPointError):
             raise ConfigError(
                 f"learning from the frames after {frames():,} gave {error}, the training has ended; "
-                f"{how_to_go_on(folder)} with a smaller agent.learning_rate or agent.reward_scale"
+                f"{go_on} with a smaller agent.learning_rate or agent.reward_scale"
             ) from None
         if isinstance(error, OSError) and _is_in(error.filename, folder):
             raise ConfigError(
                 f"{error.filename} cannot be written ({error.strerror}), the training has ended at {frames():,} "
-                f"frames; make room, then {how_to_go_on(folder)}"
+                f"frames; make room, then {go_on}"
             ) from None
-        error.add_note(f"What was logged is in {folder}; {how_to_go_on(folder)}")
+        if frames():
+            error.add_note(f"What was logged is in {folder}; {go_on}")
         raise
 
 

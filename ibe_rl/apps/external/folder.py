@@ -65,7 +65,7 @@ def keep_run(
     """Fill a run folder with episodes and the vocabulary learnt from them.
 
     Args:
-        folder: from ``create_run_folder``.
+        folder: from ``whole_folder``.
         config: from ``external_run_config``.
         episodes: read once.
         rows: number of states in all episodes, final states included.
@@ -75,7 +75,7 @@ def keep_run(
         the refresh.
 
     Raises:
-        ConfigError: if no vocabulary can be learnt; the episodes are kept.
+        ConfigError: if no vocabulary can be learnt.
     """
     task = task_of(make_env(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
