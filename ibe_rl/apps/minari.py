@@ -7,9 +7,11 @@ python -m ibe_rl.apps.minari import mine/log-v0 env=NAME run_dir=runs/imported
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -64,7 +66,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     env = make_env(config.env)
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
     try:
-        with warnings.catch_warnings():
+        with _whole_dataset(dataset_id), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about the missing code link and e-mail
             buffers = [_buffer(minari, episode) for episode in episodes]
             spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
@@ -74,6 +76,19 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
             )
     except (ValueError, TypeError) as error:
         raise ConfigError(f"dataset={dataset_id}: {error}") from None
+
+
+@contextmanager
+def _whole_dataset(dataset_id: str) -> Iterator[None]:
+    """Remove what was written of a new dataset if the body fails: Minari would refuse to write it again."""
+    place = Path(import_module("minari.storage").get_dataset_path(dataset_id))
+    new = not place.exists()
+    try:
+        yield
+    except BaseException:
+        if new:
+            shutil.rmtree(place, ignore_errors=True)
+        raise
 
 
 def _description(task: Task) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -68,7 +69,10 @@ def named_path(value: str) -> str:
     override = _parsed(f"path={value}")
     given = None if override is None or override.is_sweep_override() else override._value
     text = given.text if isinstance(given, QuotedString) else value
-    return str(Path(text).expanduser()) if text.startswith("~") and not Path(text).exists() else text
+    if text.startswith("~") and not Path(text).exists():
+        with suppress(RuntimeError):  # of a user without a home
+            return str(Path(text).expanduser())
+    return text
 
 
 def _readable(argument: str, script: str, several: bool) -> str:

@@ -9,6 +9,7 @@ import shlex
 import signal
 import sys
 from io import BufferedWriter, FileIO, TextIOWrapper
+from pathlib import Path
 from typing import Any, TextIO
 
 _ENDED_BY_PIPE = 128 + signal.SIGPIPE
@@ -23,11 +24,19 @@ def visible(text: str) -> str:
 
 
 def for_shell(word: str) -> str:
-    """A word that a shell reads as it is, on one line; bash where it holds control characters or broken Unicode."""
-    if word.isprintable():
+    """A word that a shell reads as it is, on one line and in letters that the output has; some only bash reads."""
+    if word.isprintable() and _can_be_printed(word):
         return shlex.quote(word)
     letters = (chr(byte) if 32 <= byte < 127 else f"\\x{byte:02x}" for byte in os.fsencode(word))
     return "$'" + "".join(f"\\{one}" if one in "'\\" else one for one in letters) + "'"
+
+
+def _can_be_printed(word: str) -> bool:
+    try:
+        word.encode(getattr(sys.stdout, "encoding", None) or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def prepare_output() -> None:
@@ -42,7 +51,7 @@ def prepare_output() -> None:
 
 def _lasting(stream: TextIO | None, number: int) -> TextIO:
     if stream is None:
-        return TextIOWrapper(BufferedWriter(_Lasting(number, "w", closefd=False)), "utf-8", "backslashreplace")
+        return Path(os.devnull).open("w", encoding="utf-8")  # by now another file may have its number
     if type(stream) is not TextIOWrapper or stream.fileno() != number:
         return stream  # of another program, such as pytest or a notebook
     stream.flush()

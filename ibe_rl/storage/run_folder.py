@@ -183,13 +183,13 @@ def is_run(path: Path) -> bool:
     return (path / CONFIG).is_file()
 
 
-def find_run(run: str | None, below: Path, told: bool = False) -> Path:
+def find_run(run: str | None, below: Path, fits: Callable[[Path], bool] = lambda _: True) -> Path:
     """Find the folder of a run.
 
     Args:
         run: its path; None takes the newest below ``below``.
         below: where to search.
-        told: with None, take the newest that has a vocabulary, if any has one.
+        fits: of several, whether one is what is asked for; those that do not come last.
 
     Raises:
         ConfigError: if ``run`` is not a run, or none is found.
@@ -200,7 +200,7 @@ def find_run(run: str | None, below: Path, told: bool = False) -> Path:
         return Path(run)
     runs = [config.parent.parent for config in below.glob(f"**/{CONFIG}") if is_run(config.parent.parent)]
     runs = [found for found in runs if not any(part.endswith(PARTIAL) for part in found.parts)]
-    runs = [found for found in runs if told and any((found / REFRESHES).glob("*.json"))] or runs
+    runs = [*filter(fits, runs)] or runs
     if not runs:
         raise ConfigError(f"run=null: there is no run below {below}; train one, or name one with run=DIR")
     return max(runs, key=lambda path: (path / CONFIG).stat().st_mtime)

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ibe_rl.storage.run_folder import CONFIG, METRICS, PARTIAL, create_run_folder, refuse_used
+from ibe_rl.storage.log import ABOUT as ABOUT_LOG
+from ibe_rl.storage.run_folder import CONFIG, METRICS, PARTIAL, TRAJECTORIES, create_run_folder, read_json, refuse_used
 from ibe_rl.types import ConfigError
 
 
@@ -46,7 +47,7 @@ def _move(partial: Path, path: Path) -> None:
 
 @contextmanager
 def begun_folder(path: Path) -> Iterator[Path]:
-    """The folder of a new training; what it has made there is removed if it fails before its first batch.
+    """The folder of a new training; what it has made there is removed if it fails before anything is logged.
 
     Args:
         path: of the new folder; what it already holds stays.
@@ -59,11 +60,21 @@ def begun_folder(path: Path) -> Iterator[Path]:
     try:
         yield path
     except BaseException:
-        if not (path / METRICS).exists():
+        if not _has_logged(path):
             _remove({*path.iterdir()} - (before or set()))
             if before is None:
                 path.rmdir()
         raise
+
+
+def _has_logged(path: Path) -> bool:
+    """Whether a training has logged anything."""
+    if (path / METRICS).exists():
+        return True
+    try:
+        return bool(read_json(path / TRAJECTORIES / ABOUT_LOG)["frames"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _remove(parts: Iterable[Path]) -> None:

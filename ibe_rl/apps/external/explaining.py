@@ -29,6 +29,7 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.storage.run_folder import REFRESHES
+from ibe_rl.storage.whole_folder import whole_folder
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
