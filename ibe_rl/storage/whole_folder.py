@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ibe_rl.storage.log import ABOUT as ABOUT_LOG
+from ibe_rl.storage.log import ABOUT_LOG
 from ibe_rl.storage.run_folder import CONFIG, METRICS, PARTIAL, TRAJECTORIES, create_run_folder, read_json, refuse_used
 from ibe_rl.types import ConfigError
 

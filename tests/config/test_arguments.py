@@ -98,5 +98,5 @@ def test_where_names_are_not_free_the_plus_is_named() -> None:
 
 
 def test_a_setting_below_null_is_refused_in_one_line() -> None:
-    with pytest.raises(ConfigError, match="a setting below one that is null, as env.task.name"):
+    with pytest.raises(ConfigError, match=r"a setting below one that is null, as env\.task\.name"):
         composed("train", ["env.task.name=x"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -41,6 +42,11 @@ def test_a_shell_reads_the_word_back(path: str) -> None:
     line = f"printf %s {for_shell(path)}"
     assert "\n" not in line
     assert subprocess.run(["bash", "-c", line], capture_output=True, check=True).stdout == os.fsencode(path)
+
+
+def test_letters_that_the_output_does_not_have_are_pasted_as_escapes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), "ascii"))
+    assert for_shell("é") == "$'\\xc3\\xa9'"
 
 
 def test_control_characters_are_seen_and_change_nothing() -> None:
