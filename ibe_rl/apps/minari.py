@@ -25,6 +25,7 @@ from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.runtime.installation import typed
+from ibe_rl.runtime.printed import prepare_output, visible
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, refuse_special_files
 from ibe_rl.storage.whole_folder import whole_folder
@@ -228,6 +229,7 @@ def _minari() -> Any:
 
 def minari_command(arguments: Sequence[str] | None = None) -> int:
     """Export or import from the command line."""
+    prepare_output()
     parser = argparse.ArgumentParser(prog=typed("minari"), description="Logs for and from Minari.")
     commands = parser.add_subparsers(dest="command", required=True)
     out = commands.add_parser("export", help="a run's log as a dataset")
@@ -245,9 +247,10 @@ def minari_command(arguments: Sequence[str] | None = None) -> int:
             line = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
         else:
             folder = import_log(asked.dataset, asked.settings, asked.instruction)
-            line = f"{folder}: explain an agent in its words with {command_on(folder, 'explain', 'run')} agent=…"
+            command = f"{command_on(folder, 'explain', 'run')} agent=…"
+            line = f"{visible(str(folder))}: explain an agent in its words with {command}"
     except ConfigError as error:
-        sys.exit(f"error: {error}")
+        sys.exit(f"error: {visible(str(error))}")
     sys.stdout.write(f"{line}\n")
     return 0
 

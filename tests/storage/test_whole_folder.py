@@ -15,6 +15,12 @@ def files_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
+def fail(file: Path, error: type[BaseException], frames: int = 0) -> None:
+    """Write a file, then raise an error."""
+    write_json(file, {"frames": frames})
+    raise error
+
+
 def test_a_folder_has_its_name_once_it_is_whole(tmp_path: Path) -> None:
     with whole_folder(tmp_path / "runs" / "run") as folder:
         (folder / "summary.json").write_text("{}")
@@ -28,8 +34,7 @@ def test_a_folder_has_its_name_once_it_is_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize("error", [ConfigError, KeyboardInterrupt, OSError])
 def test_what_fails_leaves_nothing_and_the_next_try_works(tmp_path: Path, error: type[BaseException]) -> None:
     with pytest.raises(error), whole_folder(tmp_path / "run") as folder:
-        (folder / "summary.json").write_text("{}")
-        raise error
+        fail(folder / "summary.json", error)
     assert [*tmp_path.iterdir()] == []
     with whole_folder(tmp_path / "run"):
         pass
@@ -69,9 +74,7 @@ def test_a_training_that_has_logged_nothing_leaves_nothing(tmp_path: Path) -> No
     (tmp_path / "there" / "output.log").touch()
     for name in ("new", "there"):
         with pytest.raises(RuntimeError), begun_folder(tmp_path / name) as folder:
-            write_json(folder / "trajectories" / "log.json", {"frames": 0})
-            (folder / "recording.rrd").touch()
-            raise RuntimeError
+            fail(folder / "trajectories" / "log.json", RuntimeError)
     assert files_in(tmp_path) == ["there/output.log"]
     assert not (tmp_path / "new").exists()
 
@@ -79,6 +82,5 @@ def test_a_training_that_has_logged_nothing_leaves_nothing(tmp_path: Path) -> No
 @pytest.mark.parametrize("logged", [METRICS, "trajectories/log.json"])
 def test_a_training_that_has_logged_something_keeps_it(tmp_path: Path, logged: str) -> None:
     with pytest.raises(KeyboardInterrupt), begun_folder(tmp_path / "run") as folder:
-        write_json(folder / logged, {"frames": 64})
-        raise KeyboardInterrupt
+        fail(folder / logged, KeyboardInterrupt, frames=64)
     assert files_in(tmp_path) == ["run/.hydra/config.yaml", f"run/{logged}"]
