@@ -20,7 +20,7 @@ WITH_PATH = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-c
 MULTIRUN = ("-m", "--multirun")
 OF_A_TRAINING = re.compile(r"\+{0,2}(env|mapping)[.=]")
 """Settings that ``explain.py`` passes on when it creates an external agent's run folder."""
-FREE = ("env.kwargs.", "env.task.hidden_goal.")
+FREE = ("env.kwargs", "env.task.hidden_goal")
 """Where any name may be set, also one that no file has."""
 _REPLACED = re.compile(r"(\\*)\$\{")
 """What would be replaced by the value of another setting."""
@@ -84,7 +84,7 @@ def _readable(argument: str, script: str, several: bool) -> str:
         if swept and not Path(value).exists():
             return argument if "(" in value else f"{key}={','.join(map(_as_path, value.split(',')))}"
         return f"{key}={_as_path(value)}"
-    added = "++" if key.startswith(FREE) else ""
+    added = "++" if key.startswith(FREE) and value != "null" else ""
     return f"{added}{argument}" if override is not None or not equals else f"{added}{key}={quoted(value)}"
 
 

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from yaml import MarkedYAMLError
 
 from ibe_rl.config.arguments import as_hydra_reads, path_setting, sorted_arguments
-from ibe_rl.config.error_line import is_below_null, one_line
+from ibe_rl.config.error_line import is_refusal, one_line
 from ibe_rl.config.hydra_setup import given_settings, prepare_hydra, settings_at_hand
 from ibe_rl.config.kind_files import resumed_choices
 from ibe_rl.config.kinds import SEVERAL, check_config
@@ -75,7 +75,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
 def _reason(error: Exception, started: bool) -> str | None:
     """An error that is expected before a script starts or, in a sweep, before its first run; None for any other."""
     expected = isinstance(error, HydraException | OmegaConfBaseException | ConfigError)
-    if expected or (not started and (isinstance(error, MarkedYAMLError) or is_below_null(error))):
+    if expected or (not started and is_refusal(error)):
         return one_line(error)
     if started or not isinstance(error, OSError):
         return None
@@ -96,10 +96,10 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
         with settings_at_hand():
             arguments = as_hydra_reads(overrides, name, resumed_choices(overrides, CONFIGS))
             values = OmegaConf.to_object(hydra.compose(name, arguments))
-    except (HydraException, OmegaConfBaseException, MarkedYAMLError) as error:
+    except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(one_line(error)) from None
-    except AssertionError as error:
-        if not is_below_null(error):
+    except (AssertionError, ValueError, MarkedYAMLError) as error:
+        if not is_refusal(error):
             raise
         raise ConfigError(one_line(error)) from None
     check_config(values)

@@ -12,6 +12,10 @@ from typing import Any
 from ibe_rl.types import ConfigError
 
 
+_NAMED: set[str] = set()
+"""Modules, or the packages they are in, that were asked for."""
+
+
 def import_named(key: str, name: str, allowed: str, made: bool = False) -> Any:
     """Import ``module:name``; the module may lie in the working directory.
 
@@ -37,13 +41,14 @@ def import_from_here(module: str) -> ModuleType:
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
+    _NAMED.add(module.partition(".")[0])
     return importlib.import_module(module)
 
 
 def imported_from_here() -> bool:
-    """Whether a module was imported that lies in the working directory itself, where another folder has none of it."""
-    places = (_place_of(module) for name, module in [*sys.modules.items()] if "." not in name)
-    return str(Path.cwd()) in sys.path and Path.cwd() in places
+    """Whether a module that a setting names lies in the working directory, so that other folders do not have it."""
+    named = (sys.modules[name] for name in _NAMED if name in sys.modules and name != __name__.partition(".")[0])
+    return Path.cwd() in map(_place_of, named)
 
 
 def _place_of(module: ModuleType) -> Path | None:

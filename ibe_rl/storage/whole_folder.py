@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ibe_rl.storage.log import ABOUT_LOG
+from ibe_rl.storage.log import ABOUT_LOG, COLUMNS
 from ibe_rl.storage.run_folder import CONFIG, METRICS, PARTIAL, TRAJECTORIES, create_run_folder, read_json, refuse_used
 from ibe_rl.types import ConfigError
 
@@ -69,12 +69,15 @@ def begun_folder(path: Path) -> Iterator[Path]:
 
 def _has_logged(path: Path) -> bool:
     """Whether a training has logged anything."""
-    if (path / METRICS).exists():
-        return True
+    columns = (path / TRAJECTORIES / f"{name}.npy" for name in COLUMNS)
+    return (path / METRICS).exists() or any(column.exists() for column in columns) or _frames_in_log(path) > 0
+
+
+def _frames_in_log(path: Path) -> int:
     try:
-        return bool(read_json(path / TRAJECTORIES / ABOUT_LOG)["frames"])
+        return int(read_json(path / TRAJECTORIES / ABOUT_LOG)["frames"])
     except (OSError, ValueError, KeyError, TypeError):
-        return False
+        return 0
 
 
 def _remove(parts: Iterable[Path]) -> None:

@@ -97,6 +97,21 @@ def test_where_names_are_not_free_the_plus_is_named() -> None:
         composed("train", ["loggers.x.y=1"])
 
 
+@pytest.mark.parametrize(
+    ("setting", "refusal"),
+    [
+        ("agent=null", "GROUP=null, or a value without a name: allowed is GROUP=CHOICE, as agent=ppo, or NAME=VALUE"),
+        ("=1", "GROUP=null, or a value without a name"),
+        ("agent=", "agent=: allowed is one of dqn, ppo"),
+        ("logger=[csv", r"logger=\[csv: allowed is one of csv, "),
+        ("agent.gamma=0,9", "agent.gamma=0,9: several values; allowed is one, with a point in a number, or -m for a run"),
+    ],
+)
+def test_what_is_no_choice_or_no_one_value_is_refused_in_one_line(setting: str, refusal: str) -> None:
+    with pytest.raises(ConfigError, match=f"^{refusal}"):
+        composed("train", [setting])
+
+
 def test_a_setting_below_null_is_refused_in_one_line() -> None:
     with pytest.raises(ConfigError, match=r"a setting below one that is null, as env\.task\.name"):
         composed("train", ["env.task.name=x"])

@@ -79,7 +79,7 @@ def test_a_training_that_has_logged_nothing_leaves_nothing(tmp_path: Path) -> No
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize("logged", [METRICS, "trajectories/log.json"])
+@pytest.mark.parametrize("logged", [METRICS, "trajectories/log.json", "trajectories/number.npy"])
 def test_a_training_that_has_logged_something_keeps_it(tmp_path: Path, logged: str) -> None:
     with pytest.raises(KeyboardInterrupt), begun_folder(tmp_path / "run") as folder:
         fail(folder / logged, KeyboardInterrupt, frames=64)
