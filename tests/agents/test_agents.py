@@ -11,7 +11,7 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
-from ibe_rl.agents import Agent, make_agent
+from ibe_rl.agents import Agent, check_agent, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.agents.reward import learning_reward

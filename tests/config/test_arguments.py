@@ -104,7 +104,10 @@ def test_where_names_are_not_free_the_plus_is_named() -> None:
         ("=1", "GROUP=null, or a value without a name"),
         ("agent=", "agent=: allowed is one of dqn, ppo"),
         ("logger=[csv", r"logger=\[csv: allowed is one of csv, "),
-        ("agent.gamma=0,9", "agent.gamma=0,9: several values; allowed is one, with a point in a number, or -m for a run"),
+        (
+            "agent.gamma=0,9",
+            "agent.gamma=0,9: several values; allowed is one, with a point in a number, or -m for a run",
+        ),
     ],
 )
 def test_what_is_no_choice_or_no_one_value_is_refused_in_one_line(setting: str, refusal: str) -> None:
