@@ -11,7 +11,6 @@ from typing import Any
 
 from ibe_rl.types import ConfigError
 
-
 _NAMED: set[str] = set()
 """Modules, or the packages they are in, that were asked for."""
 
