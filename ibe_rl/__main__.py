@@ -18,6 +18,7 @@ from ibe_rl.config.local_files import CONFIGS
 from ibe_rl.config.manual import exit_with_page
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.installation import COMMAND, shipped, typed
+from ibe_rl.runtime.printed import prepare_output, visible
 
 DEMO = {"run": "runs/demo", "seed": "1", "context": "right", "viewer": "live"}
 """Settings of ``explain`` with which the demo explains its episode, unless others are given."""
@@ -70,6 +71,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
 
 def dispatch_command() -> None:
     """Do what the first argument names."""
+    prepare_output()
     name, *arguments = sys.argv[1:] or ["--help"]
     if name in ("--help", "-h", "help"):
         sys.stdout.write(_overview())
@@ -80,7 +82,7 @@ def dispatch_command() -> None:
     elif name in COMMANDS:
         COMMANDS[name](arguments)
     else:
-        sys.exit(f"error: {COMMAND} {name}: allowed is one of {', '.join(COMMANDS)}{nearest(name, COMMANDS)}")
+        sys.exit(f"error: {COMMAND} {visible(name)}: allowed is one of {', '.join(COMMANDS)}{nearest(name, COMMANDS)}")
 
 
 def _overview() -> str:

@@ -23,7 +23,7 @@ from view_data import read
 
 import train
 from ibe_rl.agents import dqn, ppo
-from ibe_rl.runtime.installation import typed
+from ibe_rl.runtime.installation import pasted
 from ibe_rl.storage.checkpoint import load
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.training.failure import how_to_go_on
@@ -105,7 +105,7 @@ def test_the_disk_is_full_when_the_state_is_written(tmp_path: Path, monkeypatch:
         said = failing(*RUN, f"run_dir={folder}")
     assert f"{folder}/checkpoints/latest.pt cannot be written (File too large)" in said
     assert "the training has ended at 4,096 frames; make room, then resume its saved state of 3,072 frames" in said
-    assert said.endswith(f": {typed('train')} resume={folder}")
+    assert said.endswith(f": {pasted('train', f'resume={folder}')}")
     assert state_frames(folder) == 3072
     assert frames_of(folder) == FRAMES[:4]
     assert not list(folder.rglob("*.partial"))
@@ -134,7 +134,7 @@ def test_the_disk_has_no_room_for_the_log(tmp_path: Path) -> None:
     with full_disk(ROOM):
         said = failing(*RUN, f"run_dir={folder}")
     assert f"{folder}/trajectories/state.npy cannot be written (File too large)" in said
-    assert said.endswith(f"make room, then resume its saved state of 0 frames: {typed('train')} resume={folder}")
+    assert said.endswith(f"make room, then resume its saved state of 0 frames: {pasted('train', f'resume={folder}')}")
     assert not (folder / "trajectories" / "state.npy").exists()
     call("train", f"resume={folder}")
     assert_all_there(folder)
@@ -264,7 +264,7 @@ def test_a_loss_that_is_no_number(agent: str, module: Any, loss: str, tmp_path: 
     spoil(monkeypatch, module, batches=4)
     said = failing(*RUN, f"agent={agent}", *settings, f"run_dir={folder}")
     assert f"learning from the frames after 4,096 gave {loss}=nan, the training has ended" in said
-    assert f"resume its saved state of 4,096 frames: {typed('train')} resume={folder} with a smaller" in said
+    assert f"resume its saved state of 4,096 frames: {pasted('train', f'resume={folder}')} with a smaller" in said
     assert frames_of(folder) == FRAMES[:4]
     assert TrajectoryLog.open(folder / "trajectories").frames == 4096
     for path in folder.glob("checkpoints/policy_*.pt"):
@@ -287,7 +287,7 @@ def test_an_error_that_nobody_expects_keeps_what_was_logged(tmp_path: Path, monk
     at_frames(monkeypatch, 4096, fail)
     with pytest.raises(ZeroDivisionError) as raised:
         call("train", *RUN, f"run_dir={folder}")
-    again = f"{typed('train')} resume={folder}"
+    again = pasted("train", f"resume={folder}")
     note = f"What was logged is in {folder}; resume its saved state of 3,072 frames: {again}"
     assert raised.value.__notes__ == [note]
     assert TrajectoryLog.open(folder / "trajectories").frames == 4096

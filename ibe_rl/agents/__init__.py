@@ -21,6 +21,9 @@ from ibe_rl.config.kinds import implementation, made
 from ibe_rl.config.settings import AgentConfig
 from ibe_rl.types import ConfigError
 
+MOST_UNITS = 100_000
+"""Of a layer."""
+
 
 class Agent(Protocol):
     """A learner: ``policy`` explores and collects experience, ``greedy`` is evaluated and explained.
@@ -77,12 +80,14 @@ def make_agent(
 
 
 def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
-    """Refuse an agent that is to ignore an unknown state dimension.
+    """Refuse an agent that is to ignore an unknown state dimension, or whose layers have no width.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
     _ignored(config, state_names)
+    if not all(1 <= width <= MOST_UNITS for width in config.hidden):
+        raise ConfigError(f"agent.hidden={config.hidden}: allowed are widths of 1 to {MOST_UNITS}")
 
 
 def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from rich.console import Console
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.api.settings import env_config, environment
@@ -28,6 +27,7 @@ from ibe_rl.evaluation.run_predictor import as_trained
 from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.runtime.apps import load_app
+from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, read_json
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import ConfigError, Explanation
@@ -51,7 +51,7 @@ class Narration:
     def __str__(self) -> str:
         stream = io.StringIO()
         # in a notebook too, where rich would show it at once instead, in colours
-        plain = Console(file=stream, highlight=False, force_jupyter=False, force_terminal=False)
+        plain = PlainConsole(file=stream, force_jupyter=False, force_terminal=False)
         print_narration(self.run, self.watched, self.said, plain)
         return stream.getvalue()
 

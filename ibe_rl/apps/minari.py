@@ -7,9 +7,11 @@ python -m ibe_rl.apps.minari import mine/log-v0 env=NAME run_dir=runs/imported
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,13 +20,15 @@ import numpy as np
 
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.external.policy import check_same_actions
-from ibe_rl.config.command_line import composed
+from ibe_rl.config.command_line import command_on, composed
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.runtime.installation import typed
+from ibe_rl.runtime.printed import prepare_output, visible
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, create_run_folder, find_run, refuse_special_files
+from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, refuse_special_files
+from ibe_rl.storage.whole_folder import whole_folder
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
@@ -63,7 +67,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     env = make_env(config.env)
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
     try:
-        with warnings.catch_warnings():
+        with _whole_dataset(dataset_id), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about the missing code link and e-mail
             buffers = [_buffer(minari, episode) for episode in episodes]
             spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
@@ -73,6 +77,19 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
             )
     except (ValueError, TypeError) as error:
         raise ConfigError(f"dataset={dataset_id}: {error}") from None
+
+
+@contextmanager
+def _whole_dataset(dataset_id: str) -> Iterator[None]:
+    """Remove what was written of a new dataset if the body fails: Minari would refuse to write it again."""
+    place = Path(import_module("minari.storage").get_dataset_path(dataset_id))
+    new = not place.exists()
+    try:
+        yield
+    except BaseException:
+        if new:
+            shutil.rmtree(place, ignore_errors=True)
+        raise
 
 
 def _description(task: Task) -> str:
@@ -132,9 +149,9 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
     if first is None:
         raise ConfigError(f"dataset={dataset_id}: it has no episode; allowed is one with episodes")
     _episode(first, task, instruction)  # check before anything is made
-    folder = create_run_folder(Path(cfg.run_dir))
-    keep_run(folder, config, _episodes(dataset, task, instruction), dataset.total_steps + dataset.total_episodes)
-    return folder
+    with whole_folder(Path(cfg.run_dir)) as folder:
+        keep_run(folder, config, _episodes(dataset, task, instruction), dataset.total_steps + dataset.total_episodes)
+    return Path(cfg.run_dir)
 
 
 def _check_observations(dataset_id: str, space: Any, task: Task) -> None:
@@ -212,6 +229,7 @@ def _minari() -> Any:
 
 def minari_command(arguments: Sequence[str] | None = None) -> int:
     """Export or import from the command line."""
+    prepare_output()
     parser = argparse.ArgumentParser(prog=typed("minari"), description="Logs for and from Minari.")
     commands = parser.add_subparsers(dest="command", required=True)
     out = commands.add_parser("export", help="a run's log as a dataset")
@@ -229,9 +247,10 @@ def minari_command(arguments: Sequence[str] | None = None) -> int:
             line = f"{asked.dataset}: {made.total_episodes:,} episodes, {made.total_steps:,} steps"
         else:
             folder = import_log(asked.dataset, asked.settings, asked.instruction)
-            line = f"{folder}: explain an agent in its words with {typed('explain')} run={folder} agent=…"
+            command = f"{command_on(folder, 'explain', 'run')} agent=…"
+            line = f"{visible(str(folder))}: explain an agent in its words with {command}"
     except ConfigError as error:
-        sys.exit(f"error: {error}")
+        sys.exit(f"error: {visible(str(error))}")
     sys.stdout.write(f"{line}\n")
     return 0
 

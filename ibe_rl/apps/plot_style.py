@@ -34,6 +34,7 @@ DARK: Any = {
     **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.frameon"), False),
     **dict.fromkeys(("axes.titlesize", "axes.labelsize"), 10),
     **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 9),
+    "text.parse_math": False,  # texts of users may hold dollars
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": LINE,

@@ -16,14 +16,18 @@ from hydra.types import RunMode
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from threadpoolctl import threadpool_limits
+from yaml import MarkedYAMLError
 
-from ibe_rl.config.arguments import as_hydra_reads, sorted_arguments
-from ibe_rl.config.error_line import one_line
+from ibe_rl.config.arguments import as_hydra_reads, path_setting, sorted_arguments
+from ibe_rl.config.error_line import is_refusal, one_line
 from ibe_rl.config.hydra_setup import given_settings, prepare_hydra, settings_at_hand
 from ibe_rl.config.kind_files import resumed_choices
 from ibe_rl.config.kinds import SEVERAL, check_config
-from ibe_rl.config.local_files import CONFIGS
+from ibe_rl.config.local_files import CONFIGS, local_configs
 from ibe_rl.config.manual import exit_with_page
+from ibe_rl.runtime.import_string import imported_from_here
+from ibe_rl.runtime.installation import pasted
+from ibe_rl.runtime.printed import for_shell, prepare_output, visible
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.run_folder import CONFIG, NOT_IN_NAMES, read_yaml
 from ibe_rl.types import ConfigError
@@ -37,6 +41,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         configs: folder of the hydra files.
         name: root config in it.
     """
+    prepare_output()
     exit_with_page(sys.argv[1:], configs, name)
     prepare_hydra()
     sys.argv[1:] = as_hydra_reads(sys.argv[1:], name, resumed_choices(sys.argv[1:], configs))
@@ -53,20 +58,28 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
             with threadpool_limits(1):  # more threads are slower when processes share the cores
                 script(values)
         except (ConfigError, LostWorkerError, OmegaConfBaseException) as error:  # hydra would end the sweep
-            refused.append(f"error: {one_line(error)}")
+            refused.append(f"error: {visible(one_line(error))}")
 
     try:
         main()
-    except (HydraException, OmegaConfBaseException, ConfigError) as error:  # in a sweep, before its first run
-        sys.exit(f"error: {one_line(error)}")
-    except OSError as error:
-        if started:
-            raise
-        sys.exit(f"error: run_dir={error.filename}: allowed is a folder that can be written to ({error.strerror})")
     except KeyboardInterrupt:
         sys.exit(130)
+    except Exception as error:
+        if (reason := _reason(error, started)) is None:
+            raise
+        refused = [f"error: {visible(reason)}"]
     if refused:
         sys.exit("\n".join(refused))
+
+
+def _reason(error: Exception, started: bool) -> str | None:
+    """An error that is expected before a script starts or, in a sweep, before its first run; None for any other."""
+    expected = isinstance(error, HydraException | OmegaConfBaseException | ConfigError)
+    if expected or (not started and is_refusal(error)):
+        return one_line(error)
+    if started or not isinstance(error, OSError):
+        return None
+    return f"run_dir={error.filename}: allowed is a folder that can be written to ({error.strerror})"
 
 
 def composed(name: str, overrides: Sequence[str]) -> Any:
@@ -85,6 +98,10 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
             values = OmegaConf.to_object(hydra.compose(name, arguments))
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(one_line(error)) from None
+    except (AssertionError, ValueError, MarkedYAMLError) as error:
+        if not is_refusal(error):
+            raise
+        raise ConfigError(one_line(error)) from None
     check_config(values)
     return values
 
@@ -94,10 +111,18 @@ def named_settings() -> set[str]:
     return {one.key_or_group.partition(".")[0] for one in OverridesParser.create().parse_overrides(given_settings())}
 
 
-def own_configs() -> str:
-    """The ``--config-dir`` options of this run, each followed by a space; empty if there are none."""
+def command_on(folder: Path, script: str, key: str) -> str:
+    """A command for any shell in any folder, with the config files and modules that this program has.
+
+    Args:
+        folder: of a run or a sweep.
+        script: "train" or "explain".
+        key: the setting of the script that names the folder.
+    """
     sources = HydraConfig.get().runtime.config_sources if HydraConfig.initialized() else ()
-    return "".join(f"--config-dir {one.path} " for one in sources if one.provider == "command-line")
+    own = [f"--config-dir={one.path}" for one in sources if one.provider == "command-line"]
+    here = local_configs() is not None or imported_from_here()
+    return (f"cd {for_shell(str(Path.cwd()))} && " if here else "") + pasted(script, *own, path_setting(key, folder))
 
 
 def is_sweep() -> bool:

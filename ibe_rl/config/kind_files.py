@@ -18,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from ibe_rl.config.arguments import named_path
 from ibe_rl.config.kinds import GROUPS, SEVERAL, settings_of, settings_of_env
 from ibe_rl.config.local_files import config_folders
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig, ViewerConfig
@@ -117,7 +118,7 @@ def _values_of(entry: Any) -> Any:
 
 def resumed_choices(arguments: Sequence[str], configs: Path) -> list[str]:
     """The group choices of a resumed run, from which hydra knows the settings of their kinds."""
-    resumed = [one.partition("=")[2].strip("'") for one in arguments if one.startswith("resume=")]
+    resumed = [named_path(one.partition("=")[2]) for one in arguments if one.startswith("resume=")]
     try:
         saved = read_yaml(Path(resumed[0]) / CONFIG)
         given = {one.partition("=")[0] for one in arguments}

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -20,6 +21,7 @@ GREY = "#777777"
 DPI = 130
 
 
+@rc_context({"text.parse_math": False})  # texts of users may hold dollars
 def draw_all(
     folder: Path, quality: dict[str, Any], calibration: dict[str, Any], ours: str, beside: Sequence[str]
 ) -> list[Path]:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from rich.box import SIMPLE
-from rich.console import Console
 from rich.table import Table
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
@@ -21,6 +20,7 @@ from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, outcomes, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import NOT_MEASURED, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
+from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
 from ibe_rl.view.clip import FRAMES_PER_S, Clip
@@ -92,20 +92,20 @@ def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollou
 
 
 def print_narration(
-    run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], console: Console | None = None
+    run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], console: PlainConsole | None = None
 ) -> None:
     """Print the explanations, one row for consecutive steps with the same words."""
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
     verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
-    console = console or Console(highlight=False)
+    console = console or PlainConsole()
     console.width = max(console.width, 120)
     for line in _opening(run, verdicts):
-        console.print(line, markup=False)
+        console.print(line)
     _print_table(run, watched, said, true, console)
     whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
     if isinstance(run.config.agent, ExternalPolicyConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
-    console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}", markup=False)
+    console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}")
     if not all(span.trusted for one in said for span in one.all_spans):
         console.print(f"{NOT_TRUSTED}: the predictor does not trust a path that long.")
 
@@ -137,7 +137,7 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
 
 
 def _print_table(
-    run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: Array, console: Console
+    run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanation], true: Array, console: PlainConsole
 ) -> None:
     words = spoken_words(watched.moments, said, run.task.phrases)
     rows = spoken_rows(words, said, true)
@@ -152,7 +152,7 @@ def _print_table(
     console.print(table)
     changed = sum(a != b for a, b in zip(words, without_flicker(words), strict=True))
     if left_out or changed:
-        console.print(f"Left out: {_left_out(left_out, changed, len(words))}. {SEE_ALL}", markup=False)
+        console.print(f"Left out: {_left_out(left_out, changed, len(words))}. {SEE_ALL}")
 
 
 def _empty_table(task: Task, watched: RecordedRollout, names: Sequence[str]) -> Table:

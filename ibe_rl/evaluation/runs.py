@@ -30,6 +30,7 @@ from ibe_rl.storage.run_folder import (
     CHECKPOINTS,
     CONFIG,
     EVALUATION,
+    METRICS,
     REFRESHES,
     find_run,
     read_json,
@@ -53,12 +54,12 @@ def open_trained(
     env: EnvConfig | None = None,
     trusted: Sequence[str] = (),
 ) -> TrainedRun:
-    """Open the run in the folder ``run``, or the newest below ``runs/`` if None; see ``load_run``.
+    """Open the run in the folder ``run``, or the newest below ``runs/`` that can explain if None; see ``load_run``.
 
     Raises:
         ConfigError: if there is none; and as ``load_run``.
     """
-    return load_run(find_run(run, _RUNS), external_policy, env, trusted)
+    return load_run(find_run(run, _RUNS, _can_explain), external_policy, env, trusted)
 
 
 def run_config(folder: Path, env: EnvConfig | None = None, trusted: Sequence[str] = ()) -> TrainConfig:
@@ -133,6 +134,12 @@ def load_run(
         reactions=_reactions(folder, saved, task),
         scores_of_numbers=saved.scores_of_numbers,
     )
+
+
+def _can_explain(folder: Path) -> bool:
+    """Whether a run has got so far that it has a vocabulary and, if it was a training, a policy."""
+    has_policy = not (folder / METRICS).exists() or bool(policies(folder / CHECKPOINTS))
+    return has_policy and bool(_refreshes(folder))
 
 
 def _is_external(folder: Path, config: TrainConfig, named: bool) -> bool:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.box import SIMPLE
-from rich.console import Console
 from rich.table import Table
 
 from ibe_rl.evaluation.rows import own_columns
+from ibe_rl.runtime.console import PlainConsole
 
 TABLE_WIDTH = 110
 SHORT = {
@@ -38,9 +38,9 @@ CALLED = {"came_true": "as predicted"}
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 
 
-def console() -> Console:
+def console() -> PlainConsole:
     """The console for tables, wide enough for them if the terminal's width is unknown."""
-    shown = Console(highlight=False)
+    shown = PlainConsole()
     shown.width = max(shown.width, TABLE_WIDTH)
     return shown
 

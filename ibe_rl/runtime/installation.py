@@ -7,6 +7,8 @@ import shutil
 import sys
 from pathlib import Path
 
+from ibe_rl.runtime.printed import for_shell
+
 COMMAND = "ibe-rl"
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "shipped"
@@ -22,21 +24,31 @@ def shipped(name: str) -> Path:
 
 
 def installed(program: str) -> str:
-    """How to type a program of this Python environment: its name if the shell finds it, else its relative path."""
+    """A program of this Python environment: its name if the shell finds it, else its path."""
     path = Path(sys.executable).parent / program
     found = shutil.which(program)
-    return program if found is not None and Path(found) == path else os.path.relpath(path)
+    return program if found is not None and Path(found) == path else str(path)
 
 
 def typed(command: str) -> str:
     """How to type a command of ``ibe-rl`` in the working directory, in the way this program was started."""
+    words = (os.path.relpath(one) if Path(one).is_absolute() else one for one in _words(command))
+    return " ".join(map(for_shell, words))
+
+
+def pasted(command: str, *arguments: str) -> str:
+    """A whole command of ``ibe-rl`` for any shell in any folder, in the way this program was started."""
+    return " ".join(map(for_shell, [*_words(command), *arguments]))
+
+
+def _words(command: str) -> list[str]:
     if _is_module():
-        return f"{installed('python')} -m {_PACKAGE.name} {command}"
+        return [installed("python"), "-m", _PACKAGE.name, command]
     if _is_command() or _INSTALLED.is_dir():
-        return f"{installed(COMMAND)} {command}"
+        return [installed(COMMAND), command]
     if command in _MODULES:
-        return f"{installed('python')} -m {_MODULES[command]}"
-    return f"{installed('python')} {os.path.relpath(shipped(f'{command}.py'))}"
+        return [installed("python"), "-m", _MODULES[command]]
+    return [installed("python"), str(shipped(f"{command}.py"))]
 
 
 def started_again(command: str) -> list[str]:

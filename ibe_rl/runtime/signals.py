@@ -9,9 +9,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+_ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_STAYING = {signal.SIGINT, signal.SIGHUP}
+"""What a terminal sends to all processes of a program."""
+
 
 class StopRequest:
-    """False until Ctrl-C or SIGTERM arrives; a second signal ends the process at once.
+    """False until Ctrl-C, SIGTERM or the end of the terminal (SIGHUP) arrives; a second signal ends at once.
+
+    A SIGHUP that is ignored, as under nohup, stays ignored; a further one, as shells send it, changes nothing.
 
     Use as a context manager in the main thread; leaving restores the previous handlers.
     """
@@ -30,15 +36,18 @@ class StopRequest:
         return self._asked
 
     def __enter__(self) -> StopRequest:
-        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        asked_by = [
+            number for number in _ASKING if signal.getsignal(number) != signal.SIG_IGN or number != signal.SIGHUP
+        ]
+        self._before = {number: signal.signal(number, self._ask) for number in asked_by}
         return self
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _ask(self, _number: int, _frame: FrameType | None) -> None:
-        if self._asked:
+    def _ask(self, number: int, _frame: FrameType | None) -> None:
+        if self._asked and number != signal.SIGHUP:
             raise KeyboardInterrupt
         self._asked = True
         self._call()
@@ -50,13 +59,14 @@ class StopRequest:
 
 @contextmanager
 def interrupts_stay_here() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach; the parent receives it and stops them gracefully."""
-    multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock the signal again
+    """Start processes that neither Ctrl-C nor the end of the terminal reaches; the parent stops them gracefully."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock SIGINT again
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _STAYING)
 
 
 @contextmanager

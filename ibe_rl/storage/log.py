@@ -19,6 +19,7 @@ from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.storage.run_folder import read_json, write_atomically, write_json
 from ibe_rl.types import Array, Episode
 
+ABOUT_LOG = "log.json"
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1}
 """Dimensions of the columns' arrays; actions may have one or two."""
@@ -196,7 +197,7 @@ class TrajectoryLog:
             column.flush()  # type: ignore[attr-defined]  # a memmap, made in _column
         about = {"capacity_frames": self.capacity_frames, "contexts": self.contexts, "frames": self.frames}
         about |= {"episodes_ended": self.episodes_ended}
-        write_json(self.folder / "log.json", about)
+        write_json(self.folder / ABOUT_LOG, about)
         write_atomically(self.folder / "episodes.npy", lambda stream: np.save(stream, self.index))
 
     def state_dict(self) -> dict[str, Any]:
@@ -262,7 +263,7 @@ class TrajectoryLog:
             ValueError: if the folder is not a log or is damaged.
         """
         try:
-            about = read_json(folder / "log.json")
+            about = read_json(folder / ABOUT_LOG)
             log = cls(folder, int(about["capacity_frames"]), [str(name) for name in about["contexts"]])
             log.frames, log.episodes_ended = int(about["frames"]), int(about["episodes_ended"])
             index = np.array(map_array(folder / "episodes.npy"))

@@ -33,6 +33,7 @@ CALIBRATION = "calibration.json"
 FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
+PARTIAL = ".partial"
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
 NOT_IN_NAMES = ("run_dir", "viewer", "logger", "runs_at_once", "runs_on")
 """Settings left out of a run's name."""
@@ -44,7 +45,7 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], Any]) -> None:
     Raises:
         OSError: naming ``path``, which is unchanged.
     """
-    temporary = path.with_name(path.name + ".partial")
+    temporary = path.with_name(path.name + PARTIAL)
     try:
         with temporary.open("wb") as stream:
             write(stream)
@@ -120,21 +121,39 @@ def refuse_special_files(path: Path) -> None:
                 raise ConfigError(f"{found}: {kind}; allowed is a run folder of plain files")
 
 
-def create_run_folder(path: Path) -> Path:
+def create_run_folder(path: Path, named: Path | None = None) -> Path:
     """Make the folder of a new run and its subfolders.
+
+    Args:
+        path: of the folder.
+        named: what errors call it; None: its path.
 
     Raises:
         ConfigError: if it already holds a run or cannot be written to.
     """
+    refuse_used(path)
     try:
-        if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
-            raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
         for name in (CHECKPOINTS, TRAJECTORIES, REFRESHES, ".hydra"):
             (path / name).mkdir(parents=True, exist_ok=True)
         write_atomically(path / CONFIG, lambda stream: stream.write(b""))
     except OSError as error:
-        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
+        allowed = f"allowed is a folder that can be written to ({error.strerror})"
+        raise ConfigError(f"run_dir={named or path}: {allowed}") from None
     return path
+
+
+def refuse_used(path: Path) -> None:
+    """Refuse a folder that already holds a run, or cannot be looked into.
+
+    Raises:
+        ConfigError: naming it.
+    """
+    try:
+        used = any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG))
+    except OSError as error:
+        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
+    if used:
+        raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
 
 
 @contextmanager
@@ -164,12 +183,13 @@ def is_run(path: Path) -> bool:
     return (path / CONFIG).is_file()
 
 
-def find_run(run: str | None, below: Path) -> Path:
+def find_run(run: str | None, below: Path, fits: Callable[[Path], bool] = lambda _: True) -> Path:
     """Find the folder of a run.
 
     Args:
         run: its path; None takes the newest below ``below``.
         below: where to search.
+        fits: of several, whether one is what is asked for; those that do not come last.
 
     Raises:
         ConfigError: if ``run`` is not a run, or none is found.
@@ -179,6 +199,8 @@ def find_run(run: str | None, below: Path) -> Path:
             raise ConfigError(f"run={run}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
         return Path(run)
     runs = [config.parent.parent for config in below.glob(f"**/{CONFIG}") if is_run(config.parent.parent)]
+    runs = [found for found in runs if not any(part.endswith(PARTIAL) for part in found.parts)]
+    runs = [*filter(fits, runs)] or runs
     if not runs:
         raise ConfigError(f"run=null: there is no run below {below}; train one, or name one with run=DIR")
     return max(runs, key=lambda path: (path / CONFIG).stat().st_mtime)

@@ -30,9 +30,9 @@ from ibe_rl.storage.run_folder import (
     RECORDING,
     TRAJECTORIES,
     MetricsTable,
-    create_run_folder,
     hold_folder,
 )
+from ibe_rl.storage.whole_folder import begun_folder
 from ibe_rl.training.check import check_columns, check_run
 from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_instruction_reward
@@ -83,8 +83,8 @@ def build(
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
-    folder = Path(cfg.run_dir) if state else create_run_folder(output_folder(cfg.run_dir))
-    with threadpool_limits(1), StopRequest() as stop, hold_folder(folder):
+    opened = nullcontext(Path(cfg.run_dir)) if state else begun_folder(output_folder(cfg.run_dir))
+    with opened as folder, threadpool_limits(1), StopRequest() as stop, hold_folder(folder):
         if state:
             _restore_folder(cfg, folder, state)
         save_config(cfg, folder / ".hydra", goes_on=bool(state))

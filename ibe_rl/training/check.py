@@ -16,6 +16,7 @@ from ibe_rl.envs.trial import try_out
 from ibe_rl.instructors import check_instructor
 from ibe_rl.predict import check_predictor, is_learnt
 from ibe_rl.runtime.apps import load_app
+from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import check_instruction_reward
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.listener import Metric
@@ -40,6 +41,15 @@ def check_columns(metrics: Iterable[tuple[str, Metric]]) -> None:
             seen.add(column)
 
 
+def _check_log(cfg: TrainConfig, task: Task) -> None:
+    """Refuse a log that does not hold the longest episode with its last state, or a whole batch."""
+    collect, steps = cfg.collect, task.max_episode_steps
+    batch = collect.processes * collect.envs_per_process * collect.steps_per_batch
+    for least, what in ((steps + 1, f"an episode has up to {steps:,} steps"), (batch, f"a batch has {batch:,} frames")):
+        if cfg.log.capacity_frames < least:
+            raise ConfigError(f"log.capacity_frames={cfg.log.capacity_frames}: {what}; allowed is at least {least}")
+
+
 def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     """Refuse settings that cannot work.
 
@@ -57,6 +67,7 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     if not is_sweep() and (cfg.runs_at_once or cfg.runs_on):
         raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
     check_collect(cfg.collect)
+    _check_log(cfg, task)
     check_agent(cfg.agent, task.state_names)
     check_actions(cfg.agent, env.action_space)
     check_instructor(cfg.instructor, cfg.collect, task)

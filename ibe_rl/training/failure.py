@@ -7,9 +7,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.config.command_line import own_configs
+from ibe_rl.config.command_line import command_on
 from ibe_rl.envs.gate import GateError
-from ibe_rl.runtime.installation import typed
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, write_json
@@ -38,17 +37,19 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
     except Exception as error:
         with suppress(Exception):  # the disk may be full
             keep()
+        go_on = how_to_go_on(folder) if frames() else "train again"
         if isinstance(error, FloatingPointError):
             raise ConfigError(
                 f"learning from the frames after {frames():,} gave {error}, the training has ended; "
-                f"{how_to_go_on(folder)} with a smaller agent.learning_rate or agent.reward_scale"
+                f"{go_on} with a smaller agent.learning_rate or agent.reward_scale"
             ) from None
         if isinstance(error, OSError) and _is_in(error.filename, folder):
             raise ConfigError(
                 f"{error.filename} cannot be written ({error.strerror}), the training has ended at {frames():,} "
-                f"frames; make room, then {how_to_go_on(folder)}"
+                f"frames; make room, then {go_on}"
             ) from None
-        error.add_note(f"What was logged is in {folder}; {how_to_go_on(folder)}")
+        if frames():
+            error.add_note(f"What was logged is in {folder}; {go_on}")
         raise
 
 
@@ -60,7 +61,7 @@ def resumable(run: Any) -> Iterator[None]:
         LostWorkerError: with the command that resumes the run.
         GateError: with the same; summary.json has it as ``failure``.
     """
-    command = f"{typed('train')} {own_configs()}resume={run.folder}"
+    command = command_on(run.folder, "train", "resume")
     try:
         yield
     except LostWorkerError as error:
@@ -85,7 +86,8 @@ def how_to_go_on(folder: Path) -> str:
         frames = load(folder / CHECKPOINTS / LATEST)["frames"]
     except (ConfigError, KeyError, TypeError):
         return "train again: no state was saved"
-    return f"resume its saved state of {frames:,} frames: {typed('train')} {own_configs()}resume={folder}"
+    command = command_on(folder, "train", "resume")
+    return f"resume its saved state of {frames:,} frames: {command}"
 
 
 def _is_in(filename: object, folder: Path) -> bool:

@@ -8,12 +8,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TimeRemainingColumn
 from rich.table import Table
 
-from ibe_rl.config.command_line import own_configs
-from ibe_rl.runtime.installation import typed
+from ibe_rl.config.command_line import command_on
+from ibe_rl.runtime.console import PlainColumn, PlainConsole
+from ibe_rl.runtime.installation import pasted
+from ibe_rl.runtime.printed import visible
 from ibe_rl.view import sentences
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.training_episodes import horizon_line
@@ -27,12 +28,12 @@ class TrainingProgress(Listener):
     """
 
     def __init__(self, total_frames: int):
-        self._console = Console(highlight=False, soft_wrap=True)
+        self._console = PlainConsole(soft_wrap=True)
         self._bar = Progress(
             BarColumn(bar_width=12),
-            TextColumn("{task.percentage:>3.0f}% {task.fields[rate]:,.0f} frames/s"),
-            TextColumn("return {task.fields[reward]:.0f} success {task.fields[success]:.0%}"),
-            TextColumn("“{task.fields[phrase]}”"),
+            PlainColumn("{task.percentage:>3.0f}% {task.fields[rate]:,.0f} frames/s"),
+            PlainColumn("return {task.fields[reward]:.0f} success {task.fields[success]:.0%}"),
+            PlainColumn("“{task.fields[phrase]}”"),
             TimeRemainingColumn(compact=True),
             console=self._console,
         )
@@ -50,7 +51,7 @@ class TrainingProgress(Listener):
 
     def say(self, line: str) -> None:
         """Print a line above the bar."""
-        self._console.print(line, markup=False)
+        self._console.print(line)
 
     def begin(self, run: Any) -> None:
         """See ``Listener``."""
@@ -106,17 +107,17 @@ def closing_table(summary: Mapping[str, Any], told: Sequence[str] = ()) -> None:
         table.add_row(key, f"{summary[key]:,}")
     for name, seconds in summary["time_s"].items():
         table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
-    Console().print(table)
+    PlainConsole().print(table)
     for line in [note for note in summary["notes"] if note not in told]:
-        Console(highlight=False, soft_wrap=True).print(f"note: {line}", markup=False)
+        PlainConsole(soft_wrap=True).print(f"note: {line}")
 
 
 def how_to_open(folder: Path, in_sweep: bool) -> list[str]:
     """How to view a run again."""
-    beside = [f"  beside the others:    {typed('view')} {folder.parent}"] if in_sweep else []
+    beside = [f"  beside the others:    {pasted('view', str(folder.parent.absolute()))}"] if in_sweep else []
     return [
-        f"the run is in {folder}",
-        f"  look at it again:     {typed('view')} {folder}",
+        f"the run is in {visible(str(folder))}",
+        f"  look at it again:     {pasted('view', str(folder.absolute()))}",
         *beside,
-        f"  one episode in words: {typed('explain')} {own_configs()}run={folder}",
+        f"  one episode in words: {command_on(folder, 'explain', 'run')}",
     ]

@@ -91,6 +91,8 @@ def _write_mp4(frames: Iterator[Image.Image], frames_per_s: float, path: Path) -
             writer.send(frame.tobytes())
         for _ in range(round(LAST_S * frames_per_s)):
             writer.send(frame.tobytes())
+        writer.close()
+        temporary.replace(path)
     finally:
         writer.close()
-    temporary.replace(path)
+        temporary.unlink(missing_ok=True)

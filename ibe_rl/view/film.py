@@ -218,7 +218,8 @@ class Film:
         verdicts += [wording.verdict_line(steps_ago, said[i].said, take.real[i]) for i in made]
         spoken = [(one.in_time(), one.cluster) for one in said]
         rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
-        texts = [f"{head}  \n{wording.said_lines(instructed[i], said[i])}  \n{verdicts[i]}" for i in rows]
+        lines = ((head, wording.said_lines(instructed[i], said[i]), wording.literal(verdicts[i])) for i in rows)
+        texts = ["  \n".join(each) for each in lines]
         self._send_texts("now", take, rows, texts)
         rows = picture.changes([one.cluster for one in said])
         self._send_texts("words", take, rows, [standing(said[i].cluster) for i in rows])

@@ -32,6 +32,7 @@ from ibe_rl.view import palette as colours
 from ibe_rl.view.curves import Drawing, Rows
 from ibe_rl.view.film import Film, Place
 from ibe_rl.view.recording_file import RecordingFile, earlier
+from ibe_rl.view.wording import literal
 from ibe_rl.vocabulary.refresh import Refresh
 
 APPLICATION = "ibe_rl_run"
@@ -183,7 +184,7 @@ class Recorder:
         self._send_curves()
         self._at(frames).set(self._recording)
         self._log_line(line, colours.PINK)
-        self._show("now", line)
+        self._show("now", literal(line))
 
     def watched(self, frames: int, watched: RecordedRollout, said: Sequence[Explanation], real: Sequence[str]) -> None:
         """Show one watched episode.
@@ -202,7 +203,7 @@ class Recorder:
             raise ValueError(f"{len(said)} explanations and {len(real)} phrases for an episode of {steps} steps")
         self._send_curves()
         place = self._at(frames)
-        head = f"**{frames:,}** frames, {f'{self._task.context_option} **{watched.episode.context}**'.strip()}"
+        head = f"**{frames:,}** frames, {f'{self._task.context_option} **{literal(watched.episode.context)}**'.strip()}"
         self._film.send(place, watched, said, real, head, self._standing)
         self._next = Place(place.frame + steps + 1, place.step + steps + 1)
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import quote
 
+from ibe_rl.runtime.installation import pasted
 from ibe_rl.runtime.operating_system import has_desktop, is_stopped
 from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free, is_served
 from ibe_rl.runtime.workers import ending
@@ -100,7 +101,15 @@ def page(ports: Ports) -> str:
 def port_forward(ports: Ports) -> str:
     """The command that makes ``page`` work on another machine; both numbers must stay the same there."""
     forwards = " ".join(f"-L {port}:{HOST}:{port}" for port in (ports.web, ports.grpc))
-    return f"ssh {forwards} {getpass.getuser()}@{socket.gethostname()}"
+    return f"ssh {forwards} {_user()}@{socket.gethostname()}"
+
+
+def _user() -> str:
+    """The name to log in with; where this user has none (as in a container), what to put in its place."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # OSError from Python 3.13 on
+        return "USER"
 
 
 class Relay:
@@ -140,7 +149,7 @@ class Relay:
         if trouble is None:
             return arrived
         self._told = True
-        again = f"{sys.executable} -m ibe_rl.viewer {self._recording.parent}"
+        again = pasted("view", str(self._recording.parent.absolute()))
         return [
             *arrived,
             f"warning: the live view has ended: {trouble}; training goes on and the recording is written all the "

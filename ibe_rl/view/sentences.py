@@ -12,7 +12,7 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL
-from ibe_rl.view.wording import short
+from ibe_rl.view.wording import literal, short
 from ibe_rl.vocabulary.refresh import Refresh
 
 
@@ -35,7 +35,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     for row, (name, now) in enumerate(cluster_phrases(mapping, words).items()):
         number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
         then = before.get(name, "new") if before else now
-        cells = [now, number, f"{mapping.sizes[row]:,.0f}", "" if then == now else then]
+        cells = [literal(now), number, f"{mapping.sizes[row]:,.0f}", "" if then == now else literal(then)]
         if name == spoken:
             cells = [f"**{cell}**" if cell else cell for cell in cells]
         link = f"[#{name}](recording://said/{name})" if links else f"#{name}"
@@ -88,14 +88,16 @@ def worth(refresh: Refresh, task: Task) -> list[str]:
 
 def standing(refresh: Refresh, task: Task, spoken: int | None, links: bool = True) -> str:
     """A vocabulary, what it is worth, what moved, and what it stands on, in markdown."""
-    since = f"Since {refresh.change.since_frame:,} frames {'; '.join(moved(refresh))}.\n\n" if refresh.change else ""
-    known = "  \n".join(worth(refresh, task))
+    changes = literal("; ".join(moved(refresh)))
+    since = f"Since {refresh.change.since_frame:,} frames {changes}.\n\n" if refresh.change else ""
+    known = "  \n".join(map(literal, worth(refresh, task)))
     table = f"{vocabulary_table(refresh, task.phrases, spoken, links)}\n\n{known}\n\n{since}"
     if not refresh.taken:  # what follows is of the one that was not taken
         return table
     return (
         f"{table}Best {refresh.episodes_used:,} of the newest {refresh.episodes_counted:,} episodes: "
-        f"{counts(refresh.episodes_by_context)}  \n"
-        f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: {counts(refresh.windows_by_context)}  \n"
-        f"by instruction: {counts(refresh.windows_by_instruction)}"
+        f"{literal(counts(refresh.episodes_by_context))}  \n"
+        f"{len(refresh.top):,} windows of {refresh.top.horizon_steps} steps: "
+        f"{literal(counts(refresh.windows_by_context))}  \n"
+        f"by instruction: {literal(counts(refresh.windows_by_instruction))}"
     )

@@ -12,7 +12,7 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.quality import phrase_accuracy
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Explanation, Moment
-from ibe_rl.view.wording import SILENCE, shortener, span_name
+from ibe_rl.view.wording import SILENCE, literal, shortener, span_name
 
 FLICKER_STEPS = 5
 """A change of words that is undone within so many steps is none."""
@@ -87,7 +87,7 @@ def without_flicker(words: Sequence[Words]) -> list[Words]:
 
 def markdown(said: Sequence[Explanation], rows: Sequence[Row]) -> str:
     """Rows as a table."""
-    lines = [titles(said), ["--:", *[":--"] * (len(titles(said)) - 1)], *(row.cells for row in rows)]
+    lines = [titles(said), ["--:", *[":--"] * (len(titles(said)) - 1)], *([*map(literal, row.cells)] for row in rows)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 

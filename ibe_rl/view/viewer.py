@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
 from ibe_rl.runtime.installation import typed
+from ibe_rl.runtime.printed import prepare_output, visible
 from ibe_rl.runtime.signals import StopRequest
 from ibe_rl.storage.run_folder import (
     CONFIG,
@@ -201,7 +202,7 @@ def append_new_messages(parts: Sequence[Messages], shown: BinaryIO) -> None:
 
 def say(runs: Mapping[str, Path], news: Sequence[str]) -> None:
     """Print which runs are open under which name, the address, and how to end."""
-    lines = [*(f"{name}: {run}" for name, run in runs.items()), *news]
+    lines = [*(visible(f"{name}: {run}") for name, run in runs.items()), *news]
     if len(runs) > 1:
         lines.append("  a click in the list on the left opens one run, a button at the top right shows the list again")
     sys.stdout.write("\n".join([*lines, "  Ctrl-C ends it\n"]))
@@ -210,6 +211,7 @@ def say(runs: Mapping[str, Path], news: Sequence[str]) -> None:
 
 def open_recordings(arguments: Sequence[str] | None = None) -> int:
     """Open runs from the command line until Ctrl-C."""
+    prepare_output()
     parser = argparse.ArgumentParser(prog=typed("view"), description="Open runs in the browser.")
     what = "folder of a run or of a sweep, or a recording, finished or growing; default: the newest run below runs/"
     parser.add_argument("run", type=Path, nargs="*", help=what)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,6 +11,8 @@ from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import Phrases
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
 
+_MARKS = re.compile(r"[\\`*\[\]<>|~$&]|(?<!\w)_|_(?!\w)")
+"""What markdown would take for its own."""
 SILENCE = "(silent)"
 """Told where the instructor says nothing."""
 LONGEST_LABEL = 52
@@ -40,6 +43,11 @@ def short(phrases: Sequence[str], words: Sequence[Phrases]) -> list[str]:
     return [*map(shortener(words), phrases)]
 
 
+def literal(text: str) -> str:
+    """A text that markdown shows as it is, on one line of it."""
+    return _MARKS.sub(r"\\\g<0>", text)
+
+
 def said_lines(instructed: str, explanation: Explanation) -> str:
     """What it is told and what it says at one step, in markdown, in the words of the columns of ``explain.py``.
 
@@ -49,8 +57,8 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
     shown = known if len(known) == 1 else []
     if known and explanation.calibrated:
         shown = [*shown, f"confidence {explanation.confidence:.0%}"]
-    says = "  \n".join(f"{span_name(one.horizon_steps)}: **{one.said}**" for one in explanation.all_spans)
-    return f"instruction: **{instructed}**  \n{says}" + (f" ({', '.join(shown)})" if shown else "")
+    says = "  \n".join(f"{span_name(one.horizon_steps)}: **{literal(one.said)}**" for one in explanation.all_spans)
+    return f"instruction: **{literal(instructed)}**  \n{says}" + (f" ({', '.join(shown)})" if shown else "")
 
 
 def span_name(horizon_steps: int) -> str:

@@ -11,7 +11,7 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
-from ibe_rl.agents import Agent, make_agent
+from ibe_rl.agents import Agent, check_agent, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.agents.reward import learning_reward
@@ -242,3 +242,9 @@ def test_an_unknown_agent_is_refused():
         ConfigError, match=r"agent\.kind=sac: no such kind; allowed is module:Class, or a file in configs/agent"
     ):
         make_agent(AgentConfig(kind="sac"), 2, gymnasium.spaces.Discrete(3), TOTAL)
+
+
+@pytest.mark.parametrize("widths", [[0], [-3], [64, 10**9]])
+def test_layers_without_a_width_are_refused(widths: list[int]) -> None:
+    with pytest.raises(ConfigError, match=r"agent\.hidden=.*: allowed are widths of 1 to 100000"):
+        check_agent(PPOConfig(hidden=widths), ["x"])

@@ -91,6 +91,32 @@ def test_a_round_trip_is_equal(run: Path, tmp_path: Path) -> None:
     assert len(str(open_run(back, pilots.pilot, ["agent_sees_instruction=false", *QUICK]).explain(seed=1))) > 1_000
 
 
+def test_an_import_that_fails_leaves_nothing_and_is_not_refused_again(run: Path, tmp_path: Path) -> None:
+    export_log(run, "mine/log-v0")
+    asked = [*QUICK, f"run_dir={tmp_path / 'back'}", "mapping.window_end=drop"]
+    for _ in range(2):
+        with pytest.raises(ConfigError, match="no vocabulary can be learnt from them"):
+            import_log("mine/log-v0", [*asked, "mapping.horizon_steps=900"])
+        assert not list(tmp_path.glob("back*"))
+    assert import_log("mine/log-v0", asked) == tmp_path / "back"
+
+
+def test_an_export_that_fails_leaves_nothing_and_is_not_refused_again(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError("no space left on the device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(minari.utils, "MinariDataset", full)  # what is made last
+        with pytest.raises(OSError, match="no space left"):
+            export_log(run, "mine/log-v0")
+    assert export_log(run, "mine/log-v0").total_episodes == 30
+    with pytest.raises(ConfigError, match=r"dataset=mine/log-v0: .*already exists"):
+        export_log(run, "mine/log-v0")
+    assert minari.load_dataset("mine/log-v0").total_episodes == 30
+
+
 def test_minaris_own_tools_read_it(run: Path) -> None:
     export_log(run, "mine/some-v0", newest=7)
     dataset = minari.load_dataset("mine/some-v0")

@@ -1,5 +1,7 @@
 """The names of runs, as hydra starts them."""
 
+import re
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -7,7 +9,9 @@ from typing import Any
 import pytest
 
 from ibe_rl.config.arguments import quoted
-from ibe_rl.config.command_line import output_folder, run_name, run_script
+from ibe_rl.config.command_line import command_on, output_folder, run_name, run_script
+from ibe_rl.runtime.import_string import import_from_here
+from ibe_rl.runtime.printed import for_shell
 
 pytestmark = pytest.mark.slow
 
@@ -81,3 +85,64 @@ def test_a_run_of_the_parallel_launcher_is_named_after_what_it_is_told(
 @pytest.mark.parametrize("text", ["plain", "a, b", "it's", "[1,2]", "a=b", "ends in \\", "{x: y}", " "])
 def test_a_quoted_text_comes_back_as_it_was(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert names(monkeypatch, f"run_dir={quoted(f'runs/{text}')}") == [Path(f"runs/{text}").name]
+
+
+def test_a_printed_command_finds_the_modules_and_config_files_of_the_folder_it_came_from(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    here = tmp_path / "it's here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    alone = command_on(Path("a b"), "explain", "run")
+    assert alone.endswith(f" {for_shell(f'run={here}/a b')}")
+    assert not alone.startswith("cd ")
+    (here / "module_of_the_working_directory.py").touch()
+    import_from_here("module_of_the_working_directory")
+    assert command_on(Path("a b"), "explain", "run") == f"cd {for_shell(str(here))} && {alone}"
+    del sys.modules["module_of_the_working_directory"]
+    assert command_on(Path("a b"), "explain", "run") == alone
+    (here / "configs").mkdir()
+    assert command_on(Path("a b"), "explain", "run") == f"cd {for_shell(str(here))} && {alone}"
+
+
+def test_a_printed_command_names_the_config_files_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "my files").mkdir()
+    monkeypatch.chdir(tmp_path)
+    found: list[str] = []
+    monkeypatch.setattr(sys, "argv", ["train.py", "--config-dir", "my files", f"run_dir={tmp_path}"])
+    run_script(lambda _: found.append(command_on(tmp_path, "train", "resume")), CONFIGS, "train")
+    assert shlex.split(found[0])[-2:] == [f"--config-dir={tmp_path}/my files", f"resume={tmp_path}"]
+
+
+@pytest.mark.parametrize(
+    ("text", "refusal"),
+    [
+        ("a: b: c", r"error: .*mine\.yaml, line 1, column 5: mapping values are not allowed here; allowed is YAML"),
+        ("a: [", r"error: .*mine\.yaml, line 1, column \d: .*; allowed is YAML"),
+    ],
+)
+def test_a_config_file_that_is_no_yaml_is_refused_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str, refusal: str
+) -> None:
+    (tmp_path / "env").mkdir()
+    (tmp_path / "env" / "mine.yaml").write_text(text)
+    with pytest.raises(SystemExit) as ended:
+        names(monkeypatch, "--config-dir", str(tmp_path), "env=mine", f"run_dir={tmp_path}")
+    assert re.fullmatch(refusal, str(ended.value))
+
+
+def test_what_is_refused_is_printed_without_control_characters(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["train.py", "agent=\x1b[31m[x]"])
+    with pytest.raises(SystemExit) as ended:
+        run_script(lambda _: None, CONFIGS, "train")
+    assert "\x1b" not in str(ended.value)
+
+
+def test_only_errors_before_the_start_are_explained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def broken(_: Any) -> None:
+        raise AssertionError("Unexpected type of something else")
+
+    monkeypatch.setattr(sys, "argv", ["train.py", f"run_dir={tmp_path}"])
+    with pytest.raises(AssertionError, match="Unexpected type of something else"):
+        run_script(broken, CONFIGS, "train")

@@ -86,6 +86,14 @@ def test_a_metric_that_nobody_could_tell_is_an_empty_picture():
 
 
 @pytest.mark.slow
+def test_dollars_in_a_name_are_no_formula(tmp_path: Path):
+    """A formula of an unknown command would be an error, and a known one would look like something else."""
+    name = r"ibe:$\unknown$ a_1"
+    rows = [row(name, 60, 0.9), row(name, 20, 0.8)]
+    quality = {"rows": rows, "protocol": {"horizon_steps": 60}, "changing_policy": []}
+    assert len(draw_all(tmp_path, quality, CALIBRATION, name, [])) == 3
+
+
 def test_all_are_written_as_pictures(tmp_path: Path):
     quality = {"protocol": {"horizon_steps": 60}, "rows": ROWS, "changing_policy": AGES}
     drawn = draw_all(tmp_path, quality, CALIBRATION, OURS, ("baseline:paper",))

@@ -1,7 +1,9 @@
 """A run folder opens as it last was, and says what it lacks; nothing in it is run."""
 
 import json
+import os
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,8 +27,9 @@ from ibe_rl.config.settings import (
     ViewerConfig,
 )
 from ibe_rl.envs import LANDER_ID
+from ibe_rl.evaluation import runs
 from ibe_rl.evaluation.narration import explainer_state
-from ibe_rl.evaluation.runs import load_run
+from ibe_rl.evaluation.runs import load_run, open_trained
 from ibe_rl.ibe import ClusterMapping, IBEConfig, Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.checkpoint import save_policy
@@ -35,6 +38,7 @@ from ibe_rl.storage.run_folder import (
     CHECKPOINTS,
     CONFIG,
     EVALUATION,
+    METRICS,
     REFRESHES,
     create_run_folder,
     write_json,
@@ -116,6 +120,19 @@ def test_a_run_opens_as_it_last_was(tmp_path: Path, agent: AgentConfig):
     assert len(set(run.policy(OBSERVATIONS))) > 1
     assert run.task.name == "Lunar Lander with pads"
     assert run.make_env().reset(seed=0)[0][8] == np.float32(-0.6)
+
+
+@pytest.mark.parametrize("missing", [REFRESHES, CHECKPOINTS])
+def test_the_newest_run_is_one_that_can_explain(folder: Path, monkeypatch: pytest.MonkeyPatch, missing: str):
+    """Not one that is in training, or was interrupted, before it had a vocabulary and a policy."""
+    monkeypatch.setattr(runs, "_RUNS", folder.parent)
+    newer = folder.with_name("newer")
+    shutil.copytree(folder, newer)
+    os.utime(newer / CONFIG, (2e9, 2e9))
+    assert open_trained(None).folder == newer
+    (newer / METRICS).touch()
+    shutil.rmtree(newer / missing)
+    assert open_trained(None).folder == folder
 
 
 def test_the_vocabulary_is_the_last_one_before_the_policy(folder: Path):

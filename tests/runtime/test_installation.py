@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ibe_rl.runtime import installation
-from ibe_rl.runtime.installation import installed, shipped, started_again, typed
+from ibe_rl.runtime.installation import installed, pasted, shipped, started_again, typed
 
 PACKAGE = Path(installation.__file__).parents[1]
 PYTHON = Path(sys.executable)
@@ -33,6 +33,15 @@ def test_a_script_names_scripts_wherever_one_stands(monkeypatch: pytest.MonkeyPa
     monkeypatch.chdir(PACKAGE)
     assert typed("explain") == "python ../explain.py"
     assert started_again("train") == [sys.executable, str(PACKAGE.parent / "train.py")]
+
+
+def test_what_is_pasted_works_in_any_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    started_as(monkeypatch, "train.py")
+    monkeypatch.chdir(tmp_path)
+    assert pasted("explain", "run=/a b") == f"python {PACKAGE.parent / 'explain.py'} 'run=/a b'"
+    assert pasted("view", "/it's") == "python -m ibe_rl.viewer '/it'\"'\"'s'"
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert pasted("view", "/a") == f"{PYTHON.with_name('python')} -m ibe_rl.viewer /a"
 
 
 def test_the_command_names_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -11,17 +11,18 @@ import pytest
 from ibe_rl.runtime.signals import StopRequest, interrupts_stay_here
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+ALL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @pytest.fixture(autouse=True)
 def unchanged() -> Iterator[None]:
-    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    before = [signal.getsignal(number) for number in ALL]
     yield
-    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    assert [signal.getsignal(number) for number in ALL] == before
+    assert not {*ALL} & signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
-@BOTH
+@pytest.mark.parametrize("number", ALL)
 def test_the_first_signal_asks_to_stop(number: int):
     with StopRequest() as stop:
         assert not stop
@@ -37,6 +38,25 @@ def test_the_second_signal_ends_at_once(number: int):
         assert stop
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(number)
+
+
+def test_a_terminal_that_is_closed_asks_once_however_often_a_shell_says_so() -> None:
+    with StopRequest() as stop:
+        for _ in range(3):
+            signal.raise_signal(signal.SIGHUP)
+        assert stop
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_under_nohup_a_closed_terminal_is_nothing() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with StopRequest() as stop:
+            signal.raise_signal(signal.SIGHUP)
+            assert not stop
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @BOTH
@@ -90,8 +110,9 @@ def test_an_interrupt_while_processes_start_is_kept_for_afterwards():
         assert stop
 
 
-def test_processes_started_so_do_not_hear_interrupts():
-    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+@pytest.mark.parametrize("name", ["SIGINT", "SIGHUP"])
+def test_processes_started_so_do_not_hear_what_a_terminal_sends(name: str):
+    code = f"import signal; print(signal.{name} in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
 
     def deaf() -> str:
         return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.strip()

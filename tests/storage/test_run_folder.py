@@ -107,6 +107,14 @@ def test_without_a_path_it_is_the_newest(tmp_path: Path):
     assert find_run(None, tmp_path) == tmp_path / "sweep/1_seed=1"
 
 
+def test_of_several_those_that_fit_come_first(tmp_path: Path):
+    for age, name in enumerate(["new", "middle", "old"]):
+        config = create_run_folder(tmp_path / name) / CONFIG
+        os.utime(config, (1000 - age, 1000 - age))
+    assert find_run(None, tmp_path, lambda path: path.name != "new") == tmp_path / "middle"
+    assert find_run(None, tmp_path, lambda _: False) == tmp_path / "new"
+
+
 @pytest.mark.parametrize("below", [".", "missing"])
 def test_without_any_run_it_says_so(tmp_path: Path, below: str):
     with pytest.raises(ConfigError, match=r"run=null: there is no run below .*; train one, or name one with run=DIR"):

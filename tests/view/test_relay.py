@@ -1,5 +1,6 @@
 """The relay: it serves a growing file, ends with its trainer, and never makes it wait."""
 
+import getpass
 import os
 import signal
 import socket
@@ -8,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import Mock
 from urllib.parse import parse_qs, urlsplit
 from urllib.request import urlopen
 
@@ -20,7 +22,7 @@ from ibe_rl.runtime.ports import is_free
 from ibe_rl.types import ConfigError
 from ibe_rl.view import relay as module
 from ibe_rl.view.recorder import Recorder
-from ibe_rl.view.relay import Ports, Relay, _main, choose_ports, rerun_binary
+from ibe_rl.view.relay import Ports, Relay, _main, choose_ports, port_forward, rerun_binary
 
 
 @pytest.fixture
@@ -95,6 +97,12 @@ def test_the_forward_keeps_both_numbers() -> None:
     command = module.port_forward(Ports(grpc=1234, web=5678))
     assert command.startswith("ssh -L 5678:127.0.0.1:5678 -L 1234:127.0.0.1:1234 ")
     assert command.endswith("@" + socket.gethostname())
+
+
+@pytest.mark.parametrize("error", [KeyError("getpwuid(): uid not found: 12345"), OSError("No username set")])
+def test_a_user_without_a_name_has_a_live_view_too(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    monkeypatch.setattr(getpass, "getuser", Mock(side_effect=error))
+    assert "-L 1:127.0.0.1:1 -L 2:127.0.0.1:2 USER@" in port_forward(Ports(2, 1))
 
 
 def test_without_the_viewer_there_is_no_relay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -245,6 +253,7 @@ def test_a_slow_server_gets_all_in_bounded_pieces_and_a_hang_is_said_once(
 TRAINER = """
 import sys, time
 from pathlib import Path
+from unittest.mock import Mock
 from ibe_rl.view.relay import Ports, Relay
 relay = Relay(Path(sys.argv[1]), Ports(int(sys.argv[2]), int(sys.argv[3])))
 print(relay._process.pid, flush=True)

@@ -41,3 +41,11 @@ def test_rows_hold_all_steps_and_their_figures() -> None:
     table = spoken.markdown(spoken_there, rows).splitlines()
     assert table[0] == f"| steps | instruction | next {HORIZON_STEPS} steps | expression | confidence | as predicted |"
     assert len(table) == 4
+
+
+def test_phrases_are_shown_as_they_are_in_a_table_of_markdown() -> None:
+    said = explain(flights()[0], refreshed())
+    rows = [spoken.Row(0, 1, ("0-1", "going [left]", "*a* | <b> _c_ `d` ~e~ $f$ &lt; \\g", "x_1 and +0.53", "-"))]
+    line = spoken.markdown(said, rows).splitlines()[-1]
+    shown = r"\*a\* \| \<b\> \_c\_ \`d\` \~e\~ \$f\$ \&lt; \\g"
+    assert line == rf"| 0-1 | going \[left\] | {shown} | x_1 and +0.53 | - |"

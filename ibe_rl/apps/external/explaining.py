@@ -28,7 +28,8 @@ from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
-from ibe_rl.storage.run_folder import REFRESHES, create_run_folder
+from ibe_rl.storage.run_folder import REFRESHES
+from ibe_rl.storage.whole_folder import whole_folder
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
@@ -99,13 +100,13 @@ def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | N
     found = _found(agent)
     config = external_run_config(cfg, agent if isinstance(agent, str | Path) else type(agent).__name__, seed, env)
     policy = _policy(found, config, cfg.agent_sees_instruction)
-    folder = create_run_folder(Path(cfg.run_dir))
-    episodes = _act(policy, config, cfg)
-    rows = sum(len(episode) + 1 for episode in episodes)
-    learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes))
-    run = load_run(folder, lambda _: policy, env)
-    run = replace(run, calibration=first_calibration(run, cfg))
-    save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
+    with whole_folder(Path(cfg.run_dir)) as folder:
+        episodes = _act(policy, config, cfg)
+        rows = sum(len(episode) + 1 for episode in episodes)
+        learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes))
+        run = load_run(folder, lambda _: policy, env)
+        run = replace(run, calibration=first_calibration(run, cfg), folder=Path(cfg.run_dir))
+        save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
     return run
 
 

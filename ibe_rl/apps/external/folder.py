@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
@@ -19,6 +18,7 @@ from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import REFRESHES, SUMMARY, TRAJECTORIES, write_json
 from ibe_rl.types import ConfigError, Episode
@@ -65,7 +65,7 @@ def keep_run(
     """Fill a run folder with episodes and the vocabulary learnt from them.
 
     Args:
-        folder: from ``create_run_folder``.
+        folder: from ``whole_folder``.
         config: from ``external_run_config``.
         episodes: read once.
         rows: number of states in all episodes, final states included.
@@ -75,7 +75,7 @@ def keep_run(
         the refresh.
 
     Raises:
-        ConfigError: if no vocabulary can be learnt; the episodes are kept.
+        ConfigError: if no vocabulary can be learnt.
     """
     task = task_of(make_env(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
@@ -114,4 +114,4 @@ def keep_run(
 
 def _say(*lines: str) -> None:
     for line in lines:
-        Console(highlight=False, soft_wrap=True).print(line, markup=False)
+        PlainConsole(soft_wrap=True).print(line)

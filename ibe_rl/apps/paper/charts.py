@@ -142,7 +142,7 @@ def expressions_chart(found: dict[str, Any]) -> Figure:
             _clusters(rows[2 * row][column], rows[2 * row + 1][column], results)
             lean = f"skew {results['skew']:+.2f}, {results['below_zero']} left of 0, {results['above_zero']} right"
             rows[2 * row][column].set_title(f"Agent {agent['agent']}, {VOCABULARY_NAMES[name]}: {lean}")
-        rows[2 * row][0].set_ylabel("expression $m^i$")
+        rows[2 * row][0].set_ylabel("expression mⁱ")
         rows[2 * row + 1][0].set_ylabel("windows (%)")
     for axis in rows[-1]:
         axis.set_xlabel("cluster, from left to right")

@@ -8,7 +8,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-from rich.console import Console
 
 from ibe_rl.apps.paper import movements, vocabularies
 from ibe_rl.apps.paper.agents import PaperAgent
@@ -39,6 +38,7 @@ from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.effect import corrected
 from ibe_rl.metrics.observer import Observer, calibrate_observer
+from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_json
 from ibe_rl.types import Array, ConfigError, Episode, ExpressionMapping
 
@@ -56,7 +56,7 @@ def reproduce(run: TrainedRun, cfg: ExplainConfig) -> None:
     torch.set_num_threads(1)
     context = ReportContext(run, cfg)
     make_folders(context.run.folder)
-    say = Console(highlight=False, soft_wrap=True).print
+    say = PlainConsole(soft_wrap=True).print
     found, observed = experiment(context, say)
     write_json(context.run.folder / EVALUATION / "paper.json", found)
     say("drawing")

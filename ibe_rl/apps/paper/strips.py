@@ -71,7 +71,7 @@ def _scales(axis: Axes, observed: ObservedEpisodes, row: int) -> None:
         axis.text(-1.28, middle, title, rotation=90, ha="center", va="center", color=colour, fontsize=9)
     axis.set(xlim=(-1.12, 1.12), ylim=(2 * SEEN_STEPS + 7, -2.5), yticks=[])
     axis.set_xticks([-1, 0, 1], ["-1 left", "0 straight", "+1 right"])
-    axis.set_xlabel("expression, frame by frame downwards (lines: $m^i$;\nring: what the observer reads)")
+    axis.set_xlabel("expression, frame by frame downwards (lines: mⁱ;\nring: what the observer reads)")
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn
+from rich.progress import BarColumn, Progress, TaskID
 from rich.table import Table
 
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, OUTPUT, Job, Outcome, read_summary
-from ibe_rl.runtime.installation import typed
+from ibe_rl.runtime.console import PlainColumn, PlainConsole
+from ibe_rl.runtime.installation import pasted
 from ibe_rl.storage.run_folder import METRICS
 
 TAIL_BYTES = 20_000
@@ -37,14 +37,14 @@ class Board:
         console: to print to.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: PlainConsole) -> None:
         self._console = console
         self._lines: dict[Job, _Line] = {}
         self._counts: Counter[str] = Counter()
         self._bars = Progress(
-            TextColumn("{task.description}", markup=False),
+            PlainColumn("{task.description}"),
             BarColumn(bar_width=12),
-            TextColumn("{task.fields[said]}", markup=False),
+            PlainColumn("{task.fields[said]}"),
             console=console,
         )
         self._whole = self._bars.add_task("sweep", said="")
@@ -92,7 +92,7 @@ class Board:
 
     def say(self, text: str) -> None:
         """Print a line above the status lines."""
-        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(text, soft_wrap=True)
 
     def _count(self, outcome: Outcome) -> None:
         self._counts[outcome.became] += 1
@@ -140,4 +140,4 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
 
 def viewer_command(sweep: Path) -> str:
     """The command that shows all runs of a sweep."""
-    return f"{typed('view')} {sweep}"
+    return pasted("view", str(sweep.absolute()))

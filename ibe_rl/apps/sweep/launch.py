@@ -6,18 +6,19 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from ibe_rl.apps.ray.workers import check_address, check_installed
 from ibe_rl.apps.sweep.board import Board, failures, outcomes_table, viewer_command
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, Job, key_of, plan
 from ibe_rl.apps.sweep.processes import run_all
-from ibe_rl.config.arguments import quoted
+from ibe_rl.config.arguments import path_setting, quoted
+from ibe_rl.config.command_line import command_on
 from ibe_rl.config.kinds import check_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.instructors import is_live
-from ibe_rl.runtime.installation import started_again, typed
+from ibe_rl.runtime.console import PlainConsole
+from ibe_rl.runtime.installation import started_again
 from ibe_rl.runtime.operating_system import usable_cores
+from ibe_rl.runtime.printed import for_shell
 from ibe_rl.types import ConfigError
 
 VIEWER = ("viewer", "viewer.mode")
@@ -44,27 +45,27 @@ def launch(
     """
     for overrides, cfg in zip(asked, settings, strict=True):
         refuse(overrides, cfg, sweep)
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     recorded = any(cfg.viewer.mode == "live" for cfg in settings)
     extra = ["viewer=file"] if recorded else []
     jobs = plan(sweep, asked, [cfg.total_frames for cfg in settings], first)
     at_once = how_many(settings)
-    console.print(f"{len(jobs)} runs, {at_once} at once, each in a folder of its own below {sweep}", markup=False)
+    console.print(f"{len(jobs)} runs, {at_once} at once, each in a folder of its own below {sweep}")
     if recorded:
-        console.print(f"  they are recorded, not served; to watch them: {viewer_command(sweep)}", markup=False)
+        console.print(f"  they are recorded, not served; to watch them: {viewer_command(sweep)}")
     front = elsewhere(settings)
     outcomes = run_all(
         jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
     )
     console.print(outcomes_table(outcomes))
     for line in [*failures(outcomes), *sweep_hints(sweep)]:
-        console.print(line, markup=False)
+        console.print(line)
     became = {outcome.became for outcome in outcomes}
     if not became <= {DONE, DONE_BEFORE, FAILED}:
-        console.print(f"stopped; the same command with run_dir={sweep} resumes it", markup=False)
+        console.print(f"stopped; the same command with {for_shell(path_setting('run_dir', sweep))} resumes it")
         raise KeyboardInterrupt
     if FAILED in became:
-        console.print(f"the same command with run_dir={sweep} repeats the failed runs", markup=False)
+        console.print(f"the same command with {for_shell(path_setting('run_dir', sweep))} repeats the failed runs")
         sys.exit(1)
 
 
@@ -125,5 +126,5 @@ def sweep_hints(sweep: Path) -> list[str]:
     return [
         f"the runs are in {sweep}",
         f"  look at all of them:   {viewer_command(sweep)}",
-        f"  a report of the sweep: {typed('explain')} sweep={sweep}",
+        f"  a report of the sweep: {command_on(sweep, 'explain', 'sweep')}",
     ]

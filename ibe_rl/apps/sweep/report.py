@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE
-from rich.console import Console
 from rich.table import Table
 
 from ibe_rl.apps.report_page import number, write_page
@@ -20,6 +19,7 @@ from ibe_rl.apps.sweep.intervals import of_runs
 from ibe_rl.apps.sweep.records import COLUMN_LABELS, LEARNING, TRUTH, SweepRun, read_sweep
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.progress_bar import progress_bar
+from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.run_folder import FIGURES, write_atomically
 from ibe_rl.types import ConfigError
 from ibe_rl.view.relay import choose_ports
@@ -63,17 +63,17 @@ def report(sweep: Path) -> None:
         page = write_figures(folder, found, sweep)
     except OSError as error:
         raise ConfigError(f"sweep={sweep}: allowed is a folder that can be written to ({error.strerror})") from None
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     console.width = max(console.width, 110)
     console.print(short_table(found["conditions"]))
     for notice in found["notices"]:
-        console.print(f"note: {notice}", markup=False)
+        console.print(f"note: {notice}")
     for what, where in (
         ("table", folder / _TABLE),
         ("report", page),
         ("all recordings together", viewer_command(sweep)),
     ):
-        console.print(f"{what}: {where}", markup=False)
+        console.print(f"{what}: {where}")
 
 
 def by_condition(records: Sequence[SweepRun]) -> dict[str, Any]:

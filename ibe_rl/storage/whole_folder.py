@@ -1,0 +1,88 @@
+"""A run folder that is there as a whole or not at all."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ibe_rl.storage.log import ABOUT_LOG, COLUMNS
+from ibe_rl.storage.run_folder import CONFIG, METRICS, PARTIAL, TRAJECTORIES, create_run_folder, read_json, refuse_used
+from ibe_rl.types import ConfigError
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Fill a new run folder under another name; rename it in the end, or remove it if the body fails.
+
+    Args:
+        path: of the new folder; what it already holds stays.
+
+    Raises:
+        ConfigError: if it already holds a run or cannot be written to.
+    """
+    refuse_used(path)
+    partial = path.with_name(path.name + PARTIAL)
+    if (partial / CONFIG).parent.is_dir():  # of a program that was killed
+        shutil.rmtree(partial)
+    create_run_folder(partial, named=path)
+    try:
+        yield partial
+        _move(partial, path)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _move(partial: Path, path: Path) -> None:
+    try:
+        if not path.exists():
+            partial.rename(path)
+            return
+        for part in sorted(partial.iterdir(), reverse=True):  # .hydra comes last: it makes a folder a run
+            part.rename(path / part.name)
+    except OSError as error:
+        raise ConfigError(f"run_dir={path}: allowed is a new folder ({error.strerror})") from None
+
+
+@contextmanager
+def begun_folder(path: Path) -> Iterator[Path]:
+    """The folder of a new training; what it has made there is removed if it fails before anything is logged.
+
+    Args:
+        path: of the new folder; what it already holds stays.
+
+    Raises:
+        ConfigError: if it already holds a run or cannot be written to.
+    """
+    before = {*path.iterdir()} if path.is_dir() else None
+    create_run_folder(path)
+    try:
+        yield path
+    except BaseException:
+        if not _has_logged(path):
+            _remove({*path.iterdir()} - (before or set()))
+            if before is None:
+                path.rmdir()
+        raise
+
+
+def _has_logged(path: Path) -> bool:
+    """Whether a training has logged anything."""
+    columns = (path / TRAJECTORIES / f"{name}.npy" for name in COLUMNS)
+    return (path / METRICS).exists() or any(column.exists() for column in columns) or _frames_in_log(path) > 0
+
+
+def _frames_in_log(path: Path) -> int:
+    try:
+        return int(read_json(path / TRAJECTORIES / ABOUT_LOG)["frames"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+
+
+def _remove(parts: Iterable[Path]) -> None:
+    for part in parts:
+        if part.is_dir():
+            shutil.rmtree(part, ignore_errors=True)
+        else:
+            part.unlink(missing_ok=True)

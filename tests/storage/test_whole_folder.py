@@ -1,0 +1,86 @@
+"""What fails or is interrupted leaves nothing behind, and the next try is not refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ibe_rl.storage.run_folder import CONFIG, METRICS, create_run_folder, find_run, write_json
+from ibe_rl.storage.whole_folder import begun_folder, whole_folder
+from ibe_rl.types import ConfigError
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def fail(file: Path, error: type[BaseException], frames: int = 0) -> None:
+    """Write a file, then raise an error."""
+    write_json(file, {"frames": frames})
+    raise error
+
+
+def test_a_folder_has_its_name_once_it_is_whole(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "runs" / "run") as folder:
+        (folder / "summary.json").write_text("{}")
+        assert not (tmp_path / "runs" / "run").exists()
+        with pytest.raises(ConfigError, match="there is no run below"):
+            find_run(None, tmp_path)
+    assert files_in(tmp_path) == ["runs/run/.hydra/config.yaml", "runs/run/summary.json"]
+    assert find_run(None, tmp_path) == tmp_path / "runs" / "run"
+
+
+@pytest.mark.parametrize("error", [ConfigError, KeyboardInterrupt, OSError])
+def test_what_fails_leaves_nothing_and_the_next_try_works(tmp_path: Path, error: type[BaseException]) -> None:
+    with pytest.raises(error), whole_folder(tmp_path / "run") as folder:
+        fail(folder / "summary.json", error)
+    assert [*tmp_path.iterdir()] == []
+    with whole_folder(tmp_path / "run"):
+        pass
+    assert (tmp_path / "run" / CONFIG).exists()
+
+
+def test_what_a_killed_program_left_is_not_in_the_way(tmp_path: Path) -> None:
+    create_run_folder(tmp_path / "run.partial")
+    (tmp_path / "run.partial" / "left").touch()
+    with whole_folder(tmp_path / "run"):
+        pass
+    assert files_in(tmp_path) == ["run/.hydra/config.yaml"]
+
+
+def test_what_is_there_stays(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").touch()
+    with whole_folder(tmp_path):
+        pass
+    assert files_in(tmp_path) == [".hydra/config.yaml", "notes.txt"]
+    with pytest.raises(ConfigError, match=r"run_dir=.*: holds a run already"), whole_folder(tmp_path):
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_called_by_its_own_name(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=r"run_dir=.*/file/run: allowed is a folder that can be written to"):  # noqa: SIM117
+        with whole_folder(tmp_path / "file" / "run"):
+            pass
+    (tmp_path / "run" / "checkpoints").mkdir(parents=True)
+    (tmp_path / "run" / "checkpoints" / "mine").touch()
+    with pytest.raises(ConfigError, match=r"run_dir=.*/run: allowed is a new folder"), whole_folder(tmp_path / "run"):
+        pass
+
+
+def test_a_training_that_has_logged_nothing_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "output.log").touch()
+    for name in ("new", "there"):
+        with pytest.raises(RuntimeError), begun_folder(tmp_path / name) as folder:
+            fail(folder / "trajectories" / "log.json", RuntimeError)
+    assert files_in(tmp_path) == ["there/output.log"]
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("logged", [METRICS, "trajectories/log.json", "trajectories/number.npy"])
+def test_a_training_that_has_logged_something_keeps_it(tmp_path: Path, logged: str) -> None:
+    with pytest.raises(KeyboardInterrupt), begun_folder(tmp_path / "run") as folder:
+        fail(folder / logged, KeyboardInterrupt, frames=64)
+    assert files_in(tmp_path) == ["run/.hydra/config.yaml", f"run/{logged}"]
