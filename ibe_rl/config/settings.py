@@ -279,6 +279,10 @@ class ExplainConfig:
     # an agent trained elsewhere: FILE.zip or MODULE:NAME
     agent_file: str | None = field(default=None, metadata={"typed": "agent"})
     agent_sees_instruction: bool | None = None  # None: as the external agent or its run folder declares
+    agent_vec_normalize: str | None = (
+        None  # file of the VecNormalize that it was trained with; loading it runs its code
+    )
+    agent_frame_stack: int | None = setting(None, low=1, high=1_000)  # observations it reads at once (VecFrameStack)
     episodes: int = setting(200, low=2, high=100_000)  # of the external agent, to learn its vocabulary from
     random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of random actions in these episodes
     run_dir: str = MISSING  # run folder to create for the external agent

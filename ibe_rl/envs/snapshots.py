@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 from gymnasium import wrappers
 
+from ibe_rl.envs.masks import sampled_action
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
 
@@ -177,7 +178,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS) -> 
     while len(played) < 2 * steps and not (played and played[-1][1][2]):
         if len(played) % max(1, steps // 4) == 0 and len(played) <= steps:
             stopped.append((len(played), original.snapshot()))
-        action = space.sample()
+        action = sampled_action(space, original)
         played.append((action, original.step(action)))
     for start, snapshot in stopped:
         other.restore(snapshot)

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ibe_rl.agents.acting import Acting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
@@ -125,13 +126,15 @@ class _EnvCopies:
         states, instruction, given = columns_of(moments)
         paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
         running = np.arange(len(moments))
+        acting = Acting(policy, [moment.memory for moment in moments])
         for step in range(1, horizon_steps + 1):
             states = paths[running, step - 1]
             if self._follow_rule and step > 1:
                 instruction[running], given[running] = self._rule(states), 1.0
-            actions = policy(observe(states, instruction[running], given[running]))
+            rows = running.tolist()
+            actions = acting(observe(states, instruction[running], given[running]), rows, copies)
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
-            steps = [copies[row].step(action) for row, action in zip(running.tolist(), choices, strict=True)]
+            steps = [copies[row].step(action) for row, action in zip(rows, choices, strict=True)]
             paths[running, step] = np.array([after[0] for after in steps])
             ended = np.array([after[2] for after in steps])
             for row in running[ended]:

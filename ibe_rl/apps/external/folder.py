@@ -13,6 +13,7 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
+from ibe_rl.apps.external.reading import Reading
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.saved import write_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
@@ -28,7 +29,9 @@ from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_line, horizon_of, settled
 
 
-def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int, env: EnvConfig | None = None) -> TrainConfig:
+def external_run_config(
+    cfg: ExplainConfig, made_from: Any, seed: int, env: EnvConfig | None = None, reading: Reading | None = None
+) -> TrainConfig:
     """The config of the run folder of an external agent or log.
 
     Args:
@@ -36,6 +39,7 @@ def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int, env: EnvC
         made_from: what the agent or log is called.
         seed: of the run.
         env: that a program gave; None: that of the settings.
+        reading: what the agent reads; None: unknown.
 
     Raises:
         ConfigError: if the mapping cannot be learnt in this environment.
@@ -44,11 +48,16 @@ def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int, env: EnvC
     config = replace(config, env=env or config.env)
     made = make_env(config.env)
     check_mapping(config.mapping, task_of(made))
-    _say(*check_dimensions(config.mapping, task_of(made), made))
+    say(*check_dimensions(config.mapping, task_of(made), made))
     return replace(
         config,
         run_dir=cfg.run_dir,
-        agent=ExternalPolicyConfig(made_from=str(made_from), sees_instruction=cfg.agent_sees_instruction),
+        agent=ExternalPolicyConfig(
+            made_from=str(made_from),
+            sees_instruction=cfg.agent_sees_instruction,
+            frame_stack=reading.frames if reading else None,
+            vec_normalize=reading.normalised_by if reading else None,
+        ),
         mapping=replace(config.mapping, newest_frames=None),  # one agent made all episodes
         predictor=cfg.predictor,
         viewer=cfg.viewer,
@@ -105,13 +114,14 @@ def keep_run(
             f"episodes={len(index)}: no vocabulary can be learnt from them ({error}); allowed are more"
         ) from None
     if config.mapping.horizon_steps is None:
-        _say(horizon_line(learnt.top.horizon_steps))
+        say(horizon_line(learnt.top.horizon_steps))
     meaning = [one.to_dict() for one in learnt.mapping.meanings]
     write_json(folder / SUMMARY, summary | {"horizon_steps": learnt.top.horizon_steps, "meaning": meaning})
     save_refresh(folder / REFRESHES, learnt, mapping, task)
     return learnt
 
 
-def _say(*lines: str) -> None:
+def say(*lines: str) -> None:
+    """Print lines as they are."""
     for line in lines:
         Console(highlight=False, soft_wrap=True).print(line, markup=False)
