@@ -34,6 +34,8 @@ FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
+UNFINISHED = ".partial"
+"""Ends the name of a folder that takes its own name once it is complete."""
 NOT_IN_NAMES = ("run_dir", "viewer", "logger", "runs_at_once", "runs_on")
 """Settings left out of a run's name."""
 
@@ -120,6 +122,16 @@ def refuse_special_files(path: Path) -> None:
                 raise ConfigError(f"{found}: {kind}; allowed is a run folder of plain files")
 
 
+def refuse_folder_with_run(path: Path) -> None:
+    """Refuse a folder for a new run that holds one.
+
+    Raises:
+        ConfigError: naming it.
+    """
+    if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
+        raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
+
+
 def create_run_folder(path: Path) -> Path:
     """Make the folder of a new run and its subfolders.
 
@@ -127,8 +139,7 @@ def create_run_folder(path: Path) -> Path:
         ConfigError: if it already holds a run or cannot be written to.
     """
     try:
-        if any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG)):
-            raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
+        refuse_folder_with_run(path)
         for name in (CHECKPOINTS, TRAJECTORIES, REFRESHES, ".hydra"):
             (path / name).mkdir(parents=True, exist_ok=True)
         write_atomically(path / CONFIG, lambda stream: stream.write(b""))
@@ -178,7 +189,8 @@ def find_run(run: str | None, below: Path) -> Path:
         if not is_run(Path(run)):
             raise ConfigError(f"run={run}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
         return Path(run)
-    runs = [config.parent.parent for config in below.glob(f"**/{CONFIG}") if is_run(config.parent.parent)]
+    found = [config.parent.parent for config in below.glob(f"**/{CONFIG}")]
+    runs = [path for path in found if is_run(path) and path.suffix != UNFINISHED]
     if not runs:
         raise ConfigError(f"run=null: there is no run below {below}; train one, or name one with run=DIR")
     return max(runs, key=lambda path: (path / CONFIG).stat().st_mtime)

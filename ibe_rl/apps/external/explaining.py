@@ -15,7 +15,7 @@ import torch
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.apps.external.adapters import reads_masks
 from ibe_rl.apps.external.finding import find_agent, made_without_arguments
-from ibe_rl.apps.external.folder import external_run_config, keep_run, say
+from ibe_rl.apps.external.folder import external_run_config, keep_run, say, whole_run_folder
 from ibe_rl.apps.external.policy import EpsilonGreedy, ExternalPolicy, as_policy
 from ibe_rl.apps.external.reading import Reading, compared_returns, forgotten, reading_of
 from ibe_rl.collect.rollout import play
@@ -32,7 +32,7 @@ from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
-from ibe_rl.storage.run_folder import REFRESHES, create_run_folder
+from ibe_rl.storage.run_folder import REFRESHES, refuse_folder_with_run
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
@@ -126,11 +126,13 @@ def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | N
     if not is_learnt(cfg.predictor):
         make_snapshot_env(config.env)  # refused before anything is flown
     say(*forgotten(agent, reading), *policy.notes)
-    folder = create_run_folder(Path(cfg.run_dir))
+    refuse_folder_with_run(Path(cfg.run_dir))
     episodes = _act(policy, config, cfg)
     say(*_clipped(policy), *([] if cfg.random_actions else compared_returns(found, episodes)))
-    rows = sum(len(episode) + 1 for episode in episodes)
-    learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes))
+    rows, seeds = sum(len(episode) + 1 for episode in episodes), _seeds(config, len(episodes))
+    with whole_run_folder(Path(cfg.run_dir)) as beside:
+        learnt = keep_run(beside, config, episodes, rows, partial(_reactions, policy, config, episodes), seeds)
+    folder = Path(cfg.run_dir)
     run = load_run(folder, lambda _: policy, env)
     run = replace(run, calibration=first_calibration(run, cfg))
     save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
@@ -189,4 +191,8 @@ def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episod
         EpsilonGreedy(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
     )
     instructor = make_instructor(config.instructor, task_of(envs[0]), config.seed)
-    return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])
+    return play(envs, acting, instructor, _seeds(config, cfg.episodes))
+
+
+def _seeds(config: TrainConfig, episodes: int) -> list[int]:
+    return [episode_seed(config.seed, number) for number in range(episodes)]

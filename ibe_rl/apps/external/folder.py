@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +24,15 @@ from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import REFRESHES, SUMMARY, TRAJECTORIES, write_json
+from ibe_rl.storage.run_folder import (
+    REFRESHES,
+    SUMMARY,
+    TRAJECTORIES,
+    UNFINISHED,
+    create_run_folder,
+    refuse_folder_with_run,
+    write_json,
+)
 from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, save_refresh
@@ -55,7 +66,7 @@ def external_run_config(
         agent=ExternalPolicyConfig(
             made_from=str(made_from),
             sees_instruction=cfg.agent_sees_instruction,
-            frame_stack=reading.frames if reading else None,
+            frame_stack=reading.frames if reading and reading.frames > 1 else None,
             vec_normalize=reading.normalised_by if reading else None,
         ),
         mapping=replace(config.mapping, newest_frames=None),  # one agent made all episodes
@@ -64,12 +75,39 @@ def external_run_config(
     )
 
 
+SEEDS = "seeds.json"
+"""The seeds of the episodes, where they are known."""
+
+
+@contextmanager
+def whole_run_folder(path: Path) -> Iterator[Path]:
+    """Fill a run folder beside ``path``, which takes that name at the end; after an error nothing of it stays.
+
+    Raises:
+        ConfigError: as ``create_run_folder``.
+    """
+    refuse_folder_with_run(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=UNFINISHED, dir=path.parent))
+    except OSError as error:
+        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
+    try:
+        yield create_run_folder(beside)
+        path.mkdir(exist_ok=True)
+        for part in beside.iterdir():
+            part.replace(path / part.name)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
 def keep_run(
     folder: Path,
     config: TrainConfig,
     episodes: Iterable[Episode],
     rows: int,
     react: Callable[[int], Reactions | None] = lambda _: None,
+    seeds: Sequence[int | None] = (),
 ) -> Refresh:
     """Fill a run folder with episodes and the vocabulary learnt from them.
 
@@ -79,18 +117,21 @@ def keep_run(
         episodes: read once.
         rows: number of states in all episodes, final states included.
         react: horizon in steps to the agent's reactions to other instructions; None if it cannot be asked.
+        seeds: of the episodes, read after them; None where it is unknown.
 
     Returns:
         the refresh.
 
     Raises:
-        ConfigError: if no vocabulary can be learnt; the episodes are kept.
+        ConfigError: if no vocabulary can be learnt.
     """
     task = task_of(make_env(config.env))
     log = TrajectoryLog(folder / TRAJECTORIES, rows, task.contexts)
     for episode in episodes:
         log.add(episode.as_steps(), task.context)
     log.flush()
+    if any(seed is not None for seed in seeds):
+        write_json(folder / SEEDS, {"seeds": list(seeds)})
     config = replace(config, total_frames=log.frames)
     write_config(config, [], folder / ".hydra")
     index = log.index
