@@ -35,7 +35,11 @@ def minari_command(arguments: Sequence[str] | None = None) -> int:
     into.add_argument("settings", nargs="*", help="of explain.py: env=…, run_dir=…, mapping=…")
     into.add_argument("--instruction", help=f"key of the infos, or {RULE} for the environment's own rule")
     into.add_argument("--state", help="MODULE:NAME, a function of one observation to the state")
-    asked = parser.parse_args(arguments)
+    asked, others = parser.parse_known_args(arguments)
+    if asked.command == "export" or not all("=" in one and not one.startswith("-") for one in others):
+        asked = parser.parse_args(arguments)  # which refuses them
+    else:
+        asked.settings += others  # settings behind an option
     try:
         if asked.command == "export":
             made = export_log(asked.run, asked.dataset, asked.newest)

@@ -127,6 +127,8 @@ class Arrays:
 
 
 def _arrays(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise ConfigError(f"dataset={path}: no such file")
     try:
         if path.suffix == ".npz":
             with np.load(path, allow_pickle=False) as file:

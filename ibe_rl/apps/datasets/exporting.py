@@ -64,10 +64,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
 
 def _created(minari: Any, dataset_id: str, buffers: list[Any], about: dict[str, Any]) -> Any:
     """Create a dataset, or leave nothing of it."""
-    try:
-        place = Path(import_module("minari.storage").get_dataset_path(dataset_id))
-    except (ValueError, TypeError) as error:
-        raise ConfigError(f"dataset={dataset_id}: {error}") from None
+    place = Path(import_module("minari.storage").get_dataset_path(dataset_id))
     if place.exists():
         raise ConfigError(f"dataset={dataset_id}: {place} already exists; allowed is a new name")
     complete = False

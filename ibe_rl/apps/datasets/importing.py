@@ -19,9 +19,12 @@ from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.declare import load_function
 from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.runtime.import_string import raised
 from ibe_rl.storage.run_folder import refuse_folder_with_run
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
+
+FEWEST_EPISODES = 2
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,14 @@ class Source:
         where: for messages.
         episodes: all of them, each time from the first.
         rows: states in all episodes, final ones included.
+        count: episodes.
         spaces: what declares ``observation_space`` and ``action_space``; None: nothing.
     """
 
     where: str
     episodes: Callable[[], Iterator[Recorded]]
     rows: int
+    count: int
     spaces: Any = None
 
 
@@ -81,7 +86,9 @@ def _conversion(
     """How its episodes are converted, tried with the first one."""
     task, first = task_of(env), next(source.episodes(), None)
     if first is None:
-        raise ConfigError(f"{source.where}: it has no episode; allowed is one with episodes")
+        raise ConfigError(f"{source.where}: it has no episode; allowed are at least {FEWEST_EPISODES}")
+    if source.count < FEWEST_EPISODES:
+        raise ConfigError(f"{source.where}: it has {source.count} episode; allowed are at least {FEWEST_EPISODES}")
     hearing = Hearing.found(task, key, first, state is None)
     declared = config.task.success if config.task is not None else None
     succeeded = load_function("env.task.success", declared) if declared else None
@@ -103,7 +110,7 @@ def _notes(done: Conversion) -> list[str]:
 def _of_file(path: Path) -> Source:
     arrays = Arrays.read(path)
     cuts = arrays.cuts
-    return Source(arrays.where, arrays.episodes, int(cuts[-1]) + len(cuts))
+    return Source(arrays.where, arrays.episodes, int(cuts[-1]) + len(cuts), len(cuts) - 1)
 
 
 def _of_minari(dataset_id: str) -> Source:
@@ -111,8 +118,13 @@ def _of_minari(dataset_id: str) -> Source:
     minari = load_minari()
     try:
         dataset = minari.load_dataset(dataset_id)
-    except (OSError, ValueError, ImportError, KeyError) as error:
-        raise ConfigError(f"{where}: {' '.join(str(error).split())[:200]}") from None
+    except FileNotFoundError:
+        raise ConfigError(
+            f"{where}: no dataset of Minari on this machine has that name; allowed is one of `minari list local`, or a "
+            f"file of arrays, {', '.join(SUFFIXES)}"
+        ) from None
+    except Exception as error:  # a damaged dataset may raise anything
+        raise ConfigError(f"{where}: it cannot be read ({raised(error)})") from None
 
     def episodes() -> Iterator[Recorded]:
         for number in dataset.episode_indices.tolist():
@@ -120,10 +132,10 @@ def _of_minari(dataset_id: str) -> Source:
             try:
                 (data,), (known,) = dataset.iterate_episodes([number]), dataset.storage.get_episode_metadata([number])
             except Exception as error:  # a damaged file may raise anything
-                raise ConfigError(f"{at}: it cannot be read ({error!r:.200})") from None
+                raise ConfigError(f"{at}: it cannot be read ({raised(error)})") from None
             yield _recorded(at, data, known)
 
-    return Source(where, episodes, dataset.total_steps + dataset.total_episodes, dataset)
+    return Source(where, episodes, dataset.total_steps + dataset.total_episodes, dataset.total_episodes, dataset)
 
 
 def _recorded(where: str, data: Any, known: Mapping[str, Any]) -> Recorded:

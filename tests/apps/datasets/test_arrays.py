@@ -35,6 +35,11 @@ def driven(episodes: int = 20) -> dict[str, Any]:
     return found | {"terminals": np.zeros(len(found["rewards"]), bool)}
 
 
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
 def saved(path: Path, columns: dict[str, Any]) -> str:
     if path.suffix == ".npz":
         np.savez(path, **columns)
@@ -47,7 +52,10 @@ def saved(path: Path, columns: dict[str, Any]) -> str:
 
 def settings(tmp_path: Path) -> list[str]:
     quick = ["mapping.horizon_steps=5", "mapping.spans_steps=[3]", "mapping.top_fraction=1"]
-    return [f"env.id=bead:{BEAD_ID}", *quick, f"run_dir={tmp_path / 'run'}"]
+    (tmp_path / "configs" / "env").mkdir(parents=True)
+    text = f"defaults: [schema]\nid: bead:{BEAD_ID}\nkwargs: {{masked: false}}\n"
+    (tmp_path / "configs" / "env" / "bead.yaml").write_text(text)
+    return ["env=bead", *quick, f"run_dir={tmp_path / 'run'}"]
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".hdf5"])
@@ -110,12 +118,13 @@ def test_what_is_no_such_file_is_refused(tmp_path: Path) -> None:
     refused("next_observations are not", next_observations=good["next_observations"][:, :1])
     refused(r"set.npz: it cannot be read \(.*allow_pickle", rewards=np.full(60, None))
     (tmp_path / "text.hdf5").write_text("text")
-    for name in ("text.hdf5", "missing.h5", "missing.npz"):
-        with pytest.raises(ConfigError, match=f"dataset=.*{name}: it cannot be read"):
+    for name, why in (("text.hdf5", "it cannot be read"), ("missing.npz", "no such file")):
+        with pytest.raises(ConfigError, match=f"dataset=.*{name}: {why}"):
             Arrays.read(tmp_path / name)
 
 
 def test_hdf5_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "h5py", None)
+    (tmp_path / "set.hdf5").touch()
     with pytest.raises(ConfigError, match=r"needs h5py .*; install the extra ibe_rl\[minari\]"):
         Arrays.read(tmp_path / "set.hdf5")
