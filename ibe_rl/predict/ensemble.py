@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.agents.acting import Acting
+from ibe_rl.acting import Acting
 from ibe_rl.config.limits import KEPT, TINY, setting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.agents.acting import Acting
+from ibe_rl.acting import Acting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog

@@ -34,7 +34,7 @@ FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
-UNFINISHED = ".partial"
+INCOMPLETE = ".partial"
 """Ends the name of a folder that takes its own name once it is complete."""
 NOT_IN_NAMES = ("run_dir", "viewer", "logger", "runs_at_once", "runs_on")
 """Settings left out of a run's name."""
@@ -190,7 +190,7 @@ def find_run(run: str | None, below: Path) -> Path:
             raise ConfigError(f"run={run}: not a run folder (it has no {CONFIG}); allowed is one that train.py made")
         return Path(run)
     found = [config.parent.parent for config in below.glob(f"**/{CONFIG}")]
-    runs = [path for path in found if is_run(path) and path.suffix != UNFINISHED]
+    runs = [path for path in found if is_run(path) and path.suffix != INCOMPLETE]
     if not runs:
         raise ConfigError(f"run=null: there is no run below {below}; train one, or name one with run=DIR")
     return max(runs, key=lambda path: (path / CONFIG).stat().st_mtime)

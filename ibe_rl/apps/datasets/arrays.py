@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.datasets.recorded import Recorded
+from ibe_rl.apps.datasets.recorded import RawEpisode
 from ibe_rl.types import Array, ConfigError
 
 SUFFIXES = (".npz", ".hdf5", ".h5")
@@ -86,7 +86,7 @@ class Arrays:
             raise ConfigError(f"{self.where}: {name} are of type {flags.dtype}; allowed is one bool a row")
         return flags.astype(bool)
 
-    def episodes(self) -> Iterator[Recorded]:
+    def episodes(self) -> Iterator[RawEpisode]:
         """The episodes; without ``next_observations`` each lacks its last action, as nobody knows where it led."""
         cuts = self.cuts
         for number, (start, stop) in enumerate(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)):
@@ -96,7 +96,7 @@ class Arrays:
             elif stop - start > 1:
                 yield self._without_its_last_action(where, start, stop)
 
-    def _whole(self, where: str, start: int, stop: int) -> Recorded:
+    def _whole(self, where: str, start: int, stop: int) -> RawEpisode:
         states, after = self.columns["observations"][start:stop], self.columns["next"][start:stop]
         if states.shape != after.shape or not np.allclose(after[:-1], states[1:], atol=CLOSE, equal_nan=True):
             raise ConfigError(
@@ -105,7 +105,7 @@ class Arrays:
             )
         return self._recorded(where, start, stop, np.concatenate([states, after[-1:]]), stop)
 
-    def _without_its_last_action(self, where: str, start: int, stop: int) -> Recorded:
+    def _without_its_last_action(self, where: str, start: int, stop: int) -> RawEpisode:
         shorter = self._recorded(where, start, stop - 1, self.columns["observations"][start:stop], stop)
         rewards = np.array(shorter.rewards)
         rewards[-1:] += self.columns["rewards"][stop - 1]  # the return stays
@@ -114,8 +114,8 @@ class Arrays:
         )
         return replace(shorter, rewards=rewards)
 
-    def _recorded(self, where: str, start: int, stop: int, observations: Array, last: int) -> Recorded:
-        return Recorded(
+    def _recorded(self, where: str, start: int, stop: int, observations: Array, last: int) -> RawEpisode:
+        return RawEpisode(
             where,
             observations,
             self.columns["actions"][start:stop],

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.apps.datasets.hearing import GIVEN, INSTRUCTION
-from ibe_rl.apps.datasets.recorded import SUCCESS
+from ibe_rl.apps.datasets.optional import load_minari
+from ibe_rl.apps.datasets.recorded import DATASET_SUCCESS
 from ibe_rl.apps.external.folder import SEEDS
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
@@ -22,7 +23,7 @@ from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, read_json,
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode
 
-CONTEXT, WORDS = "context", "instruction_words"
+_CONTEXT, _WORDS = "context", "instruction_words"
 """Keys of the infos beside those of ``hearing``, of ``T + 1`` rows as in Minari; the final state has no instruction."""
 
 
@@ -96,8 +97,8 @@ def _seeds(folder: Path, count: int) -> list[int | None]:
 def _description(task: Task) -> str:
     return (
         f"{task.name} with instructions: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether "
-        f"there was one, infos[{SUCCESS!r}] whether the episode ended well, infos[{CONTEXT!r}] what it was about, "
-        f"infos[{WORDS!r}] the instruction in words."
+        f"there was one, infos[{DATASET_SUCCESS!r}] whether the episode ended well, infos[{_CONTEXT!r}] what it was "
+        f"about, infos[{_WORDS!r}] the instruction in words."
     )
 
 
@@ -109,9 +110,9 @@ def _buffer(minari: Any, episode: Episode, task: Task, seed: int | None) -> Any:
     infos = {
         INSTRUCTION: np.concatenate([episode.instructions, silence]),
         GIVEN: np.append(np.asarray(episode.given, bool), False),
-        SUCCESS: np.append(False, last & episode.success),
-        CONTEXT: np.full(steps + 1, episode.context.encode()),
-        WORDS: np.char.encode(np.append(words, ""), "utf-8"),
+        DATASET_SUCCESS: np.append(False, last & episode.success),
+        _CONTEXT: np.full(steps + 1, episode.context.encode()),
+        _WORDS: np.char.encode(np.append(words, ""), "utf-8"),
     }
     return minari.data_collector.EpisodeBuffer(
         seed=seed,
@@ -122,16 +123,3 @@ def _buffer(minari: Any, episode: Episode, task: Task, seed: int | None) -> Any:
         truncations=last & (not episode.terminated),
         infos=infos,
     )
-
-
-def load_minari() -> Any:
-    """The module, an optional dependency.
-
-    Raises:
-        ConfigError: if it is not installed.
-    """
-    try:
-        import_module("h5py")  # which its datasets are read with
-        return import_module("minari")
-    except ImportError as error:
-        raise ConfigError(f"needs minari ({error}); install the extra ibe_rl[minari]") from None

@@ -14,7 +14,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
 INSTRUCTION, GIVEN, RULE = "instruction", "instruction_given", "rule"
-NOTHING = ("", "none", "null")
+_SILENCE = ("", "none", "null")
 """Words for no instruction."""
 
 
@@ -39,7 +39,7 @@ class Hearing:
         Args:
             task: of the environment.
             key: that the user named; None: ``instruction`` of the infos, else the observations, else the rule.
-            first: the first episode, a ``Recorded``.
+            first: the first episode, a ``RawEpisode``.
             whole: whether the observations may end with the instruction.
 
         Raises:
@@ -111,9 +111,9 @@ class Hearing:
         """The values ``(T, d)`` of words, and where nothing was said."""
         known = values_of_words(self.task)
         plain = [(word.decode() if isinstance(word, bytes) else str(word)).strip().lower() for word in words]
-        nothing = np.array([word in NOTHING for word in plain], bool)
+        nothing = np.array([word in _SILENCE for word in plain], bool)
         for step, word in enumerate(plain):
-            if word not in known and word not in NOTHING:
+            if word not in known and word not in _SILENCE:
                 raise recorded.refuse(f"infos[{key!r}] of step {step} is {word!r:.80}", f"are {', '.join(known)}")
         zero = (0.0,) * self.task.instruction_size
         return np.array([known.get(word, zero) for word in plain], np.float32), nothing

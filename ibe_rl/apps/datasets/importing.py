@@ -10,11 +10,11 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.apps.datasets.arrays import SUFFIXES, Arrays
-from ibe_rl.apps.datasets.exporting import load_minari
 from ibe_rl.apps.datasets.hearing import Hearing
-from ibe_rl.apps.datasets.recorded import Conversion, Recorded
+from ibe_rl.apps.datasets.optional import load_minari
+from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.apps.external.actions import check_same_actions
-from ibe_rl.apps.external.folder import external_run_config, keep_run, say, whole_run_folder
+from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lines, whole_run_folder
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.declare import load_function
@@ -40,19 +40,19 @@ class Source:
     """
 
     where: str
-    episodes: Callable[[], Iterator[Recorded]]
+    episodes: Callable[[], Iterator[RawEpisode]]
     rows: int
     count: int
     spaces: Any = None
 
 
 def import_log(
-    dataset: str, settings: Sequence[str] = (), instruction: str | None = None, state: str | None = None
+    dataset_id: str, settings: Sequence[str] = (), instruction: str | None = None, state: str | None = None
 ) -> Path:
     """Make a run folder of a dataset, with the vocabulary learnt from its episodes.
 
     Args:
-        dataset: the name of a local dataset of Minari, or a file of arrays (``.npz``, ``.hdf5``).
+        dataset_id: the name of a local dataset of Minari, or a file of arrays (``.npz``, ``.hdf5``).
         settings: of ``explain.py``: ``env=…`` of its states, ``run_dir=…``, ``mapping=…``.
         instruction: the key of the infos that holds it; "rule" asks the environment's own rule in each state. None
             takes ``"instruction"`` of the infos, else that in the observations, else the rule.
@@ -67,8 +67,8 @@ def import_log(
     cfg = composed("explain", settings)
     path = Path(cfg.run_dir)
     refuse_folder_with_run(path)
-    source = _of_file(Path(dataset)) if Path(dataset).suffix in SUFFIXES else _of_minari(dataset)
-    config = external_run_config(cfg, f"the agent of the dataset {dataset}", seed=0)
+    source = _of_file(Path(dataset_id)) if Path(dataset_id).suffix in SUFFIXES else _of_minari(dataset_id)
+    config = external_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
     env = make_env(config.env)
     function = None if state is None else load_function("--state", state)
     _check_spaces(source, env, task_of(env), function is None)
@@ -76,7 +76,7 @@ def import_log(
     with whole_run_folder(path) as folder:
         episodes = (convert(one) for one in source.episodes())
         keep_run(folder, config, episodes, source.rows, seeds=convert.seeds)
-    say(*_notes(convert))
+    print_lines(*_notes(convert))
     return path
 
 
@@ -126,7 +126,7 @@ def _of_minari(dataset_id: str) -> Source:
     except Exception as error:  # a damaged dataset may raise anything
         raise ConfigError(f"{where}: it cannot be read ({raised(error)})") from None
 
-    def episodes() -> Iterator[Recorded]:
+    def episodes() -> Iterator[RawEpisode]:
         for number in dataset.episode_indices.tolist():
             at = f"{where}, episode {number}"
             try:
@@ -138,8 +138,8 @@ def _of_minari(dataset_id: str) -> Source:
     return Source(where, episodes, dataset.total_steps + dataset.total_episodes, dataset.total_episodes, dataset)
 
 
-def _recorded(where: str, data: Any, known: Mapping[str, Any]) -> Recorded:
-    return Recorded(
+def _recorded(where: str, data: Any, known: Mapping[str, Any]) -> RawEpisode:
+    return RawEpisode(
         where,
         data.observations,
         data.actions,

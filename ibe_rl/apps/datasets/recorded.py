@@ -16,13 +16,13 @@ from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
-SUCCESS = "success"
+DATASET_SUCCESS = "success"
 ROUNDING = 1e-4
 """How far a recorded action may lie outside its bounds."""
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RawEpisode:
     """An episode of ``T`` steps as it was recorded.
 
     Attributes:
@@ -76,7 +76,7 @@ class Conversion:
     without_success: int = 0
     without_end: int = 0
 
-    def __call__(self, recorded: Recorded) -> Episode:
+    def __call__(self, recorded: RawEpisode) -> Episode:
         """Convert one episode.
 
         Raises:
@@ -101,7 +101,7 @@ class Conversion:
         self.seeds.append(recorded.seed)
         return episode
 
-    def _rows(self, recorded: Recorded, steps: int) -> Array:
+    def _rows(self, recorded: RawEpisode, steps: int) -> Array:
         """States ``(T + 1, S)``, or whole observations ``(T + 1, O)``, float32."""
         found = recorded.observations if self.state is None else self._states(recorded, self.state, steps)
         rows = _numbers(recorded, "observations", found)
@@ -124,7 +124,7 @@ class Conversion:
             )
         return rows.astype(np.float32)
 
-    def _states(self, recorded: Recorded, state: Callable[[Any], Any], steps: int) -> list[Any]:
+    def _states(self, recorded: RawEpisode, state: Callable[[Any], Any], steps: int) -> list[Any]:
         try:
             return [state(_at(recorded.observations, step)) for step in range(steps + 1)]
         except Exception as error:  # code of the user may raise anything
@@ -132,7 +132,7 @@ class Conversion:
                 f"the function of --state raised {raised(error)}", "is one observation to the state"
             ) from None
 
-    def _actions(self, recorded: Recorded, steps: int) -> Array:
+    def _actions(self, recorded: RawEpisode, steps: int) -> Array:
         actions = shaped(np.asarray(recorded.actions), self.actions)
         if not fits(actions, self.actions, len(actions)) or len(actions) != steps:
             row = next((row for row in range(len(actions)) if not fits(actions[row : row + 1], self.actions, 1)), None)
@@ -145,9 +145,9 @@ class Conversion:
                 raise recorded.refuse(f"step {row} has the action {actions[row].tolist()}", f"is {self.actions}")
         return actions
 
-    def _success(self, recorded: Recorded, state: Array, terminated: bool, truncated: bool) -> bool:
+    def _success(self, recorded: RawEpisode, state: Array, terminated: bool, truncated: bool) -> bool:
         """Success as of the last infos, else by the task's function; False without either."""
-        key = next((name for name in (SUCCESS, self.task.success_key) if name in recorded.infos), None)
+        key = next((name for name in (DATASET_SUCCESS, self.task.success_key) if name in recorded.infos), None)
         if key is None and self.succeeded is not None:
             return bool(self.succeeded(state.copy(), terminated, truncated))
         if key is None:
@@ -158,7 +158,7 @@ class Conversion:
             raise recorded.refuse(f"infos[{key!r}] ends with {last.tolist()!s:.40}", "is a bool")
         return bool(last[0])
 
-    def _context(self, recorded: Recorded, state: Array) -> str:
+    def _context(self, recorded: RawEpisode, state: Array) -> str:
         found = self.task.context(state.copy())
         if found not in self.task.contexts:
             raise recorded.refuse(f"its context is {found!r}", f"is one of {', '.join(self.task.contexts)}")
@@ -174,7 +174,7 @@ def _at(observations: Any, step: int) -> Any:
     return observations[step]
 
 
-def _numbers(recorded: Recorded, name: str, found: Any) -> Array:
+def _numbers(recorded: RawEpisode, name: str, found: Any) -> Array:
     """Finite numbers, in rows."""
     try:
         numbers = np.asarray(found)
@@ -194,7 +194,7 @@ def _numbers(recorded: Recorded, name: str, found: Any) -> Array:
     return numbers
 
 
-def _rewards(recorded: Recorded) -> Array:
+def _rewards(recorded: RawEpisode) -> Array:
     rewards = _numbers(recorded, "rewards", recorded.rewards)
     if rewards.ndim == 2 and rewards.shape[1] == 1:
         rewards = rewards[:, 0]
@@ -205,7 +205,7 @@ def _rewards(recorded: Recorded) -> Array:
     return rewards.astype(np.float32)
 
 
-def _end(recorded: Recorded, steps: int) -> tuple[bool, bool]:
+def _end(recorded: RawEpisode, steps: int) -> tuple[bool, bool]:
     """Whether the last step terminated and whether it truncated it."""
     ends = []
     for name in ("terminations", "truncations"):

@@ -15,7 +15,7 @@ import torch
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.apps.external.adapters import reads_masks
 from ibe_rl.apps.external.finding import find_agent, made_without_arguments
-from ibe_rl.apps.external.folder import external_run_config, keep_run, say, whole_run_folder
+from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lines, whole_run_folder
 from ibe_rl.apps.external.policy import EpsilonGreedy, ExternalPolicy, as_policy
 from ibe_rl.apps.external.reading import Reading, compared_returns, forgotten, reading_of
 from ibe_rl.collect.rollout import play
@@ -125,10 +125,10 @@ def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | N
     policy = _policy(found, config, reading)
     if not is_learnt(cfg.predictor):
         make_snapshot_env(config.env)  # refused before anything is flown
-    say(*forgotten(agent, reading), *policy.notes)
+    print_lines(*forgotten(agent, reading), *policy.notes)
     refuse_folder_with_run(Path(cfg.run_dir))
     episodes = _act(policy, config, cfg)
-    say(*_clipped(policy), *([] if cfg.random_actions else compared_returns(found, episodes)))
+    print_lines(*_clipped(policy), *([] if cfg.random_actions else compared_returns(found, episodes)))
     rows, seeds = sum(len(episode) + 1 for episode in episodes), _seeds(config, len(episodes))
     with whole_run_folder(Path(cfg.run_dir)) as beside:
         learnt = keep_run(beside, config, episodes, rows, partial(_reactions, policy, config, episodes), seeds)

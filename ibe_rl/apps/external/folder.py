@@ -25,10 +25,10 @@ from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import (
+    INCOMPLETE,
     REFRESHES,
     SUMMARY,
     TRAJECTORIES,
-    UNFINISHED,
     create_run_folder,
     refuse_folder_with_run,
     write_json,
@@ -59,7 +59,7 @@ def external_run_config(
     config = replace(config, env=env or config.env)
     made = make_env(config.env)
     check_mapping(config.mapping, task_of(made))
-    say(*check_dimensions(config.mapping, task_of(made), made))
+    print_lines(*check_dimensions(config.mapping, task_of(made), made))
     return replace(
         config,
         run_dir=cfg.run_dir,
@@ -89,7 +89,7 @@ def whole_run_folder(path: Path) -> Iterator[Path]:
     refuse_folder_with_run(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=UNFINISHED, dir=path.parent))
+        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=INCOMPLETE, dir=path.parent))
     except OSError as error:
         raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
     try:
@@ -155,14 +155,14 @@ def keep_run(
             f"episodes={len(index)}: no vocabulary can be learnt from them ({error}); allowed are more"
         ) from None
     if config.mapping.horizon_steps is None:
-        say(horizon_line(learnt.top.horizon_steps))
+        print_lines(horizon_line(learnt.top.horizon_steps))
     meaning = [one.to_dict() for one in learnt.mapping.meanings]
     write_json(folder / SUMMARY, summary | {"horizon_steps": learnt.top.horizon_steps, "meaning": meaning})
     save_refresh(folder / REFRESHES, learnt, mapping, task)
     return learnt
 
 
-def say(*lines: str) -> None:
+def print_lines(*lines: str) -> None:
     """Print lines as they are."""
     for line in lines:
         Console(highlight=False, soft_wrap=True).print(line, markup=False)

@@ -16,7 +16,7 @@ import torch
 from gymnasium.spaces import Box, Discrete
 from tensordict.nn import TensorDictModuleBase
 
-from ibe_rl.agents.acting import Acting
+from ibe_rl.acting import Acting
 from ibe_rl.apps.external.actions import bounded, check_action_space, check_same_actions, fits, shaped
 from ibe_rl.apps.external.adapters import (
     Adapter,
@@ -37,7 +37,7 @@ from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Policy
 
-CHANCE = (
+_CHANCE = (
     "note: the agent answers the same observations differently from call to call. It draws by chance, or it has a "
     "memory of its own, which its predicted futures cannot begin with"
 )
@@ -45,7 +45,7 @@ CHANCE = (
 
 @dataclass(frozen=True)
 class ExternalPolicy:
-    """An externally trained policy; see ``ibe_rl.agents.acting.PolicyWithMemory``.
+    """An externally trained policy; see ``ibe_rl.acting.PolicyWithMemory``.
 
     Attributes:
         agent: how it is called.
@@ -68,7 +68,7 @@ class ExternalPolicy:
     def act_with_memory(
         self, observations: Array, memories: Memories, envs: Sequence[Any] | None
     ) -> tuple[Array, Memories]:
-        """See ``ibe_rl.agents.acting.PolicyWithMemory``.
+        """See ``ibe_rl.acting.PolicyWithMemory``.
 
         Raises:
             ConfigError: if the agent returns actions outside the action space.
@@ -131,7 +131,7 @@ def as_policy(
         ) from None
     policy.clipped.clear()
     if not np.array_equal(first, again):
-        policy.notes.append(CHANCE)
+        policy.notes.append(_CHANCE)
     return policy
 
 
@@ -258,7 +258,7 @@ class EpsilonGreedy:
     def act_with_memory(
         self, observations: Array, memories: Memories, envs: Sequence[Any] | None
     ) -> tuple[Array, Memories]:
-        """See ``ibe_rl.agents.acting.PolicyWithMemory``; random actions are such as the masks allow."""
+        """See ``ibe_rl.acting.PolicyWithMemory``; random actions are such as the masks allow."""
         acting = Acting(self._policy, memories)
         chosen = acting(observations, range(len(observations)), envs)
         for row in np.flatnonzero(self._random.random(len(chosen)) < self._share).tolist():

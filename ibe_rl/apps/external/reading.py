@@ -16,7 +16,7 @@ from ibe_rl.apps.external.finding import load_statistics, statistics_of
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.types import ConfigError, Episode
 
-FEWEST_EPISODES = 5
+_FEWEST_RETURNS = 5
 """Of a training, to hold the agent's returns against."""
 
 
@@ -90,7 +90,7 @@ def forgotten(name: Any, reading: Reading) -> list[str]:
 def compared_returns(agent: Any, episodes: Sequence[Episode]) -> list[str]:
     """A line if the agent earns much less here than at the end of its own training, which a model's file recorded."""
     trained = [float(one["r"]) for one in getattr(agent, "ep_info_buffer", None) or ()]
-    if len(trained) < FEWEST_EPISODES:
+    if len(trained) < _FEWEST_RETURNS:
         return []
     here, there = np.mean([one.total_reward for one in episodes]), np.mean(trained)
     if there - here <= 2 * np.std(trained) + 0.01 * abs(there):

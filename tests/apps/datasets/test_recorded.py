@@ -1,4 +1,4 @@
-"""Recorded episodes are converted where that changes nothing, else refused in a line with episode and step."""
+"""RawEpisode episodes are converted where that changes nothing, else refused in a line with episode and step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gymnasium.spaces import Box, Discrete
 from numpy.testing import assert_array_equal
 
 from ibe_rl.apps.datasets.hearing import Hearing, values_of_words
-from ibe_rl.apps.datasets.recorded import Conversion, Recorded
+from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.types import ConfigError
 
@@ -22,12 +22,12 @@ STATES = np.column_stack([np.linspace(1, 0.1, STEPS + 1), np.full(STEPS + 1, -0.
 LAST = np.arange(STEPS) == STEPS - 1
 
 
-def recorded(**changes: Any) -> Recorded:
-    one = Recorded("dataset=some, episode 4", STATES, np.ones(STEPS, int), np.arange(6.0), LAST, LAST & False)
+def recorded(**changes: Any) -> RawEpisode:
+    one = RawEpisode("dataset=some, episode 4", STATES, np.ones(STEPS, int), np.arange(6.0), LAST, LAST & False)
     return replace(one, **changes)
 
 
-def converted(one: Recorded, source: str | None = "rule", actions: Any = THREE, **more: Any) -> Any:
+def converted(one: RawEpisode, source: str | None = "rule", actions: Any = THREE, **more: Any) -> Any:
     return Conversion(BEAD_TASK, actions, Hearing(BEAD_TASK, source), **more)(one)
 
 

@@ -1,4 +1,4 @@
-"""Policies that need more than observations: a memory of the episode, or the environment itself (for its masks)."""
+"""Acting in several episodes at once: policies that remember, or ask the environment for its masks."""
 
 from __future__ import annotations
 
