@@ -19,7 +19,7 @@ from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lin
 from ibe_rl.apps.external.policy import EpsilonGreedy, ExternalPolicy, as_policy
 from ibe_rl.apps.external.reading import Reading, compared_returns, forgotten, reading_of
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
+from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs.make import episode_seed, make_env, make_snapshot_env, task_of
 from ibe_rl.envs.masks import MASKS, has_masks, masks_of
 from ibe_rl.evaluation.moments import Plan
@@ -69,7 +69,7 @@ def open_for(agent: Any, cfg: ExplainConfig, env: EnvConfig | None = None, trust
 
     def make_policy(config: TrainConfig) -> Policy:
         known = config.agent if isinstance(config.agent, ExternalPolicyConfig) else None
-        return _policy(found, config, reading_of(found, cfg, known))
+        return _policy(found, config, reading_of(found, cfg, known), cfg.predictor)
 
     return open_trained(cfg.run, make_policy, env, trusted)
 
@@ -78,14 +78,14 @@ def _found(agent: Any) -> Any:
     return made_without_arguments(find_agent(str(agent)) if isinstance(agent, str | Path) else agent)
 
 
-def _policy(agent: Any, config: TrainConfig, reading: Reading) -> ExternalPolicy:
+def _policy(agent: Any, config: TrainConfig, reading: Reading, predictor: PredictorConfig) -> ExternalPolicy:
     env = make_env(config.env)
     task = task_of(env)
     states = np.array([env.reset(seed=seed)[0] for seed in range(EXAMPLES)])
     examples = observe(states, task.rule(states), np.ones((EXAMPLES, 1)))
     policy = as_policy(agent, task, env.action_space, reading, examples, [env] * EXAMPLES)
     if reads_masks(policy.agent):
-        _check_masks(config)
+        _check_masks(config.env, config.predictor, predictor)
     elif has_masks(env):
         policy.notes.append(
             f"note: the environment says which actions are allowed ({MASKS}); this agent does not read it"
@@ -93,14 +93,14 @@ def _policy(agent: Any, config: TrainConfig, reading: Reading) -> ExternalPolicy
     return policy
 
 
-def _check_masks(config: TrainConfig) -> None:
+def _check_masks(env: EnvConfig, *predictors: PredictorConfig) -> None:
     """Refuse an agent with masks where its predicted futures would have none."""
-    if is_learnt(config.predictor):
+    for learnt in filter(is_learnt, predictors):
         raise ConfigError(
-            f"predictor={config.predictor.kind} with an agent that reads masks: a learned predictor has no environment "
+            f"predictor={learnt.kind} with an agent that reads masks: a learned predictor has no environment "
             "to ask for them; allowed is predictor=simulator"
         )
-    copy = make_snapshot_env(config.env)
+    copy = make_snapshot_env(env)
     copy.reset(seed=0)
     masks_of(copy)
 
@@ -122,7 +122,7 @@ def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | N
     reading = reading_of(found, cfg)
     made_from = agent if isinstance(agent, str | Path) else type(agent).__name__
     config = external_run_config(cfg, made_from, seed, env, reading)
-    policy = _policy(found, config, reading)
+    policy = _policy(found, config, reading, cfg.predictor)
     if not is_learnt(cfg.predictor):
         make_snapshot_env(config.env)  # refused before anything is flown
     print_lines(*forgotten(agent, reading), *policy.notes)

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tensordict.nn import TensorDictModule, TensorDictSequential
 from torchrl.modules import GRUModule, LSTMModule
 
-from ibe_rl.api.explained import explain_agent
+from ibe_rl.api.explained import explain_agent, open_run
 from ibe_rl.apps.external.adapters import (
     Batched,
     Normalised,
@@ -198,6 +198,11 @@ def test_masks_that_nobody_could_ask_or_that_the_agent_ignores_are_said(
     ):
         explain_agent(model, **asked | {"settings": ["predictor=ensemble", "viewer=off"]})
     assert not (tmp_path / "run").exists()
+    quick = ["mapping.horizon_steps=5", "mapping.spans_steps=[3]", "mapping.top_fraction=1", "viewer=off"]
+    to_the_other_side = {"episodes": 12, "run_dir": tmp_path / "made", "settings": quick, "random_actions": 0.5}
+    made = explain_agent(model, **asked | to_the_other_side).run.folder
+    with pytest.raises(ConfigError, match=r"predictor=ensemble with an agent that reads masks"):
+        open_run(made, model, ["predictor=ensemble"], env=bead)
     with pytest.raises(ConfigError, match="episodes=4: no vocabulary"):
         explain_agent(lambda states: np.ones(len(states), int), agent_sees_instruction=False, **asked)
     assert "which actions are allowed (action_masks); this agent does not read it" in capsys.readouterr().out
