@@ -123,12 +123,14 @@ class Moment:
         instruction: ``(d,)`` the instruction at this moment, 0 in silence.
         given: False where the instructor said nothing.
         snapshot: what the environment needs to continue from here, or None; opaque to all others.
+        memory: what a policy with a memory remembers here, before it acts; None at the beginning, and for all others.
     """
 
     state: Array
     instruction: Array
     given: bool
     snapshot: Any = None
+    memory: Any = None
 
 
 def columns_of(moments: Sequence[Moment]) -> tuple[Array, Array, Array]:

@@ -44,11 +44,6 @@ def reach(states: np.ndarray) -> np.ndarray:
     return np.clip(np.stack(torques, axis=1) - 0.03 * states[:, 6:8], -1, 1).astype(np.float32)
 
 
-def recurrent() -> Any:
-    """What sb3-contrib's recurrent models look like from outside."""
-    return SimpleNamespace(policy=SimpleNamespace(lstm_actor=None), predict=None, observation_space=SPACE)
-
-
 SPACE = gymnasium.make(LANDER_ID).observation_space
 
 

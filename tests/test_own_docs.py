@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pilots
 import pytest
+import torch
 from gates import task
 from processes import ROOT, call
 
@@ -51,12 +52,19 @@ def quickly(code: str) -> str:
 def test_the_lines_of_python_run(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     judged: list[ExplainedAgent] = []
     monkeypatch.setattr(ExplainedAgent, "evaluate", lambda self: judged.append(self))  # test_explaining.py judges it
-    three, function, answer = blocks(AGENT)
+    three, more, weights, function, answer = blocks(AGENT)
     names: dict[str, Any] = {}
+    assert len([line for line in three.splitlines() if line]) == 3
     exec(quickly(three), names)  # noqa: S102 - our own page
+    exec(more, names)  # noqa: S102 - our own page
     assert judged == [names["explained"]]
     assert (place / "runs" / "mine" / "refreshes").is_dir()
     assert "of the next 20 steps went as predicted" in capsys.readouterr().out
+    torch.manual_seed(0)
+    layers = [torch.nn.Linear(9, 64), torch.nn.Tanh(), torch.nn.Linear(64, 4)]
+    torch.save(torch.nn.Sequential(*layers).state_dict(), place / "policy.pt")
+    exec(quickly(weights), names)  # noqa: S102 - our own page
+    assert names["explained"].run.config.agent.made_from == "function"
     exec(quickly(function), names)  # noqa: S102 - our own page
     assert names["explained"].run.config.agent.sees_instruction is False
     exec(answer, names)  # noqa: S102 - our own page
@@ -112,7 +120,9 @@ def test_the_commands_run(place: Path, capsys: Any) -> None:
     call("explain", *first[2:], "episodes=12", "run_dir=runs/NAME", *QUICK)
     call("explain", *again[2:], *QUICK[2:])
     assert judged[2:] == [*again[2:4], "task=evaluate"]
-    export, imported, explained = commands(LOG)
+    export, imported, explained, of_parts, of_file = commands(LOG)
+    for command in (of_parts, of_file):
+        assert command[:4] == ["python", "-m", "ibe_rl.apps.minari", "import"]  # test_minari.py, test_arrays.py
     assert (export[:3], imported[:3]) == (["python", "-m", "ibe_rl.apps.minari"],) * 2
     assert minari_log.minari_command(export[3:]) == 0
     assert minari_log.minari_command([*imported[3:], *QUICK]) == 0

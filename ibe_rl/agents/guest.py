@@ -16,6 +16,8 @@ class ExternalPolicyConfig(AgentConfig):
 
     kind: str = setting("guest", kept=True)
     sees_instruction: bool | None = None  # None: as it declares
+    frame_stack: int | None = setting(None, low=1)  # observations that it reads at once
+    vec_normalize: str | None = None  # what normalised its observations, for messages
     made_from: str = "an object in Python"  # for messages
 
 

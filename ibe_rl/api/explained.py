@@ -197,8 +197,9 @@ def explain_agent(
     """Learn a vocabulary from episodes of any agent, to explain it.
 
     Args:
-        agent: a ``.zip`` of stable-baselines3 (loading it runs code), ``module:name``, a model of that library, a
-            policy module of TorchRL, or a function from observations ``(N, ·)``, or one ``(·,)``, to actions.
+        agent: a ``.zip`` of stable-baselines3 or sb3-contrib (loading it runs code), ``module:name``, a model of these
+            libraries, a policy module of TorchRL, a function from observations ``(N, ·)``, or one ``(·,)``, to
+            actions, or a function without arguments that makes any of these.
         env: as in ``ibe_rl.settings``.
         task: what the environment declares; None: its own attribute ``task``.
         episodes: how many to roll out.

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from ibe_rl.acting import Acting
 from ibe_rl.envs.gate import GateError, located
 from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
@@ -41,10 +42,10 @@ class _Rollout:
     def keep_moments(self) -> None:
         self.keep, self._game = True, stoppable(self.env)
 
-    def hear(self, instruction: Array, given: bool) -> None:
+    def hear(self, instruction: Array, given: bool, memory: Any) -> None:
         if self.keep:
             snapshot = self._game.snapshot() if self._game else None
-            self.moments.append(Moment(self.states[-1], instruction, given, snapshot))
+            self.moments.append(Moment(self.states[-1], instruction, given, snapshot, memory))
         self.instructions.append(instruction)
         self.given.append(given)
 
@@ -114,12 +115,13 @@ def moments_at(
     """
     rollouts = [_Rollout(env, seed) for env, seed in zip(envs, seeds, strict=False)]
     instructor.reset(np.ones(len(rollouts), bool))
+    acting = Acting(policy, [None] * len(rollouts))
     for step in range(max(steps, default=-1) + 1):
         here = [rollout for rollout, last in zip(rollouts, steps, strict=False) if last == step and not rollout.done]
         for rollout in here:
             rollout.keep_moments()
         if any(not rollout.done for rollout in rollouts):
-            _step_all(rollouts, policy, instructor)
+            _step_all(rollouts, acting, instructor)
         for rollout in here:
             rollout.done = True
     return [moment for rollout in rollouts for moment in rollout.moments]
@@ -136,12 +138,13 @@ def _rollouts(
         together = seeds[first : first + len(envs)]
         rollouts = [_Rollout(env, seed, keep=keep) for env, seed in zip(envs, together, strict=False)]
         instructor.reset(np.ones(len(rollouts), bool))
+        acting = Acting(policy, [None] * len(rollouts))
         while any(not rollout.done for rollout in rollouts):
-            _step_all(rollouts, policy, instructor)
+            _step_all(rollouts, acting, instructor)
         yield from rollouts
 
 
-def _step_all(rollouts: Sequence[_Rollout], policy: Policy, instructor: Instructor) -> None:
+def _step_all(rollouts: Sequence[_Rollout], acting: Acting, instructor: Instructor) -> None:
     """Step the unfinished rollouts; the instructor sees all rows, so that each keeps its index."""
     states = np.array([rollout.states[-1] for rollout in rollouts])
     unfinished = np.array([not rollout.done for rollout in rollouts])
@@ -150,9 +153,11 @@ def _step_all(rollouts: Sequence[_Rollout], policy: Policy, instructor: Instruct
     except GateError as error:
         raise located(error, [rollout.env for rollout in rollouts], states) from None
     rows = np.flatnonzero(unfinished).tolist()
-    actions = policy(observe(states[rows], instruction[rows], given[rows]))
-    for row in rows:
-        rollouts[row].hear(instruction[row], bool(given[row, 0]))
+    before = [acting.memories[row] for row in rows]
+    envs = [rollout.env for rollout in rollouts]
+    actions = acting(observe(states[rows], instruction[rows], given[rows]), rows, envs)
+    for row, memory in zip(rows, before, strict=True):
+        rollouts[row].hear(instruction[row], bool(given[row, 0]), memory)
     steps = step_together([rollouts[row].env for row in rows], actions)
     for row, *step in zip(rows, actions, *steps, strict=True):
         rollouts[row].add(*step)
@@ -174,7 +179,8 @@ def record_rollout(
     instructor.reset(np.ones(1, bool))
     figures = [drawn(env, "figure")]
     background = drawn(env, "background")
+    acting = Acting(policy, [None])
     while not rollout.done:
-        _step_all([rollout], policy, instructor)
+        _step_all([rollout], acting, instructor)
         figures.append(drawn(env, "figure"))
     return RecordedRollout(rollout.episode(), rollout.moments, background, figures)

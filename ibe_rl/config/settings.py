@@ -215,14 +215,12 @@ class TrainConfig:
     checkpoint_every_frames: int = setting(100_000, low=1)  # between saved states; also at refreshes and evaluations
     refresh_every_frames: int | None = setting(0, low=0)  # frames between vocabularies; 0: eight of them; None: none
     first_refresh_episodes: int = setting(100, low=0)  # after so many the first vocabulary comes early; 0: not early
-    # least gain in motion_auc for a new vocabulary; None: any
-    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)
+    refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # least gain in motion_auc; None: any
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
     explain_every_steps: int = setting(5, low=1)  # in the episode shown at a refresh; each one holds until the next
     eval_every_frames: int = setting(400_000, low=1)  # between evaluations; also at the end
     eval_episodes: int = setting(100, low=1, high=10_000)  # of each evaluation
-    # for agents of any skill; less often later; None: never
-    keep_policy_every_frames: int | None = setting(10_000, low=1)
+    keep_policy_every_frames: int | None = setting(10_000, low=1)  # for agents of any skill; None: never
     report: bool = False  # end with the paper's experiments, as task=figures of explain
     env: EnvConfig = field(default=MISSING, metadata=KEPT)
     collect: CollectConfig = field(default_factory=CollectConfig)
@@ -277,9 +275,12 @@ class ExplainConfig:
     """An explanation."""
 
     run: str | None = None  # run folder; None: the newest in runs/
-    # an agent trained elsewhere: FILE.zip or MODULE:NAME
-    agent_file: str | None = field(default=None, metadata={"typed": "agent"})
+    agent_file: str | None = field(default=None, metadata={"typed": "agent"})  # FILE.zip or MODULE:NAME, not ours
     agent_sees_instruction: bool | None = None  # None: as the external agent or its run folder declares
+    agent_vec_normalize: str | None = (
+        None  # file of the VecNormalize that it was trained with; loading it runs its code
+    )
+    agent_frame_stack: int | None = setting(None, low=1, high=1_000)  # observations it reads at once (VecFrameStack)
     episodes: int = setting(200, low=2, high=100_000)  # of the external agent, to learn its vocabulary from
     random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of random actions in these episodes
     run_dir: str = MISSING  # run folder to create for the external agent

@@ -13,6 +13,7 @@ from gymnasium import wrappers
 from gymnasium.utils.env_checker import data_equivalence
 
 from ibe_rl.envs.gate import GateError, gate_of, user_error
+from ibe_rl.envs.masks import sampled_action
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
 
@@ -262,7 +263,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
     while len(played) < 2 * steps and not (played and played[-1][1][2]):
         if len(played) % max(1, steps // 4) == 0 and len(played) <= steps:
             stopped.append((len(played), original.snapshot()))
-        action = space.sample()
+        action = sampled_action(space, original)
         played.append(
             (action, deepcopy(unbroken(partial(original.step, action), original, "step")[:3]))
         )  # it may change what it gave

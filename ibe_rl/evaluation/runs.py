@@ -46,6 +46,8 @@ OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
 """Settings that only apply when a run folder for an external policy is made."""
 MakePolicy = Callable[[TrainConfig], Policy]
 """From the config of a run to an external policy for its environment."""
+BESIDE_AN_AGENT = {"agent_sees_instruction", "agent_vec_normalize", "agent_frame_stack"}
+"""Settings that say how to read observations for an external policy."""
 
 
 def open_trained(
@@ -85,7 +87,7 @@ def refuse_external_settings(cfg: ExplainConfig) -> None:
     Raises:
         ConfigError: naming the key.
     """
-    if superfluous := sorted((OF_A_NEW_FOLDER | {"agent_sees_instruction"}) & settings_named(cfg)):
+    if superfluous := sorted((OF_A_NEW_FOLDER | BESIDE_AN_AGENT) & settings_named(cfg)):
         raise ConfigError(f"{superfluous[0]}= without agent=: allowed only beside it, for an agent trained elsewhere")
 
 

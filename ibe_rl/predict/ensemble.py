@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ibe_rl.acting import Acting
 from ibe_rl.config.limits import KEPT, TINY, setting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
@@ -123,7 +124,8 @@ class Ensemble:
         if self._trust is None:
             raise ValueError("the ensemble has not been trained yet")
         states, instruction, given = columns_of(moments)
-        rolled = self._roll(states, partial(self._follow, policy, instruction, given), horizon_steps)
+        memories = [moment.memory for moment in moments]
+        rolled = self._roll(states, partial(self._follow, policy, instruction, given, memories), horizon_steps)
         error = self._trust.expected_error(rolled.apart)
         trusted = self._trust.trusted_steps(error, self._config.max_uncertainty, horizon_steps)
         return Prediction(rolled.paths, trusted, error[:, -1])
@@ -132,16 +134,17 @@ class Ensemble:
         assert self._scale is not None
         return roll(self._layers, self._scale, states, begin, horizon_steps, self._config.moments_at_once)
 
-    def _follow(self, policy: Policy, instruction: Array, given: Array, futures: Array) -> Act:
+    def _follow(self, policy: Policy, instruction: Array, given: Array, memories: Sequence[Any], futures: Array) -> Act:
         """How the policy acts in these futures ``(R,)``; its input buffer is allocated once."""
         size, by_rule = self._sizes[-1] - 1, self._config.future_instruction == "rule"
         seen = observe(np.zeros((len(futures), size), np.float32), instruction[futures], given[futures])
+        acting, rows = Acting(policy, [memories[future] for future in futures.tolist()]), range(len(futures))
 
         def act(step: int, states: Array) -> Array:
             seen[:, :size] = states
             if by_rule and step:
                 seen[:, size:-1], seen[:, -1] = self._rule(states), 1.0
-            return self._actions(policy(seen))
+            return self._actions(acting(seen, rows, None))
 
         return act
 

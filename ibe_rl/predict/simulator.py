@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ibe_rl.acting import Acting
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs.snapshots import step_games
 from ibe_rl.runtime.pool import ProcessPool
@@ -126,13 +127,15 @@ class _EnvCopies:
         states, instruction, given = columns_of(moments)
         paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
         running = np.arange(len(moments))
+        acting = Acting(policy, [moment.memory for moment in moments])
         for step in range(1, horizon_steps + 1):
             states = paths[running, step - 1]
             if self._follow_rule and step > 1:
                 instruction[running], given[running] = self._rule(states), 1.0
-            actions = policy(observe(states, instruction[running], given[running]))
+            rows = running.tolist()
+            actions = acting(observe(states, instruction[running], given[running]), rows, copies)
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
-            paths[running, step], ended = step_games([copies[row] for row in running.tolist()], choices)
+            paths[running, step], ended = step_games([copies[row] for row in rows], choices)
             for row in running[ended]:
                 paths[row, step:] = paths[row, step]
             running = running[~ended]

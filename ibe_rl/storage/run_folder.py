@@ -34,6 +34,7 @@ FIGURES = "figures"
 LESSON = "lesson.jsonl"
 REPLACED = "replaced"
 PARTIAL = ".partial"
+"""Ends the name of a folder that takes its own name once it is complete."""
 LONGEST_YAML, DEEPEST_YAML = 100_000, 500
 NOT_IN_NAMES = ("run_dir", "viewer", "logger", "runs_at_once", "runs_on")
 """Settings left out of a run's name."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 
+from ibe_rl.acting import Acting
 from ibe_rl.collect.rollout import moments_at
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
@@ -66,16 +66,35 @@ def ask_during_rollouts(
     return ask(moments_at(envs, policy, instructor, seeds, steps), policy, predictor, horizon_steps)
 
 
-def act_under(policy: Policy, instruction: Array, observations: Array) -> Array:
-    """Actions at observations ``(N, O)`` with the instruction ``(d,)`` put into all of them."""
-    states = observations[:, : -len(instruction) - 1]
-    count = len(states)
-    return policy(observe(states, np.tile(instruction, (count, 1)), np.ones((count, 1))))
+@dataclass(frozen=True)
+class ActsUnder:
+    """A policy with one instruction ``(d,)`` put into all its observations; see ``PolicyWithMemory``."""
+
+    policy: Policy
+    instruction: Array
+
+    def __call__(self, observations: Array) -> Array:
+        """Actions at observations ``(N, O)``."""
+        return self.policy(self._under(observations))
+
+    def act_with_memory(
+        self, observations: Array, memories: Sequence[Any], envs: Sequence[Any] | None
+    ) -> tuple[Array, Sequence[Any]]:
+        """See ``ibe_rl.acting.PolicyWithMemory``."""
+        acting = Acting(self.policy, memories)
+        actions = acting(self._under(observations), range(len(observations)), envs)
+        return actions, acting.memories
+
+    def _under(self, observations: Array) -> Array:
+        states = observations[:, : -len(self.instruction) - 1]
+        count = len(states)
+        return observe(states, np.tile(self.instruction, (count, 1)), np.ones((count, 1)))
 
 
 def _listens(moments: Sequence[Moment], policy: Policy, instructions: Sequence[Array]) -> bool:
-    observations = observe(*columns_of(moments))
-    first, *others = (act_under(policy, one, observations) for one in instructions)
+    observations, memories = observe(*columns_of(moments)), [moment.memory for moment in moments]
+    rows = range(len(moments))
+    first, *others = (Acting(ActsUnder(policy, one), memories)(observations, rows, None) for one in instructions)
     return any(not np.array_equal(first, other) for other in others)
 
 
@@ -83,5 +102,5 @@ def _changes(
     moments: Sequence[Moment], policy: Policy, predictor: Predictor, horizon_steps: int, instruction: Array
 ) -> Array:
     asked = [replace(moment, instruction=instruction, given=True) for moment in moments]
-    paths = predictor.rollout(asked, partial(act_under, policy, instruction), horizon_steps).paths
+    paths = predictor.rollout(asked, ActsUnder(policy, instruction), horizon_steps).paths
     return paths[:, -1] - paths[:, 0]

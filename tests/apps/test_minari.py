@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any
 
 import gymnasium
+import h5py
 import minari
 import numpy as np
 import pilots
@@ -18,12 +19,13 @@ from torch.utils import _pytree
 from typer.testing import CliRunner
 
 from ibe_rl.api.explained import explain_agent, open_run
+from ibe_rl.apps.datasets.hearing import values_of_words
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.minari import export_log, import_log, minari_command
 from ibe_rl.config.command_line import composed
 from ibe_rl.envs import LANDER_ID, LANDER_TASK, Instructed
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import create_run_folder
+from ibe_rl.storage.run_folder import create_run_folder, read_json
 from ibe_rl.types import ConfigError, Episode
 
 pytestmark = pytest.mark.slow
@@ -142,6 +144,93 @@ def test_an_environment_that_a_config_declares_goes_out_and_comes_in(tmp_path: P
     folder = import_log("mine/arm-v0", ["env=reacher", f"run_dir={tmp_path / 'back'}"])
     for one, other in zip(logged(folder), logged(made.run.folder), strict=True):
         assert_same(one, other)
+    seeds = [read_json(path / "seeds.json")["seeds"] for path in (folder, made.run.folder)]
+    assert seeds[0] == seeds[1]
+    assert len(set(seeds[0])) == 12
+    again = gymnasium.make("Reacher-v5").reset(seed=seeds[0][5])[0]
+    np.testing.assert_array_equal(logged(folder)[5].states[0], again.astype(np.float32))
+    words = {word.decode() for one in dataset for word in one.infos["instruction_words"].tolist()}
+    assert words <= {*values_of_words(made.run.task), ""}
+    (folder / "seeds.json").write_text('{"seeds": [1]}')  # of another log
+    assert next(export_log(folder, "mine/twice-v0").storage.get_episode_metadata([0])).get("seed") is None
+    (folder / "seeds.json").write_text("{}")
+    with pytest.raises(ConfigError, match=r"seeds.json: not readable seeds"):
+        export_log(folder, "mine/thrice-v0")
+
+
+def goal_last(observation: dict[str, np.ndarray]) -> np.ndarray:
+    return np.concatenate([observation["position"], observation["goal"]])
+
+
+def make_of_parts(name: str) -> None:
+    """As a goal-conditioned environment: position and goal apart, and an image that nobody needs."""
+    spaces: Any = gymnasium.spaces
+    parts = {"position": (8,), "goal": (1,), "camera": (2, 2)}
+    space = spaces.Dict({key: spaces.Box(-np.inf, np.inf, shape) for key, shape in parts.items()})
+    buffers = []
+    for number in range(30):
+        one = made_up(number)
+        seen = {"position": one.states[:, :8], "goal": one.states[:, 8:], "camera": np.zeros((len(one) + 1, 2, 2))}
+        flags = np.arange(len(one)) == len(one) - 1
+        infos = {"instruction": np.append(one.instructions, [[0]], axis=0)}
+        buffers.append(EpisodeBuffer(None, 7, None, seen, one.actions, one.rewards, flags, flags & False, infos))
+    minari.create_dataset_from_buffers(name, buffers, observation_space=space, action_space=spaces.Discrete(4))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_observations_of_parts_come_in_by_a_function(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_of_parts("by/parts-v0")
+    settings = ["mapping.top_fraction=1", *QUICK, f"run_dir={tmp_path / 'parts'}"]
+    with pytest.raises(ConfigError, match=r"observations are Dict\('camera'.*or --state=MODULE:NAME, one observation"):
+        import_log("by/parts-v0", settings)
+    with pytest.raises(ConfigError, match=r"--state=test_minari:nothing: allowed is module:function"):
+        import_log("by/parts-v0", settings, state="test_minari:nothing")
+    with pytest.raises(ConfigError, match=r"episode 0: the function of --state raised TypeError.*allowed is one obser"):
+        import_log("by/parts-v0", settings, state="test_minari:logged")
+    assert minari_command(["import", "by/parts-v0", *settings, "--state", "test_minari:goal_last"]) == 0
+    assert "30 of 30 episodes have no info that says whether they succeeded" in capsys.readouterr().out
+    for number, episode in enumerate(logged(tmp_path / "parts")):
+        np.testing.assert_array_equal(episode.states, made_up(number).states)
+    assert read_json(tmp_path / "parts" / "seeds.json") == {"seeds": [7] * 30}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_nothing_of_a_failed_import_or_export_stays(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make("by/two-v0", instruction=lambda one: np.full(30, np.nan if len(one) == 25 else 1.0))
+    before = set(tmp_path.rglob("*"))
+    for _ in range(2):
+        with pytest.raises(ConfigError, match=r"episode 5: infos\['instruction'\] ranges from nan to nan; allowed are"):
+            import_log("by/two-v0", [*QUICK, f"run_dir={tmp_path / 'two'}"])
+        assert set(tmp_path.rglob("*")) == before
+    make("by/few-v0", count=2)
+    short = ["mapping.horizon_steps=1000", "mapping.window_end=drop"]
+    with pytest.raises(ConfigError, match="episodes=2: no vocabulary can be learnt"):
+        import_log("by/few-v0", [*QUICK, *short, f"run_dir={tmp_path / 'few'}"])
+    with pytest.raises(ConfigError, match="holds a run already"):
+        import_log("by/few-v0", [*QUICK, f"run_dir={run}"])
+    assert not (tmp_path / "few").exists()
+    with pytest.raises(ConfigError, match="dataset=no name: Malformed dataset ID"):
+        export_log(run, "no name")
+    assert not (tmp_path / "datasets" / "no name").exists()
+
+    def breaks(name: str, *_: Any, **__: Any) -> None:
+        (tmp_path / "datasets" / name / "data").mkdir(parents=True)
+        raise ValueError("no space")
+
+    monkeypatch.setattr(minari, "create_dataset_from_buffers", breaks)
+    with pytest.raises(ConfigError, match="dataset=mine/broken-v0: no space"):
+        export_log(run, "mine/broken-v0")
+    assert not (tmp_path / "datasets" / "mine" / "broken-v0").exists()
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_damaged_dataset_ends_in_one_line(tmp_path: Path) -> None:
+    make("by/torn-v0")
+    with h5py.File(tmp_path / "datasets" / "by" / "torn-v0" / "data" / "main_data.hdf5", "a") as file:
+        del file["episode_3/rewards"]
+    with pytest.raises(ConfigError, match=r"dataset=by/torn-v0, episode 3: it cannot be read .KeyError"):
+        import_log("by/torn-v0", [*QUICK, f"run_dir={tmp_path / 'torn'}"])
+    assert not (tmp_path / "torn").exists()
 
 
 @pytest.fixture
@@ -170,7 +259,7 @@ def collected(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_a_dataset_of_others_comes_in_with_the_rule_of_the_environment(collected: Any, tmp_path: Path) -> None:
     collected("theirs/flights-v0", gymnasium.make(LANDER_ID))
     settings = [*QUICK, f"run_dir={tmp_path / 'rule'}"]
-    assert minari_command(["import", "theirs/flights-v0", *settings]) == 0
+    assert minari_command(["import", "theirs/flights-v0", "--instruction", "rule", *settings]) == 0
     episodes, dataset = logged(tmp_path / "rule"), minari.load_dataset("theirs/flights-v0")
     assert len(episodes) == 8
     for episode, data in zip(episodes, dataset, strict=True):
@@ -239,12 +328,17 @@ def test_what_does_not_fit_is_refused_before_a_folder_is_made(tmp_path: Path) ->
     make("by/none-v0", count=0)
     refused(r"observations are of shape \(8,\); allowed is \(9,\), the state, or \(11,\)", "by/small-v0")
     refused(r"dataset=by/many-v0: its actions are Discrete\(5\)", "by/many-v0")
-    refused(r"instruction=instruction: it has the shape \(7, 1\) in an episode of 30 steps", "by/short-v0")
-    refused(r"instruction=two: it has the shape \(30, 2\)", "by/short-v0", "two")
-    refused("instruction=large: its values range from 2 to 2; allowed is -1 to 1", "by/short-v0", "large")
+    refused(r"episode 0: infos\['instruction'\] has the shape \(7, 1\) in an episode of 30 steps", "by/short-v0")
+    refused(r"infos\['two'\] has the shape \(30, 2\)", "by/short-v0", "two")
+    refused(r"infos\['large'\] ranges from 2 to 2; allowed are numbers from -1 to 1", "by/short-v0", "large")
     refused("instruction=other: allowed are instruction, large, two of its infos, or rule", "by/short-v0", "other")
-    refused("it has no episode", "by/none-v0")
-    refused("dataset=by/absent-v0: Dataset by/absent-v0 not found", "by/absent-v0")
+    make("by/one-v0", count=1)
+    refused("it has no episode; allowed are at least 2", "by/none-v0")
+    refused("it has 1 episode; allowed are at least 2", "by/one-v0")
+    refused("dataset=by/absent-v0: no dataset of Minari on this machine has that name; allowed", "by/absent-v0")
+    refused("dataset=text.npy: .*Malformed|dataset=text.npy: no dataset of Minari", "text.npy")
+    (tmp_path / "datasets" / "by" / "small-v0" / "data" / "metadata.json").write_text("{}")
+    refused("dataset=by/small-v0: it cannot be read", "by/small-v0")
 
 
 def test_what_cannot_be_exported_is_refused(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

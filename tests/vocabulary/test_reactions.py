@@ -9,7 +9,7 @@ import pytest
 
 from ibe_rl.ibe import Reactions
 from ibe_rl.types import Array, Moment, Policy, Prediction, observe
-from ibe_rl.vocabulary.reactions import act_under, ask
+from ibe_rl.vocabulary.reactions import ActsUnder, ask
 
 
 class OnAPlane:
@@ -97,7 +97,7 @@ def test_what_stands_is_read_instead_of_what_was_said(instruction: list[float]) 
 
     states = np.array([[1.0, 2.0], [3.0, 4.0]])
     said = observe(states, np.full((2, len(instruction)), 9.0), np.zeros((2, 1)))
-    assert act_under(noting, np.array(instruction), said).tolist() == [1, 3]
+    assert ActsUnder(noting, np.array(instruction))(said).tolist() == [1, 3]
     [read] = seen
     assert read.tolist() == [[1, 2, *instruction, 1], [3, 4, *instruction, 1]]
     assert read.dtype == np.float32

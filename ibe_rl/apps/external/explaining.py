@@ -13,11 +13,15 @@ import numpy as np
 import torch
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.apps.external.folder import external_run_config, keep_run
-from ibe_rl.apps.external.policy import EpsilonGreedy, as_policy, find_agent
+from ibe_rl.apps.external.adapters import reads_masks
+from ibe_rl.apps.external.finding import find_agent, made_without_arguments
+from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lines
+from ibe_rl.apps.external.policy import EpsilonGreedy, ExternalPolicy, as_policy
+from ibe_rl.apps.external.reading import Reading, compared_returns, forgotten, reading_of
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
+from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs.make import episode_seed, make_env, make_snapshot_env, task_of
+from ibe_rl.envs.masks import MASKS, has_masks, masks_of
 from ibe_rl.evaluation.moments import Plan
 from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
 from ibe_rl.evaluation.run_predictor import predictor_of, with_processes
@@ -28,13 +32,13 @@ from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
-from ibe_rl.storage.run_folder import REFRESHES
+from ibe_rl.storage.run_folder import REFRESHES, refuse_used
 from ibe_rl.storage.whole_folder import whole_folder
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
 
-ENVS_AT_ONCE, EXAMPLES = 16, 3
+ENVS_AT_ONCE, EXAMPLES = 16, 5
 TASKS = ("episode", "evaluate", "compare")
 CALIBRATION_EPISODES, CALIBRATION_STRIDE_STEPS = 12, 12
 """Together a few hundred moments."""
@@ -65,23 +69,41 @@ def open_for(agent: Any, cfg: ExplainConfig, env: EnvConfig | None = None, trust
     found = _found(agent)
 
     def make_policy(config: TrainConfig) -> Policy:
-        sees = cfg.agent_sees_instruction
-        known = config.agent.sees_instruction if isinstance(config.agent, ExternalPolicyConfig) else None
-        return _policy(found, config, known if sees is None else sees)
+        known = config.agent if isinstance(config.agent, ExternalPolicyConfig) else None
+        return _policy(found, config, reading_of(found, cfg, known), cfg.predictor)
 
     return open_trained(cfg.run, make_policy, env, trusted)
 
 
 def _found(agent: Any) -> Any:
-    return find_agent(str(agent)) if isinstance(agent, str | Path) else agent
+    return made_without_arguments(find_agent(str(agent)) if isinstance(agent, str | Path) else agent)
 
 
-def _policy(agent: Any, config: TrainConfig, sees_instruction: bool | None) -> Policy:
+def _policy(agent: Any, config: TrainConfig, reading: Reading, predictor: PredictorConfig) -> ExternalPolicy:
     env = make_env(config.env)
     task = task_of(env)
     states = np.array([env.reset(seed=seed)[0] for seed in range(EXAMPLES)])
     examples = observe(states, task.rule(states), np.ones((EXAMPLES, 1)))
-    return as_policy(agent, task, env.action_space, sees_instruction, examples)
+    policy = as_policy(agent, task, env.action_space, reading, examples, [env] * EXAMPLES)
+    if reads_masks(policy.agent):
+        _check_masks(config.env, config.predictor, predictor)
+    elif has_masks(env):
+        policy.notes.append(
+            f"note: the environment says which actions are allowed ({MASKS}); this agent does not read it"
+        )
+    return policy
+
+
+def _check_masks(env: EnvConfig, *predictors: PredictorConfig) -> None:
+    """Refuse an agent with masks where its predicted futures would have none."""
+    for learnt in filter(is_learnt, predictors):
+        raise ConfigError(
+            f"predictor={learnt.kind} with an agent that reads masks: a learned predictor has no environment "
+            "to ask for them; allowed is predictor=simulator"
+        )
+    copy = make_snapshot_env(env)
+    copy.reset(seed=0)
+    masks_of(copy)
 
 
 def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | None = None) -> TrainedRun:
@@ -98,16 +120,29 @@ def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | N
     """
     torch.set_num_threads(1)
     found = _found(agent)
-    config = external_run_config(cfg, agent if isinstance(agent, str | Path) else type(agent).__name__, seed, env)
-    policy = _policy(found, config, cfg.agent_sees_instruction)
+    reading = reading_of(found, cfg)
+    made_from = agent if isinstance(agent, str | Path) else type(agent).__name__
+    config = external_run_config(cfg, made_from, seed, env, reading)
+    policy = _policy(found, config, reading, cfg.predictor)
+    if not is_learnt(cfg.predictor):
+        make_snapshot_env(config.env)  # refused before anything is flown
+    print_lines(*forgotten(agent, reading), *policy.notes)
+    refuse_used(Path(cfg.run_dir))
+    episodes = _act(policy, config, cfg)
+    print_lines(*_clipped(policy), *([] if cfg.random_actions else compared_returns(found, episodes)))
+    rows, seeds = sum(len(episode) + 1 for episode in episodes), _seeds(config, len(episodes))
     with whole_folder(Path(cfg.run_dir)) as folder:
-        episodes = _act(policy, config, cfg)
-        rows = sum(len(episode) + 1 for episode in episodes)
-        learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes))
+        learnt = keep_run(folder, config, episodes, rows, partial(_reactions, policy, config, episodes), seeds)
         run = load_run(folder, lambda _: policy, env)
         run = replace(run, calibration=first_calibration(run, cfg), folder=Path(cfg.run_dir))
         save_refresh(folder / REFRESHES, learnt, run.config.mapping, run.task, run.calibration)
     return run
+
+
+def _clipped(policy: ExternalPolicy) -> list[str]:
+    if not policy.clipped:
+        return []
+    return [f"note: actions of the agent lie outside {policy.actions}, such as {policy.clipped[0]:g}; they are clipped"]
 
 
 def first_calibration(run: TrainedRun, cfg: ExplainConfig) -> Calibration | None:
@@ -156,4 +191,8 @@ def _act(policy: Policy, config: TrainConfig, cfg: ExplainConfig) -> list[Episod
         EpsilonGreedy(policy, cfg.random_actions, envs[0].action_space, config.seed) if cfg.random_actions else policy
     )
     instructor = make_instructor(config.instructor, task_of(envs[0]), config.seed)
-    return play(envs, acting, instructor, [episode_seed(config.seed, number) for number in range(cfg.episodes)])
+    return play(envs, acting, instructor, _seeds(config, cfg.episodes))
+
+
+def _seeds(config: TrainConfig, episodes: int) -> list[int]:
+    return [episode_seed(config.seed, number) for number in range(episodes)]

@@ -5,116 +5,100 @@ It depends on observation and action sizes, not on an environment.
 
 from __future__ import annotations
 
-import importlib
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
-from zipfile import BadZipFile, ZipFile
 
 import gymnasium
 import numpy as np
 import torch
 from gymnasium.spaces import Box, Discrete
-from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
-from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from ibe_rl.runtime.import_string import import_named, raised
+from ibe_rl.acting import Acting
+from ibe_rl.apps.external.actions import bounded, check_action_space, check_same_actions, fits, shaped
+from ibe_rl.apps.external.adapters import (
+    Adapter,
+    Batched,
+    Memories,
+    Normalised,
+    OneByOne,
+    Predicts,
+    PredictsMasked,
+    PredictsRecurrently,
+    ReadsTensorDicts,
+    Stacked,
+    plain_array,
+)
+from ibe_rl.apps.external.reading import Reading
+from ibe_rl.envs.masks import sampled_action
+from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Policy
 
-SB3_KINDS = {
-    "DQN": "exploration_fraction",
-    "SAC": "target_entropy",
-    "TD3": "policy_delay",
-    "PPO": "clip_range",
-    "A2C": "gae_lambda",
-}
-"""Algorithms of stable-baselines3 and the setting that identifies each in a saved file; the first match counts."""
-ALLOWED = "a .zip of stable-baselines3, or MODULE:NAME of a policy that Python can import"
+_CHANCE = (
+    "note: the agent answers the same observations differently from call to call. It draws by chance, or it has a "
+    "memory of its own, which its predicted futures cannot begin with"
+)
 
 
 @dataclass(frozen=True)
 class ExternalPolicy:
-    """An externally trained policy; see ``ibe_rl.types.Policy``.
+    """An externally trained policy; see ``ibe_rl.acting.PolicyWithMemory``.
 
     Attributes:
-        act: observations ``(N, seen)`` to actions.
+        agent: how it is called.
         seen: how many numbers of an observation the agent reads: ``S``, or all ``O``.
-        actions: the environment's action space, ``Discrete`` or a flat ``Box``.
+        actions: the environment's action space.
+        clipped: one outside the bounds, for each call with such actions; they are clipped.
+        notes: lines about it that a user should read.
     """
 
-    act: Callable[[Array], Any]
+    agent: Adapter
     seen: int
     actions: gymnasium.Space[Any]
+    clipped: list[float] = field(default_factory=list, compare=False)
+    notes: list[str] = field(default_factory=list, compare=False)
 
     def __call__(self, observations: Array) -> Array:
-        """Observations ``(N, O)`` to actions ``(N,)`` int64 or ``(N, A)`` float32.
+        """Observations ``(N, O)`` at the beginning of episodes to actions ``(N,)`` or ``(N, A)``."""
+        return self.act_with_memory(observations, [None] * len(observations), None)[0]
+
+    def act_with_memory(
+        self, observations: Array, memories: Memories, envs: Sequence[Any] | None
+    ) -> tuple[Array, Memories]:
+        """See ``ibe_rl.acting.PolicyWithMemory``.
 
         Raises:
             ConfigError: if the agent returns actions outside the action space.
         """
-        chosen = _plain(self.act(observations[:, : self.seen]))
-        if not fits(chosen, self.actions, len(observations)):
+        chosen, memories = self.agent(observations[:, : self.seen].copy(), memories, envs)  # it may write into them
+        actions = shaped(plain_array(chosen), self.actions)
+        if not fits(actions, self.actions, len(observations)):
             raise ConfigError(
-                f"agent: for {len(observations)} observations it returned {chosen.dtype} of shape {chosen.shape} "
-                f"({str(chosen.ravel()[:4])[:80]} …); allowed is one action of {self.actions} each"
+                f"agent: for {len(observations)} observations it returned {actions.dtype} of shape {actions.shape} "
+                f"({str(actions.ravel()[:4])[:80]} …); allowed is one action of {self.actions} each"
             )
-        return chosen.astype(np.int64 if isinstance(self.actions, Discrete) else np.float32)
+        if isinstance(self.actions, Box):
+            return self._within(actions), memories
+        return actions.astype(np.int64), memories
 
-
-def fits(chosen: Array, actions: gymnasium.Space[Any], count: int) -> bool:
-    """True if ``chosen`` is ``count`` actions of the space."""
-    if isinstance(actions, Discrete):
-        whole = chosen.shape == (count,) and chosen.dtype.kind in "iu"
-        return bool(whole and np.all((chosen >= actions.start) & (chosen < actions.start + actions.n)))
-    right = chosen.shape == (count, *(actions.shape or ())) and chosen.dtype.kind in "fiu"
-    return bool(right and np.isfinite(chosen).all())
-
-
-def _plain(chosen: Any) -> Array:
-    return np.asarray(chosen.detach().cpu() if isinstance(chosen, torch.Tensor) else chosen)
-
-
-@dataclass(frozen=True)
-class _Predicts:
-    """An agent or policy of stable-baselines3."""
-
-    model: Any
-
-    def __call__(self, observations: Array) -> Any:
-        return self.model.predict(observations, deterministic=True)[0]
-
-
-@dataclass(frozen=True)
-class _OneByOne:
-    """A function of a single observation."""
-
-    function: Callable[[Array], Any]
-
-    def __call__(self, observations: Array) -> Array:
-        return np.stack([_plain(self.function(observation)) for observation in observations])
-
-
-@dataclass(frozen=True)
-class _ReadsTensorDicts:
-    """A policy module of TorchRL, which reads ``observation`` and writes ``action``."""
-
-    module: TensorDictModuleBase
-    one_hot: bool
-
-    def __call__(self, observations: Array) -> Array:
-        read = TensorDict({"observation": torch.from_numpy(np.ascontiguousarray(observations))}, [len(observations)])
-        with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
-            action: Array = self.module(read)["action"].cpu().numpy()
-        return action.argmax(-1) if self.one_hot and action.ndim == 2 and action.shape[1] > 1 else action
+    def _within(self, actions: Array) -> Array:
+        inside = bounded(actions, self.actions)
+        outside = actions != inside
+        if outside.any():
+            self.clipped.append(float(actions[outside][0]))
+        return inside.astype(np.float32)
 
 
 def as_policy(
-    agent: Any, task: Task, actions: gymnasium.Space[Any], sees_instruction: bool | None, examples: Array
+    agent: Any,
+    task: Task,
+    actions: gymnasium.Space[Any],
+    reading: Reading,
+    examples: Array,
+    envs: Sequence[Any] | None = None,
 ) -> ExternalPolicy:
     """Wrap an agent as a policy and test it on ``examples``.
 
@@ -123,30 +107,48 @@ def as_policy(
             a single one ``(·,)`` to actions.
         task: the environment's task.
         actions: the environment's action space.
-        sees_instruction: whether it reads the instruction after the state; None takes it from the agent.
-        examples: observations ``(N, O)`` to test it with, at least two.
+        reading: what it reads.
+        examples: observations ``(N, O)`` to test it with, at least five.
+        envs: ``N`` environments, which have masks if the agent reads them.
 
     Raises:
         ConfigError: if it does not fit the environment or its observation size is unknown; both sizes are named.
     """
-    if not isinstance(actions, Discrete) and not (isinstance(actions, Box) and len(actions.shape) == 1):
-        raise ConfigError(f"env: its actions are {actions}; allowed are Discrete or a Box of one dimension")
-    seen = _seen(agent, task, sees_instruction)
+    check_action_space(actions)
+    seen = _seen(agent, task, reading)
     check_same_actions("agent", agent, actions)
-    act = _act(agent, actions)
-    tried = np.ascontiguousarray(examples[:, :seen])
-    if not _is_batched(agent, act, actions, tried):
-        act = _OneByOne(act)
-    policy = ExternalPolicy(act, seen, actions)
+    tried = np.tile(examples[:, :seen], (1, reading.frames))
+    called = _adapted(agent, actions, tried)
+    policy = ExternalPolicy(_behind(called, reading, seen), seen, actions)
     try:
-        policy(examples)
+        first = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
+        again = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
     except ConfigError:
         raise
     except Exception as error:  # external code may raise anything
         raise ConfigError(
-            f"agent: it fails on an observation of {seen} numbers ({raised(error)}); {_sizes(task)}"
+            f"agent: it fails on an observation of {tried.shape[1]} numbers ({raised(error)}); {_sizes(task)}"
         ) from None
+    policy.clipped.clear()
+    if not np.array_equal(first, again):
+        policy.notes.append(_CHANCE)
     return policy
+
+
+def _behind(agent: Adapter, reading: Reading, seen: int) -> Adapter:
+    """Put the frames and the statistics before the agent, in the order in which the statistics were taken."""
+    stacked = Stacked(agent, reading.frames) if reading.frames > 1 else agent
+    if reading.statistics is None:
+        return stacked
+    sizes = reading.statistics.mean.shape
+    if sizes == (seen,):
+        return Normalised(stacked, reading.statistics)
+    if sizes == (seen * reading.frames,):
+        return Stacked(Normalised(agent, reading.statistics), reading.frames)
+    raise ConfigError(
+        f"agent_vec_normalize: its statistics are of observations of shape {sizes}; allowed is ({seen},), as the agent "
+        "reads them"
+    )
 
 
 def _sizes(task: Task) -> str:
@@ -156,99 +158,82 @@ def _sizes(task: Task) -> str:
     )
 
 
-def _seen(agent: Any, task: Task, sees_instruction: bool | None) -> int:
-    """How many numbers the agent reads."""
-    state, whole = len(task.state_names), task.observation_size
-    declared = getattr(agent, "observation_space", None)
+def _seen(agent: Any, task: Task, reading: Reading) -> int:
+    """How many numbers of an observation the agent reads."""
+    state, whole_size = len(task.state_names), task.observation_size
+    declared, asked = getattr(agent, "observation_space", None), reading.sees_instruction
     if declared is None:
-        if sees_instruction is None:
+        if asked is None:
             raise ConfigError(
-                f"agent_sees_instruction=null: this agent does not declare what it reads; allowed is true for {whole} "
-                f"numbers (state, instruction, whether it was given) or false for the state, {state}"
+                f"agent_sees_instruction=null: this agent does not declare what it reads; allowed is true for "
+                f"{whole_size} numbers (state, instruction, whether it was given) or false for the state, {state}"
             )
-        return whole if sees_instruction else state
-    if declared.shape not in ((state,), (whole,)):
-        raise ConfigError(f"agent: it reads observations of shape {declared.shape}; {_sizes(task)}")
-    sees = declared.shape == (whole,)
-    if sees_instruction not in (None, sees):
+        return whole_size if asked else state
+    if not isinstance(declared, Box):
+        raise ConfigError(f"agent: it reads observations {declared!s:.200}; {_sizes(task)}")
+    if declared.shape not in ((state * reading.frames,), (whole_size * reading.frames,)):
         raise ConfigError(
-            f"agent_sees_instruction={str(sees_instruction).lower()}: the agent says that it reads "
+            f"agent: it reads observations of shape {declared.shape}; {_sizes(task)}"
+            f"{_stacked(declared.shape, state, whole_size)}"
+        )
+    sees = declared.shape == (whole_size * reading.frames,)
+    if asked not in (None, sees):
+        raise ConfigError(
+            f"agent_sees_instruction={str(asked).lower()}: the agent says that it reads "
             f"{declared.shape[0]} numbers; allowed is {str(sees).lower()}, or none"
         )
-    return whole if sees else state
+    return whole_size if sees else state
 
 
-def check_same_actions(whose: str, declares: Any, actions: gymnasium.Space[Any]) -> None:
-    """Compare a declared ``action_space`` with the environment's; without a declaration nothing is checked.
-
-    Raises:
-        ConfigError: if they differ; both are named.
-    """
-    declared = getattr(declares, "action_space", None)
-    if declared is None:
-        return
-    same = (getattr(declared, "n", None), declared.shape) == (getattr(actions, "n", None), actions.shape)
-    if type(declared) is not type(actions) or not same:
-        raise ConfigError(f"{whose}: its actions are {declared}; allowed are those of the environment, {actions}")
+def _stacked(shape: tuple[int, ...], *sizes: int) -> str:
+    """What to set if the shape is that of several observations."""
+    for size in sizes:
+        if len(shape) == 1 and shape[0] % size == 0:
+            return f"; agent_frame_stack={shape[0] // size} if it was trained behind VecFrameStack"
+    return ""
 
 
-def _act(agent: Any, actions: gymnasium.Space[Any]) -> Callable[[Array], Any]:
+def _adapted(agent: Any, actions: gymnasium.Space[Any], tried: Array) -> Adapter:
     if isinstance(agent, TensorDictModuleBase):
-        return _ReadsTensorDicts(deepcopy(agent).eval(), isinstance(actions, Discrete))
+        first = int(actions.start) if isinstance(actions, Discrete) else None
+        return ReadsTensorDicts.of(deepcopy(agent).cpu().eval(), first)
     if hasattr(agent, "predict"):
         policy = getattr(agent, "policy", agent)
-        if hasattr(policy, "lstm_actor"):
-            raise ConfigError("agent: it is recurrent; allowed is a policy without memory")
-        return _Predicts(policy)
+        module = {part.__module__.rpartition(".")[0] for part in type(policy).__mro__}
+        if "sb3_contrib.common.maskable" in module:
+            return PredictsMasked(policy)
+        return PredictsRecurrently(policy) if hasattr(policy, "lstm_actor") else Predicts(policy)
+    if isinstance(agent, torch.nn.Module):
+        raise ConfigError(
+            f"agent: {type(agent).__name__} is a network, which says nothing about actions; allowed is a function from "
+            "observations to actions that calls it (docs/OWN_AGENT.md)"
+        )
     if callable(agent):
-        return agent
+        return Batched(agent) if _is_batched(agent, actions, tried) else OneByOne(agent)
     raise ConfigError(f"agent={agent!r:.80}: allowed is a model of stable-baselines3, a TorchRL policy, or a function")
 
 
-def _is_batched(agent: Any, act: Callable[[Array], Any], actions: gymnasium.Space[Any], tried: Array) -> bool:
-    """False for a function that cannot process a batch of observations."""
-    if act is not agent:
-        return True
+def _is_batched(function: Callable[[Array], Any], actions: gymnasium.Space[Any], tried: Array) -> bool:
+    """Whether a function answers a batch as it answers each observation of it.
+
+    Tried with two sizes, neither the number of numbers in an observation: one observation is no batch of numbers then.
+    """
+    sizes = [size for size in range(len(tried), 1, -1) if size != tried.shape[1]][:2]
     try:
-        return fits(_plain(act(tried)), actions, len(tried))
+        several = [shaped(plain_array(function(tried[:size].copy())), actions) for size in sizes]
+        if not all(fits(one, actions, size) for one, size in zip(several, sizes, strict=True)):
+            return False
     except Exception:  # a function of one observation may raise anything on a batch
         return False
-
-
-def find_agent(name: str) -> Any:
-    """Load the agent of that name. Loading runs code from the file, as in that library.
-
-    Args:
-        name: a ``.zip`` of stable-baselines3, or ``module:name``.
-
-    Raises:
-        ConfigError: if there is none, or the library for it is missing.
-    """
-    if name.endswith(".zip"):
-        return _load_sb3(Path(name))
-    _, colon, attribute = name.partition(":")
-    if not colon or not attribute:
-        raise ConfigError(f"agent={name}: allowed is {ALLOWED}")
-    return import_named("agent", name, ALLOWED)
-
-
-def _load_sb3(path: Path) -> Any:
     try:
-        with ZipFile(path) as archive:
-            settings = json.loads(archive.read("data"))
-    except (OSError, BadZipFile, KeyError, ValueError) as error:
-        raise ConfigError(f"agent={path}: no readable model of stable-baselines3 ({error})") from None
-    kind = next((name for name, key in SB3_KINDS.items() if key in settings), None)
-    if kind is None:
-        raise ConfigError(f"agent={path}: allowed are {', '.join(SB3_KINDS)}, or MODULE:NAME of a loaded model")
-    try:
-        library = importlib.import_module("stable_baselines3")
-    except ImportError:
-        raise ConfigError(f"agent={path}: needs stable-baselines3; install the extra ibe_rl[sb3]") from None
-    try:
-        return getattr(library, kind).load(path, device="cpu", custom_objects={"buffer_size": 1})  # no replay memory
-    except Exception as error:  # unpickling may raise anything
-        raise ConfigError(f"agent={path}: {kind} cannot load it ({' '.join(str(error).split())[:200]})") from None
+        single = np.stack([plain_array(function(row)) for row in tried[: sizes[0]].copy()])
+    except Exception:  # and a function of a batch on a single one
+        return True
+    alone = shaped(single, actions)
+    if not fits(alone, actions, sizes[0]) or np.allclose(alone, several[0], atol=1e-4):
+        return True
+    again = shaped(plain_array(function(tried[: sizes[0]].copy())), actions)
+    return not np.array_equal(again, several[0])  # by chance they differ anyway
 
 
 class EpsilonGreedy:
@@ -268,7 +253,14 @@ class EpsilonGreedy:
 
     def __call__(self, observations: Array) -> Array:
         """See ``ibe_rl.types.Policy``."""
-        chosen = self._policy(observations)
-        for row in np.flatnonzero(self._random.random(len(chosen)) < self._share):
-            chosen[row] = self._actions.sample()
-        return chosen
+        return self.act_with_memory(observations, [None] * len(observations), None)[0]
+
+    def act_with_memory(
+        self, observations: Array, memories: Memories, envs: Sequence[Any] | None
+    ) -> tuple[Array, Memories]:
+        """See ``ibe_rl.acting.PolicyWithMemory``; random actions are such as the masks allow."""
+        acting = Acting(self._policy, memories)
+        chosen = acting(observations, range(len(observations)), envs)
+        for row in np.flatnonzero(self._random.random(len(chosen)) < self._share).tolist():
+            chosen[row] = sampled_action(self._actions, None if envs is None else envs[row])
+        return chosen, acting.memories

@@ -1,0 +1,125 @@
+"""Export a run's log as a dataset of Minari, without loss."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibe_rl.apps.datasets.hearing import GIVEN, INSTRUCTION
+from ibe_rl.apps.datasets.optional import load_minari
+from ibe_rl.apps.datasets.recorded import DATASET_SUCCESS
+from ibe_rl.apps.external.folder import SEEDS
+from ibe_rl.config.saved import load_config
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, read_json, refuse_special_files
+from ibe_rl.task import Task
+from ibe_rl.types import ConfigError, Episode
+
+_CONTEXT, _WORDS = "context", "instruction_words"
+"""Keys of the infos beside those of ``hearing``, of ``T + 1`` rows as in Minari; the final state has no instruction."""
+
+
+def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> Any:
+    """Make a dataset of the episodes in a run's log, without loss.
+
+    Args:
+        run: the folder of the run.
+        dataset_id: in Minari's form, ``mine/log-v0``.
+        newest: export only so many of the newest episodes; None: all.
+
+    Returns:
+        the ``MinariDataset``.
+
+    Raises:
+        ConfigError: if the run has no log, or the dataset exists already.
+    """
+    minari, folder = load_minari(), find_run(str(run), Path("runs"))
+    refuse_special_files(folder)
+    config: TrainConfig = load_config(folder / CONFIG, TrainConfig)
+    if newest is not None and newest < 1:
+        raise ConfigError(f"newest={newest}: allowed is at least 1")
+    try:
+        log = TrajectoryLog.open(folder / TRAJECTORIES)
+    except ValueError as error:
+        raise ConfigError(f"run={folder}: {error}") from None
+    count = len(log.index)
+    if not count:
+        raise ConfigError(f"run={folder}: no episode has ended in its log; allowed is one with episodes")
+    chosen = range(max(0, count - (newest or count)), count)
+    env, seeds = make_env(config.env), _seeds(folder, count)
+    task = task_of(env)
+    buffers = [_buffer(minari, log.read([row])[0], task, seeds[row]) for row in chosen]
+    about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task)}
+    spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
+    spec = env.unwrapped.spec  # without our wrapper, which Minari could not rebuild
+    return _created(minari, dataset_id, buffers, {"env": spec, "data_format": "hdf5", **spaces, **about})
+
+
+def _created(minari: Any, dataset_id: str, buffers: list[Any], about: dict[str, Any]) -> Any:
+    """Create a dataset, or leave nothing of it."""
+    place = Path(import_module("minari.storage").get_dataset_path(dataset_id))
+    if place.exists():
+        raise ConfigError(f"dataset={dataset_id}: {place} already exists; allowed is a new name")
+    complete = False
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about the missing code link and e-mail
+            made = minari.create_dataset_from_buffers(dataset_id, buffers, **about)
+        complete = True
+        return made
+    except (ValueError, TypeError, OSError) as error:
+        raise ConfigError(f"dataset={dataset_id}: {error}") from None
+    finally:
+        if not complete:
+            shutil.rmtree(place, ignore_errors=True)
+
+
+def _seeds(folder: Path, count: int) -> list[int | None]:
+    """The seeds of the episodes in a log, where its folder knows them."""
+    try:
+        found = read_json(folder / SEEDS)["seeds"]
+        seeds = [None if seed is None else int(seed) for seed in found]
+    except FileNotFoundError:
+        return [None] * count
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"{folder / SEEDS}: not readable seeds ({error!r:.200})") from None
+    return seeds if len(seeds) == count else [None] * count
+
+
+def _description(task: Task) -> str:
+    return (
+        f"{task.name} with instructions: infos[{INSTRUCTION!r}] is the instruction, infos[{GIVEN!r}] whether "
+        f"there was one, infos[{DATASET_SUCCESS!r}] whether the episode ended well, infos[{_CONTEXT!r}] what it was "
+        f"about, infos[{_WORDS!r}] the instruction in words."
+    )
+
+
+def _buffer(minari: Any, episode: Episode, task: Task, seed: int | None) -> Any:
+    steps = len(episode)
+    last = np.arange(steps) == steps - 1
+    silence = np.zeros_like(episode.instructions[:1])
+    words = np.where(episode.given, phrases_of(episode.instructions, task.phrases), "")
+    infos = {
+        INSTRUCTION: np.concatenate([episode.instructions, silence]),
+        GIVEN: np.append(np.asarray(episode.given, bool), False),
+        DATASET_SUCCESS: np.append(False, last & episode.success),
+        _CONTEXT: np.full(steps + 1, episode.context.encode()),
+        _WORDS: np.char.encode(np.append(words, ""), "utf-8"),
+    }
+    return minari.data_collector.EpisodeBuffer(
+        seed=seed,
+        observations=episode.states,
+        actions=episode.actions,
+        rewards=episode.rewards,
+        terminations=last & episode.terminated,
+        truncations=last & (not episode.terminated),
+        infos=infos,
+    )
