@@ -106,16 +106,16 @@ def log_changes(recording: rr.RecordingStream, task: Task, refresh: Refresh, num
     drawn = picture.cut(densities([best, others], edges))
     highest = float(np.max(drawn)) or 1.0
     for name, density, colour in zip(("best", "others"), drawn, (colours.GREEN, colours.MUTED), strict=True):
-        line = rr.LineStrips2D([outline(density / highest)], colors=[colour], radii=rr.Radius.ui_points(1))
+        line = rr.LineStrips2D([outline_of_bars(density / highest)], colors=[colour], radii=rr.Radius.ui_points(1))
         recording.log(f"{entity}/{name}", line)
-    lines, thin = [[(-1, 0), (1, 0)], [(0, 0), (0, -BARS)]], rr.Radius.ui_points(0.5)
-    axes = rr.LineStrips2D(lines, colors=[colours.AXIS], radii=thin)
+    lines: list[list[tuple[float, float]]] = [[(-1, 0), (1, 0)], [(0, 0), (0, -BARS)]]
+    axes = rr.LineStrips2D(lines, colors=[colours.AXIS], radii=rr.Radius.ui_points(0.5))
     recording.log(f"{entity}/axes", axes)
     ticks = round_steps(-edges[-1], edges[-1], 4)
     recording.log(f"{entity}/marks", labelled([((x / edges[-1], 0.0), f"{x:g}", colours.AXIS) for x in ticks]))
 
 
-def outline(heights: Array) -> Array:
+def outline_of_bars(heights: Array) -> Array:
     """The outline ``(2 B + 2, 2)`` of bars of these heights ``(B,)`` in [0, 1] side by side, y down."""
     x = np.repeat(np.linspace(-1, 1, len(heights) + 1), 2)
     return np.stack([x, -BARS * np.concatenate([[0], np.repeat(heights, 2), [0]])], axis=1)

@@ -67,12 +67,12 @@ def test_the_densities_are_those_of_the_explained_dimension(rows: Rows) -> None:
     best, others = densities(groups, edges)
     for name, density, drawn in zip(("best", "others"), (best, others), picture.cut([best, others]), strict=True):
         [line] = rows[f"/change/{name}"][0]["LineStrips2D:strips"]
-        assert np.allclose(line, chart.outline(drawn / np.max(picture.cut([best, others]))))
+        assert np.allclose(line, chart.outline_of_bars(drawn / np.max(picture.cut([best, others]))))
         assert 0.95 < density.sum() * (edges[1] - edges[0]) <= 1
 
 
 def test_a_histogram_is_the_outline_of_its_bars_with_round_numbers_below(rows: Rows) -> None:
-    assert chart.outline(np.array([0.5, 1.0])).tolist() == [
+    assert chart.outline_of_bars(np.array([0.5, 1.0])).tolist() == [
         [-1, 0], [-1, -0.5 * chart.BARS], [0, -0.5 * chart.BARS], [0, -chart.BARS], [1, -chart.BARS], [1, 0],
     ]  # fmt: skip
     [marks] = [row for row in rows["/change/marks"] if row["frames"] == developed()[0].frame]
