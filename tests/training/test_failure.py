@@ -33,6 +33,7 @@ CONFIG = """
 defaults: [schema]
 id: test_failure:tests/BreaksLate-v0
 task:
+  name: Lift
   rule: awkward:up_or_down
   success_key: arrived
   state_names: [height, speed]

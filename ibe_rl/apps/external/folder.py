@@ -17,6 +17,7 @@ from ibe_rl.config.command_line import composed
 from ibe_rl.config.saved import write_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.trial import try_out
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
@@ -44,7 +45,8 @@ def external_run_config(cfg: ExplainConfig, made_from: Any, seed: int, env: EnvC
     config = replace(config, env=env or config.env)
     made = make_env(config.env)
     check_mapping(config.mapping, task_of(made))
-    _say(*check_dimensions(config.mapping, task_of(made), made))
+    notes = [*try_out(config.env, simulated=False), *check_dimensions(config.mapping, task_of(made), made)]
+    _say(*(f"note: {note}" for note in notes))
     return replace(
         config,
         run_dir=cfg.run_dir,
