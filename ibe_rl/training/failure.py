@@ -72,6 +72,8 @@ def resumable(run: Any) -> Iterator[None]:
             f"{error}; the run is saved as of {run.log.frames:,} frames, to go on: {command}"
         ) from None
     except GateError as error:
+        if not run.log.frames:
+            raise
         save_state(run.folder, run.state_dict())
         ended = {"stopped_early": True, "failure": str(error)}
         write_json(run.folder / SUMMARY, summarise(run, {}) | ended)

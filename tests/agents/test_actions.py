@@ -2,12 +2,13 @@
 
 import math
 from copy import deepcopy
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Box, Discrete, MultiDiscrete
+from gymnasium.spaces import Box, Discrete, MultiBinary, MultiDiscrete
 from tensordict import TensorDict
 from torch import nn
 
@@ -91,14 +92,14 @@ def test_the_spread_is_the_same_everywhere_and_is_learnt():
         Box(-1, 1, (2, 2)),
         Box(-1, 1, ()),
         Box(0, 255, (2,), np.uint8),
-        Discrete(3, start=1),
-        MultiDiscrete([2, 2]),
+        MultiDiscrete([[2, 2]]),
+        MultiBinary([2, 2]),
     ],
     ids=str,
 )
 def test_other_actions_are_refused(space: gymnasium.Space):
     for config in (PPOConfig(), DQNConfig()):
-        with pytest.raises(ConfigError, match=r"env: its actions are .*; allowed are Discrete ones from 0, or with"):
+        with pytest.raises(ConfigError, match=r"env: its actions are .*; allowed are Discrete, or with agent=ppo"):
             make_agent(config, 2, space, 1_000)
 
 
@@ -159,3 +160,38 @@ def test_the_same_seed_learns_the_same_and_goes_on_from_its_state():
         learn(agent, 2)
     assert torch.equal(weights(agents[0]), weights(agents[1]))
     assert agents[0].policy.network.log_std.tolist() != bandit().policy.network.log_std.tolist()
+
+
+@pytest.mark.parametrize("space", [MultiDiscrete([3, 2], start=[0, 5]), MultiBinary(2)])
+def test_several_choices_are_drawn_weighed_and_chosen_together(space: Any):
+    made = make_actions(space, 0.5)
+    outputs = torch.tensor([[math.log(3), 0.0, 0.0, math.log(3)][: made.outputs]]).repeat(50, 1)
+    if made.outputs == 5:
+        outputs = torch.cat([outputs, torch.zeros(50, 1)], dim=1)
+    drawn = made.draw(outputs)
+    assert all(space.contains(row) for row in drawn["action"].numpy())
+    log_prob, entropy = made.evaluate_actions(outputs, drawn["action"])
+    torch.testing.assert_close(log_prob, drawn["action_log_prob"])
+    best_log_prob, _ = made.evaluate_actions(outputs, made.mode(outputs))
+    assert (best_log_prob >= log_prob - 1e-6).all()
+    assert entropy.shape == (50,)
+    network = nn.Linear(2, made.outputs)
+    assert made.finish(network) is network
+
+
+def test_several_choices_by_hand():
+    """Chances 3/4 and 1/4, and of the second choice 1/2 each."""
+    made = make_actions(MultiBinary(2), 0.5)
+    outputs = torch.tensor([[0.0, math.log(3), 0.0, 0.0]])
+    log_prob, entropy = made.evaluate_actions(outputs, torch.tensor([[1, 0]]))
+    assert log_prob.exp().tolist() == pytest.approx([3 / 8])
+    assert entropy.tolist() == pytest.approx([-0.75 * math.log(0.75) - 0.25 * math.log(0.25) + math.log(2)])
+    assert made.mode(outputs).tolist() == [[1, 0]]
+
+
+def test_choices_are_counted_from_their_start():
+    made = make_actions(Discrete(2, start=3), 0.5)
+    outputs = torch.tensor([[0.0, 9.0]])
+    assert made.mode(outputs).tolist() == [4]
+    assert made.evaluate_actions(outputs, torch.tensor([4]))[0].item() == pytest.approx(0, abs=1e-3)
+    assert set(made.draw(outputs.repeat(9, 1) / 9)["action"].tolist()) <= {3, 4}

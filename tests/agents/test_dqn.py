@@ -127,3 +127,14 @@ def test_with_one_step_loss_and_gradients_are_torchrls():
     torch.testing.assert_close(ours, expected)
     for one, other in zip(torch.autograd.grad(ours, agent._network.parameters()), gradients, strict=True):
         torch.testing.assert_close(one, other)
+
+
+def test_actions_are_counted_from_their_start():
+    torch.manual_seed(0)
+    agent = DQN(DQNConfig(hidden=[4], learn_after_frames=0, n_steps=1), 1, Discrete(2, start=5), 100)
+    rows = TensorDict({"observation": torch.zeros(40, 1)}, [40])
+    assert set(agent.policy(rows)["action"].tolist()) == {5, 6}
+    steps = steps_of([1.0] * 20, "-" * 20, "-" * 20)
+    steps["action"] += 5
+    agent.update(steps)
+    assert set(agent.greedy(steps["observation"][0].numpy()).tolist()) <= {5, 6}

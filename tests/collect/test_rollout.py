@@ -163,6 +163,9 @@ class Counter(gymnasium.Env[Array, int]):
     def snapshot(self) -> int:
         return self.n
 
+    def restore(self, snapshot: int, noise: Any = None) -> None:
+        self.n = snapshot
+
 
 def test_what_cannot_be_drawn_can_be_watched():
     instructor, env = make_instructor(InstructorConfig("oracle"), Counter.task), Counter()

@@ -124,7 +124,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "function": ({"rule": "rules:none"}, r"rule=rules:none: allowed is module:function .*AttributeError"),
     "no function": ({"rule": "rules:NO_FUNCTION"}, r"allowed is what can be called, this is int"),
     "shape": ({"rule": "rules:flat"}, r"rule=.*flat: for 2 states it gave .* shape \(2,\); allowed is \(2, 1\)"),
-    "range": ({"rule": "rules:too_loud"}, r"rule=.*too_loud: it returned \[7\.0\]; allowed is -1 to 1"),
+    "range": (
+        {"rule": "rules:too_loud"},
+        r"rule=.*too_loud: it returned \[7\.0\] for the state .*; allowed is -1, 0, 1",
+    ),
     "error": ({"rule": "rules:fails"}, r"rule=rules:fails: it raised IndexError: no such column"),
     "explained": ({"explained": ["x"]}, r"explained=\['x'\]: allowed are 1 of state_0, .*, one for each entry"),
     "too many": ({"explained": ["state_0", "state_1"]}, r"explained=.*: allowed are 1 of"),

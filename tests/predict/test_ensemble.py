@@ -168,3 +168,17 @@ def test_what_does_not_fit_is_refused(learnt: Ensemble):
     with pytest.raises(ValueError, match="its states have 3 dimensions, expected 4"):
         make().load_state_dict({**state, "scale": short})
     assert make_layers(2, [3, 1], 0)[0][0].shape == (2, 3, 1)
+
+
+@pytest.mark.parametrize(
+    ("space", "actions", "expected"),
+    [
+        (spaces.Discrete(2, start=4), [4, 5], [[1, 0], [0, 1]]),
+        (spaces.MultiDiscrete([2, 3], start=[1, 0]), [[2, 0], [1, 2]], [[0, 1, 1, 0, 0], [1, 0, 0, 0, 1]]),
+        (spaces.MultiBinary(2), [[1, 0]], [[0, 1, 1, 0]]),
+    ],
+)
+def test_choices_become_columns(space: spaces.Space, actions: list[Any], expected: list[list[int]]):
+    columns = ActionColumns.of(space)
+    assert columns(np.array(actions)).tolist() == expected
+    assert columns.size == len(expected[0])

@@ -86,7 +86,7 @@ def test_a_dimension_that_goes_with_what_is_read_passes(env: Any):
 def test_a_dimension_that_stands_still_is_noted(env: Any):
     task = replace(reading(task_of(env), 0), state_names=("state_0", "b", "c", "d", "still"))
     noted = check_dimensions(mapping("state_0", "still"), task, Twice(env, 0.0))
-    assert noted == ["note: mapping.dimensions: still did not change in random episodes"]
+    assert noted == ["mapping.dimensions: still did not change in random episodes"]
 
 
 def test_when_refreshes_are_skipped_again_and_again_it_is_said_what_can_be_done():

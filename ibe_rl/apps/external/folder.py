@@ -17,16 +17,12 @@ from ibe_rl.config.command_line import composed
 from ibe_rl.config.saved import write_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.trial import try_out
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import (
-    REFRESHES,
-    SUMMARY,
-    TRAJECTORIES,
-    write_json,
-)
+from ibe_rl.storage.run_folder import REFRESHES, SUMMARY, TRAJECTORIES, write_json
 from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, save_refresh
@@ -53,7 +49,8 @@ def external_run_config(
     config = replace(config, env=env or config.env)
     made = make_env(config.env)
     check_mapping(config.mapping, task_of(made))
-    print_lines(*check_dimensions(config.mapping, task_of(made), made))
+    notes = [*try_out(config.env, simulated=False), *check_dimensions(config.mapping, task_of(made), made)]
+    print_lines(*(f"note: {note}" for note in notes))
     return replace(
         config,
         run_dir=cfg.run_dir,
