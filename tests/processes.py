@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from copies import Script
 from view_data import eventually
 
 from ibe_rl.config.command_line import run_script
@@ -64,17 +65,9 @@ def server_of(relay_pid: int) -> int:
     return children_of(relay_pid)[0]
 
 
-def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen[str]:
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"} | variables
-    return subprocess.Popen(
-        [sys.executable, *arguments],
-        cwd=cwd,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
+def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> Script:
+    """Start ``python ARGUMENTS``, a file or ``-c CODE``, in a process group of its own."""
+    return Script(arguments, cwd, os.environ | {"PYTHONUNBUFFERED": "1"} | variables)
 
 
 def rows_in(folder: Path) -> int:
@@ -85,7 +78,7 @@ def rows_in(folder: Path) -> int:
 @contextmanager
 def partial_episodes(
     folder: Path, *settings: str, within_s: float = 120.0, **variables: str
-) -> Iterator[subprocess.Popen[str]]:
+) -> Iterator[Script]:
     """A training that has its first rows, and is killed at the end if it still trains."""
     process = start("train.py", *settings, f"run_dir={folder}", **variables)
     try:
