@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from copies import Script
+from hydra._internal.hydra import Hydra
 from view_data import eventually
 
 from ibe_rl.config.command_line import run_script
@@ -32,13 +34,14 @@ SMALL = [
 
 
 def call(script: str, *arguments: str) -> None:
-    """Run a script in this process, the way its ``__main__`` does."""
-    before = sys.argv
-    sys.argv = [f"{script}.py", *arguments]
-    try:
+    """Run a script in this process, the way its ``__main__`` does.
+
+    Hydra composes the settings once and not twice: the other time is to look for hydra.mode, which none of them sets.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [f"{script}.py", *arguments])
+        patch.setattr(Hydra, "get_mode", lambda *_, **__: None)
         run_script(importlib.import_module(script).main, ROOT / "configs", script)
-    finally:
-        sys.argv = before
 
 
 def gone(pid: int) -> bool:
@@ -76,9 +79,7 @@ def rows_in(folder: Path) -> int:
 
 
 @contextmanager
-def partial_episodes(
-    folder: Path, *settings: str, within_s: float = 120.0, **variables: str
-) -> Iterator[Script]:
+def partial_episodes(folder: Path, *settings: str, within_s: float = 120.0, **variables: str) -> Iterator[Script]:
     """A training that has its first rows, and is killed at the end if it still trains."""
     process = start("train.py", *settings, f"run_dir={folder}", **variables)
     try:

@@ -209,6 +209,7 @@ def test_a_fault_is_really_brought_about(tmp_path: Path):
 
 def test_a_fault_without_its_warning_is_no_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(faults.WARNING, "none", "never said")
+    monkeypatch.setattr(faults, "SCRIPT", "print('the run is in a folder')")
     with pytest.raises(RuntimeError, match=r"(?s)train\.py with none ended with 0.*the run is in"):
         faults.rate(small_plan(tmp_path, 2000), 0, "none")
 
