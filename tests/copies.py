@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import select
@@ -137,5 +138,6 @@ def run(arguments: list[str], cwd: str, environment: dict[str, str]) -> None:
 if __name__ == "__main__":
     for name in PRELOADED:
         import_module(name)
+    gc.freeze()  # copies share what is there
     this = sys.modules["__main__"]  # kept, so that nothing in it is cleared
     run(**serve(socket.socket(fileno=0)))
