@@ -114,7 +114,7 @@ def test_the_numbers_are_all_there_and_strict_json(run: Path) -> None:
     assert {one["episodes"] for one in found["agents"]} == {20}
     for agent in found["prediction"]:
         for cut in agent["cuts"].values():
-            assert len(cut["episodes"]) == 2
+            assert len(cut["episodes"]) == 3
             assert all(test["p"] <= test["p_corrected"] <= 1 for test in cut["tests"])
             assert {each["errors"]["true_future"] for each in cut["episodes"]} == {0}
 
