@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+from copies import Script
+from hydra._internal.hydra import Hydra
 from view_data import eventually
 
 from ibe_rl.config.command_line import run_script
@@ -31,13 +34,14 @@ SMALL = [
 
 
 def call(script: str, *arguments: str) -> None:
-    """Run a script in this process, the way its ``__main__`` does."""
-    before = sys.argv
-    sys.argv = [f"{script}.py", *arguments]
-    try:
+    """Run a script in this process, the way its ``__main__`` does.
+
+    Hydra composes the settings once and not twice: the other time is to look for hydra.mode, which none of them sets.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [f"{script}.py", *arguments])
+        patch.setattr(Hydra, "get_mode", lambda *_, **__: None)
         run_script(importlib.import_module(script).main, ROOT / "configs", script)
-    finally:
-        sys.argv = before
 
 
 def gone(pid: int) -> bool:
@@ -64,17 +68,9 @@ def server_of(relay_pid: int) -> int:
     return children_of(relay_pid)[0]
 
 
-def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen[str]:
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"} | variables
-    return subprocess.Popen(
-        [sys.executable, *arguments],
-        cwd=cwd,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
+def start(*arguments: str, cwd: Path = ROOT, **variables: str) -> Script:
+    """Start ``python ARGUMENTS``, a file or ``-c CODE``, in a process group of its own."""
+    return Script(arguments, cwd, os.environ | {"PYTHONUNBUFFERED": "1"} | variables)
 
 
 def rows_in(folder: Path) -> int:
@@ -83,9 +79,7 @@ def rows_in(folder: Path) -> int:
 
 
 @contextmanager
-def partial_episodes(
-    folder: Path, *settings: str, within_s: float = 120.0, **variables: str
-) -> Iterator[subprocess.Popen[str]]:
+def partial_episodes(folder: Path, *settings: str, within_s: float = 120.0, **variables: str) -> Iterator[Script]:
     """A training that has its first rows, and is killed at the end if it still trains."""
     process = start("train.py", *settings, f"run_dir={folder}", **variables)
     try:

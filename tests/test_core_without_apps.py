@@ -52,8 +52,8 @@ print(json.dumps([call(globals()[script], *arguments) for script, *arguments in 
 """
 """Calls scripts one after the other and prints how they ended."""
 ASKED = {
-    "train": ("train", *SMALL, "total_frames=4000", "eval_every_frames=2000", "viewer=file", "run_dir={out}/run"),
-    "episode": ("explain", "run=demo", "predictor.processes=1", "output={out}/episode.rrd"),
+    "train": ("train", *SMALL, "total_frames=3000", "eval_every_frames=1000", "viewer=file", "run_dir={out}/run"),
+    "episode": ("explain", "run={out}/run", "predictor.processes=1", "output={out}/episode.rrd"),
     "evaluate": ("explain", "run={out}/run", "task=evaluate", *FEW),
     "compare": ("explain", "run={out}/run", "task=compare", "compare.mappings=[paper]", *FEW),
     "figures": ("explain", "run=demo", "task=figures"),

@@ -6,12 +6,12 @@ import json
 import os
 import signal
 import socket
-import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from copies import Script
 from processes import ROOT, SMALL, assert_whole, gone, server_of, start
 from rerun.chunk import RrdReader
 from view_data import eventually, free_ports
@@ -32,7 +32,7 @@ class Training:
     """A training in a process of its own."""
 
     folder: Path
-    process: subprocess.Popen[str]
+    process: Script
 
     def recording(self) -> Path:
         return self.folder / "recording.rrd"

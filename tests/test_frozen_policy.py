@@ -22,7 +22,7 @@ from ibe_rl.vocabulary.tracker import VocabularyTracker
 pytestmark = pytest.mark.slow
 
 DEMO = Path(__file__).parent.parent / "demo"
-REFRESHES, EPISODES = 10, 320
+REFRESHES, EPISODES = 5, 320
 FIRST_SEED = 700_000
 
 
@@ -41,7 +41,7 @@ def run() -> TrainedRun:
 
 @pytest.fixture(scope="module")
 def logs(run: TrainedRun, tmp_path_factory: pytest.TempPathFactory) -> list[TrajectoryLog]:
-    """Ten logs, each of new episodes of the demo's policy."""
+    """Logs, each of new episodes of the demo's policy."""
     envs = [run.make_env() for _ in range(64)]
     instructor = make_instructor(InstructorConfig("oracle"), run.task)
     firsts = range(FIRST_SEED, FIRST_SEED + REFRESHES * EPISODES, EPISODES)

@@ -20,8 +20,13 @@ FILES = {
 }
 
 
-def imported(module: str) -> Iterator[str]:
+@cache
+def imported(module: str) -> frozenset[str]:
     """Full names of all that a module imports, wherever in it."""
+    return frozenset(imports_of(module))
+
+
+def imports_of(module: str) -> Iterator[str]:
     for node in ast.walk(ast.parse(FILES[module].read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -45,7 +50,11 @@ def unit(module: str) -> str:
 
 
 LINE = {room: number for number, room in enumerate((*ROOMS, "viewer", "__main__", *(f"{name}.py" for name in SCRIPTS)))}
-EDGES = sorted({(unit(module), unit(name)) for module in FILES for name in inner(module)})
+
+
+@cache
+def edges_of_units() -> list[tuple[str, str]]:
+    return sorted({(unit(module), unit(name)) for module in FILES for name in inner(module)})
 
 
 def circles(edges: set[tuple[str, str]]) -> set[str]:
@@ -77,7 +86,9 @@ def test_loose_modules_are_few():
 
 
 def test_imports_point_down():
-    wrong = [(user, used) for user, used in EDGES if user and used and user != used and LINE[used] >= LINE[user]]
+    wrong = [
+        (user, used) for user, used in edges_of_units() if user and used and user != used and LINE[used] >= LINE[user]
+    ]
     assert wrong == []
 
 
@@ -99,13 +110,13 @@ def test_each_room_says_what_it_is_for(room: str):
 
 
 def test_the_package_itself_imports_only_what_needs_no_torch():
-    assert {used for user, used in EDGES if user == ""} == {"types", "envs", "task"}
-    assert {user for user, used in EDGES if used == ""} == {"__main__"}
+    assert {used for user, used in edges_of_units() if user == ""} == {"types", "envs", "task"}
+    assert {user for user, used in edges_of_units() if used == ""} == {"__main__"}
 
 
 def test_there_is_no_circle():
     assert circles({(module, name) for module in FILES for name in inner(module)}) == set()
-    assert circles({(user, used) for user, used in EDGES if user != used}) == set()
+    assert circles({(user, used) for user, used in edges_of_units() if user != used}) == set()
 
 
 def test_the_search_for_circles_finds_them():
@@ -133,7 +144,7 @@ def test_only_the_settings_know_hydra():
 def test_agents_know_no_environment_and_predictors_no_agent():
     for name in ("agents", "predict", "explain", "ibe", "metrics"):
         known = {unit(module) for module in below(*(m for m in FILES if unit(m) == name)) if module != PACKAGE}
-        direct = {used for user, used in EDGES if user == name}
+        direct = {used for user, used in edges_of_units() if user == name}
         assert not direct & {"envs", "collect"}
         assert name == "agents" or "agents" not in known
 

@@ -353,6 +353,7 @@ def test_early_refreshes_without_whole_episodes_do_not_stop_training(
     call(
         "train",
         *SMALL,
+        "total_frames=2000",
         "mapping.horizon_steps=900",
         "mapping.window_end=drop",
         f"run_dir={tmp_path / 'long'}",

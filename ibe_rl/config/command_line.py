@@ -187,10 +187,13 @@ def changed(saved: Any, fixed: Sequence[str], changes: Sequence[str] | None = No
         ConfigError: naming a setting that the run keeps.
     """
     config = OmegaConf.structured(saved)
-    for one in OverridesParser.create().parse_overrides(given_settings() if changes is None else list(changes)):
+    given = OverridesParser.create().parse_overrides(given_settings() if changes is None else list(changes))
+    with settings_at_hand():
+        groups = {one.key_or_group: one.input_line for one in given if _is_group(one.key_or_group)}
+        composed_groups = hydra.compose("train", [*groups.values()]) if groups else {}
+    for one in given:
         key = one.key_or_group
-        with settings_at_hand():
-            chosen = hydra.compose("train", [one.input_line]) if _is_group(key) else {}
+        chosen = composed_groups if key in groups else {}
         if key in ("resume", "resume_from") or _is_of_kind(chosen.get(key), getattr(saved, key, None)):
             continue
         if any(f"{key}.".startswith(f"{kept}.") or f"{kept}.".startswith(f"{key}.") for kept in fixed):

@@ -116,9 +116,12 @@ def settings_at_hand() -> Iterator[None]:
 
 def choices(group: str) -> dict[str, Any]:
     """All choices of a config group, each as ``train.py`` composes it; only inside ``run_script``."""
-    return {
-        name: OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group]) for name in choice_names(group)
-    }
+    return {name: choice(group, name) for name in choice_names(group)}
+
+
+def choice(group: str, name: str) -> Any:
+    """One choice of a config group, as ``train.py`` composes it; only inside ``run_script``."""
+    return OmegaConf.to_object(hydra.compose("train", [f"{group}={name}"])[group])
 
 
 def choice_names(group: str) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ibe_rl.config.hydra_setup import choices
+from ibe_rl.config.hydra_setup import choice, choice_names
 from ibe_rl.config.settings import ExplainConfig, MappingConfig
 from ibe_rl.evaluation import report, tables
 from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
@@ -33,7 +33,7 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
         ConfigError: before any episode, if the run lacks a needed file, a mapping is unknown or a metric
             cannot be made.
     """
-    configs = asked_for(cfg.compare.mappings, choices("mapping"))
+    configs = {name: choice("mapping", name) for name in asked_for(cfg.compare.mappings, choice_names("mapping"))}
     refits, own, config = Refits(run, cfg.evaluate.seed), run.horizon_steps, cfg.evaluate
     own_metrics = OwnMetrics.of({**run.config.metrics, **cfg.metrics})
     report.make_folders(run.folder)
@@ -56,8 +56,8 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     tables.console().print(f"numbers: {path}", soft_wrap=True)
 
 
-def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str, MappingConfig]:
-    """The mappings to compare, always with the paper's.
+def asked_for(names: Sequence[str], known: Sequence[str]) -> list[str]:
+    """The names of the mappings to compare, always with the paper's.
 
     Raises:
         ConfigError: for an unknown name.
@@ -65,7 +65,7 @@ def asked_for(names: Sequence[str], known: dict[str, MappingConfig]) -> dict[str
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ConfigError(f"compare.mappings={list(names)}: allowed are {', '.join(sorted(known))}")
-    return {name: known[name] for name in sorted({*(names or known), "paper"})}
+    return sorted({*(names or known), "paper"})
 
 
 def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingConfig], cfg: ExplainConfig) -> Learnt:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.config.hydra_setup import choices
+from ibe_rl.config.hydra_setup import choice
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.advice import lines_of, verdict_of
@@ -78,7 +78,7 @@ def learn_all(
     run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
 ) -> dict[int, Learnt]:
     """Learn all that each horizon needs from the log. This comes first, since the log may be too small."""
-    config, paper = cfg.evaluate, choices("mapping")["paper"]
+    config, paper = cfg.evaluate, choice("mapping", "paper")
     with progress_bar("vocabularies", len(horizons) * config.shuffles) as step:
         return {
             horizon: refits.learn({ours: vocabulary_at(run, refits, horizon)}, paper, horizon, config, step)

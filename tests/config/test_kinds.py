@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 from own_kinds import KINDS, write_kinds
-from processes import ROOT, call, start
+from processes import ROOT, call
 
 from ibe_rl.config.command_line import composed, run_script
 from ibe_rl.config.kinds import GROUPS, SEVERAL, implementation, make_several
@@ -113,17 +113,10 @@ def test_a_metric_is_added_to_the_evaluation_of_a_run_that_had_none(folder: Path
         call("explain", *mine(f"run={folder / 'run'}", "metric=[mine]"))
 
 
-def test_runs_of_a_sweep_train_with_them_in_processes_of_their_own(folder: Path, tmp_path: Path):
-    few = [
-        *TINY,
-        "collect.processes=1",
-        "total_frames=256",
-        "refresh_every_frames=null",
-        f"run_dir={tmp_path / 'swept'}",
-    ]
-    script = start(str(ROOT / "train.py"), "-m", "seed=0,1", *mine(*CHOSEN, *few, "runs_at_once=2"), cwd=folder)
-    output, _ = script.communicate(timeout=240)
-    assert script.returncode == 0, output
+@pytest.mark.usefixtures("folder")
+def test_runs_of_a_sweep_train_with_them_in_processes_of_their_own(tmp_path: Path):
+    few = [*TINY, "collect.processes=1", "total_frames=256", "refresh_every_frames=null"]
+    call("train", "-m", "seed=0,1", *mine(*CHOSEN, *few, "runs_at_once=2", f"run_dir={tmp_path / 'swept'}"))
     for seed in (0, 1):
         run = tmp_path / "swept" / f"{seed}_seed={seed}"
         assert yaml.safe_load((run / CONFIG).read_text())["mapping"]["loudness"] == 1.25

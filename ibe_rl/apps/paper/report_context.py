@@ -17,7 +17,7 @@ from ibe_rl.apps.paper.agents import PAPER_SUCCESS, PaperAgent, RunAll, most_run
 from ibe_rl.apps.paper.names import PAPERS
 from ibe_rl.apps.paper.vocabularies import variants
 from ibe_rl.collect.rollout import play
-from ibe_rl.config.hydra_setup import choices
+from ibe_rl.config.hydra_setup import choice
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_env, task_of
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -166,8 +166,8 @@ class ReportContext:
     @cached_property
     def mappings(self) -> dict[str, MappingConfig]:
         """The paper's vocabulary and the run's own, and each with a half of the other."""
-        known, own = choices("mapping"), as_ibe(self.run.config.mapping)
-        return variants(known["paper"], known[DEFAULT_MAPPING] if own.kind == "paper" else own)
+        own = as_ibe(self.run.config.mapping)
+        return variants(choice("mapping", "paper"), choice("mapping", DEFAULT_MAPPING) if own.kind == "paper" else own)
 
     @cached_property
     def runner(self) -> EpisodeRunner:

@@ -82,13 +82,13 @@ class Client:
     def say(self, kind: str, **fields: Any) -> None:
         self.socket.send(json.dumps({"kind": kind, **fields}))
 
-    def next(self, timeout_s: float = 30.0) -> dict[str, Any]:
+    def next(self, timeout_s: float = 60.0) -> dict[str, Any]:
         message: dict[str, Any] = json.loads(self.socket.recv(timeout=timeout_s))
         return message
 
     def until(self, kind: str, holds: Callable[[dict[str, Any]], bool] = lambda _: True) -> dict[str, Any]:
         """Read on to a message of the ``kind`` of which something ``holds``."""
-        end = time.monotonic() + 30
+        end = time.monotonic() + 60
         while time.monotonic() < end:
             message = self.next()
             if message["kind"] == kind and holds(message):

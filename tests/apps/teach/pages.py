@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from copies import Script
 from playwright.sync_api import Browser, Error, Page, sync_playwright
+from processes import start
 from view_data import eventually, free_ports
 
-ROOT = Path(__file__).parents[3]
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run"]
 SMALL = (
@@ -29,7 +28,7 @@ SMALL = (
 class Taught:
     """A training under way, and where its page is."""
 
-    process: subprocess.Popen[str]
+    process: Script
     folder: Path
     address: str
 
@@ -43,10 +42,8 @@ class Taught:
 def taught(folder: Path, *overrides: str) -> Iterator[Taught]:
     """Train until the context is left."""
     port = f"instructor.port={free_ports().web}"  # other tests run beside this one
-    command = [sys.executable, "-u", "train.py", *SMALL, port, f"run_dir={folder}", *overrides]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = start("train.py", *SMALL, port, f"run_dir={folder}", *overrides)
     try:
-        assert process.stdout is not None
         said = ""
         while not (found := re.search(r"teach it here: (http://\S+)", said)):
             line = process.stdout.readline()

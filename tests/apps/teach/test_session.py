@@ -166,14 +166,14 @@ def test_a_control_wakes_who_waits():
     def wait() -> None:
         with at.changed:
             ready.set()
-            at.changed.wait(10)
+            at.changed.wait(60)
         woken.set()
 
     ready = threading.Event()
     threading.Thread(target=wait, daemon=True).start()
-    assert ready.wait(10)
+    assert ready.wait(60)
     at.hear(ANN, Speed(2.0))
-    assert woken.wait(10)
+    assert woken.wait(60)
 
 
 STEP, BEGIN, SEE, TWICE = "step", "begin", "see", "twice"

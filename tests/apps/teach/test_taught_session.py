@@ -1,4 +1,4 @@
-"""Twenty episodes instructed by the keyboard, in a browser: what was sent is what the agent was trained on."""
+"""Ten episodes instructed by the keyboard, in a browser: what was sent is what the agent was trained on."""
 
 import time
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from ibe_rl.instructors.recorded import RecordedEpisode, read_lesson
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON, TRAJECTORIES
 
-EPISODES = 20
+EPISODES = 10
 KEYS = ("ArrowLeft", "ArrowRight", "ArrowDown")
 
 

@@ -254,7 +254,7 @@ def test_a_page_that_answers_no_ping_frees_the_chair(room: Room, monkeypatch: py
             room.server.post("frame", {"step": number, "picture": PICTURE})
         start = time.monotonic()
         assert room.page().until("seat", lambda seat: seat["free"])["pages"] == 1
-        assert time.monotonic() - start < 5
+        assert time.monotonic() - start < 20
 
 
 def handshake(port: int) -> bytes:
@@ -321,14 +321,15 @@ def test_the_farewell_arrives_even_if_some_pages_do_not_answer(room: Room):
         room.raw()
 
 
-def test_nobody_waits_for_a_page_that_says_goodbye(room: Room):
+def test_nobody_waits_for_a_page_that_says_goodbye(room: Room, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(server, "STOP_S", 60.0)
     page = room.seated()
     reader = threading.Thread(target=page.closing)
     reader.start()
     start = time.monotonic()
     room.server.close()
-    assert time.monotonic() - start < 0.8
-    reader.join(10)
+    assert time.monotonic() - start < 30
+    reader.join(60)
     assert page.socket.close_code == 1001
 
 
