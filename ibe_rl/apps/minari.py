@@ -29,6 +29,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
 _INSTRUCTION, _GIVEN, _SUCCESS, _CONTEXT = "instruction", "instruction_given", "success", "context"
+_PERCEPT = "percept"
 """Keys of the infos, of ``T + 1`` rows as in Minari; the final state has no given instruction."""
 RULE = "rule"
 
@@ -59,7 +60,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     count = len(log.index)
     if not count:
         raise ConfigError(f"run={folder}: no episode has ended in its log; allowed is one with episodes")
-    episodes = log.read(range(max(0, count - (newest or count)), count))
+    episodes = log.read(range(max(0, count - (newest or count)), count), percepts=True)
     env = make_env(config.env)
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task_of(env))}
     try:
@@ -92,6 +93,8 @@ def _buffer(minari: Any, episode: Episode) -> Any:
         _SUCCESS: np.append(False, last & episode.success),
         _CONTEXT: np.full(steps + 1, episode.context.encode()),
     }
+    if episode.percepts is not None:
+        infos[_PERCEPT] = episode.percepts
     return minari.data_collector.EpisodeBuffer(
         observations=episode.states,
         actions=episode.actions,
@@ -138,7 +141,7 @@ def import_log(dataset_id: str, settings: Sequence[str] = (), instruction: str |
 
 
 def _check_observations(dataset_id: str, space: Any, task: Task) -> None:
-    allowed = (len(task.state_names),), (task.observation_size,)
+    allowed = (len(task.state_names),), (_instructed_size(task),)
     if space.shape not in allowed:
         raise ConfigError(
             f"dataset={dataset_id}: its observations are of shape {space.shape}; allowed is {allowed[0]}, the state, "
@@ -164,6 +167,7 @@ def _episode(data: Any, task: Task, key: str | None) -> Episode:
         terminated=bool(data.terminations[-1]),
         success=_succeeded(infos, task),
         context=task.context(states[0]),
+        percepts=_perceived(infos, task),
     )
 
 
@@ -175,10 +179,21 @@ def _said(
         return _heard(np.asarray(infos[key or _INSTRUCTION], np.float32), infos, task, key or _INSTRUCTION, len(states))
     if key not in (None, RULE):
         raise ConfigError(f"instruction={key}: allowed are {', '.join(infos)} of its infos, or {RULE}")
-    if key is None and observations.shape[1] == task.observation_size:
+    if key is None and observations.shape[1] == _instructed_size(task):
         line = observations[:, len(task.state_names) :].astype(np.float32)
         return line[:, :-1], line[:, -1] > 0
     return task.rule(states).astype(np.float32), np.ones(len(states), bool)
+
+
+def _instructed_size(task: Task) -> int:
+    """Numbers of a state with an instruction and whether it was given."""
+    return len(task.state_names) + task.instruction_size + 1
+
+
+def _perceived(infos: dict[str, Any], task: Task) -> Array | None:
+    """What the agent perceived, as exported; None where that is the state, or was not kept."""
+    kept = np.asarray(infos[_PERCEPT]) if task.parts and _PERCEPT in infos else None
+    return None if kept is None or kept.shape[1:] != (task.percept_size,) else kept.astype(task.percept_type)
 
 
 def _heard(instructions: Array, infos: dict[str, Any], task: Task, key: str, states: int) -> tuple[Array, Array]:

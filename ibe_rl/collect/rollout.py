@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
-from ibe_rl.task import RecordedRollout
+from ibe_rl.task import PERCEPT, RecordedRollout
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
 
 EVALUATION_SEED = TRAINING_SEEDS
@@ -28,8 +28,9 @@ class _Rollout:
         self._game: Stoppable | None = None
         if keep:
             self.keep_moments()
-        state, _ = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
+        state, info = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
         self.states: list[Array] = [state]
+        self.percepts: list[Array] = [info.get(PERCEPT, state)]
         self.actions: list[Any] = []
         self.rewards: list[float] = []
         self.instructions: list[Array] = []
@@ -43,7 +44,8 @@ class _Rollout:
     def hear(self, instruction: Array, given: bool) -> None:
         if self.keep:
             snapshot = self._game.snapshot() if self._game else None
-            self.moments.append(Moment(self.states[-1], instruction, given, snapshot))
+            percept = self.percepts[-1] if self.task.parts else None
+            self.moments.append(Moment(self.states[-1], instruction, given, snapshot, percept))
         self.instructions.append(instruction)
         self.given.append(given)
 
@@ -51,6 +53,7 @@ class _Rollout:
         self.terminated, self.done = terminated, terminated or truncated
         self.success = bool(info[self.task.success_key])
         self.states.append(state)
+        self.percepts.append(info.get(PERCEPT, state))
         self.actions.append(action)
         self.rewards.append(float(reward))
 
@@ -64,6 +67,7 @@ class _Rollout:
             terminated=self.terminated,
             success=self.success,
             context=self.task.context(self.states[0]),
+            percepts=np.array(self.percepts) if self.task.parts else None,
         )
 
 
@@ -146,7 +150,8 @@ def _step_all(rollouts: Sequence[_Rollout], policy: Policy, instructor: Instruct
     unfinished = np.array([not rollout.done for rollout in rollouts])
     instruction, given = instructor.instruct(states, unfinished)
     rows = np.flatnonzero(unfinished).tolist()
-    actions = policy(observe(states[rows], instruction[rows], given[rows]))
+    percepts = np.array([rollouts[row].percepts[-1] for row in rows])
+    actions = policy(observe(percepts, instruction[rows], given[rows]))
     for row in rows:
         rollouts[row].hear(instruction[row], bool(given[row, 0]))
     steps = step_together([rollouts[row].env for row in rows], actions)

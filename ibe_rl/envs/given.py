@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 import gymnasium
-import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from ibe_rl.config.settings import EnvConfig
+from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
@@ -55,7 +55,7 @@ def make_given(given: GivenEnv) -> Declared:
         raise ConfigError(
             f"env={given.id}: it declares no task; allowed is task=Task(...), or an attribute task of that type"
         )
-    size = np.prod(made.observation_space.shape or (0,))
+    size = Sense(made, task.state, task.observes).states(made)
     for part in ("state_names", "state_units"):
         if len(getattr(task, part)) != size:
             raise ConfigError(

@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self
 import gymnasium
 import numpy as np
 from gymnasium import wrappers
+from gymnasium.utils.env_checker import data_equivalence
 
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
@@ -187,4 +188,4 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS) -> 
 
 
 def _same(one: Any, other: Any) -> bool:
-    return np.array_equal(one[0], other[0]) and one[1:3] == other[1:3]
+    return data_equivalence(one[0], other[0], exact=True) and one[1:3] == other[1:3]

@@ -12,7 +12,8 @@ import numpy as np
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
+from ibe_rl.task import PERCEPT
+from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe, percepts_of
 
 MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
@@ -123,16 +124,17 @@ class _EnvCopies:
         moments, noises = part
         copies = self._at(moments, noises)
         states, instruction, given = columns_of(moments)
-        paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
+        percepts, paths = percepts_of(moments), np.repeat(states[:, None], horizon_steps + 1, axis=1)
         running = np.arange(len(moments))
         for step in range(1, horizon_steps + 1):
             states = paths[running, step - 1]
             if self._follow_rule and step > 1:
                 instruction[running], given[running] = self._rule(states), 1.0
-            actions = policy(observe(states, instruction[running], given[running]))
+            actions = policy(observe(percepts[running], instruction[running], given[running]))
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
             steps = [copies[row].step(action) for row, action in zip(running.tolist(), choices, strict=True)]
             paths[running, step] = np.array([after[0] for after in steps])
+            percepts[running] = np.array([after[4].get(PERCEPT, after[0]) for after in steps])
             ended = np.array([after[2] for after in steps])
             for row in running[ended]:
                 paths[row, step:] = paths[row, step]

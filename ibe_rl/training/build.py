@@ -205,7 +205,9 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         folder=folder,
         stop=stop,
         task=task,
-        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
+        agent=make_agent(
+            cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts
+        ),
         reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         vocabulary=vocabulary,

@@ -12,7 +12,7 @@ import numpy as np
 
 from ibe_rl.collect.rollout import moments_at
 from ibe_rl.ibe.meaning import Reactions
-from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
+from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe, percepts_of
 
 ASKED_AT = 24
 """Moments, each from a different episode."""
@@ -68,13 +68,13 @@ def ask_during_rollouts(
 
 def act_under(policy: Policy, instruction: Array, observations: Array) -> Array:
     """Actions at observations ``(N, O)`` with the instruction ``(d,)`` put into all of them."""
-    states = observations[:, : -len(instruction) - 1]
-    count = len(states)
-    return policy(observe(states, np.tile(instruction, (count, 1)), np.ones((count, 1))))
+    percepts = observations[:, : -len(instruction) - 1]
+    count = len(percepts)
+    return policy(observe(percepts, np.tile(instruction, (count, 1)), np.ones((count, 1))))
 
 
 def _listens(moments: Sequence[Moment], policy: Policy, instructions: Sequence[Array]) -> bool:
-    observations = observe(*columns_of(moments))
+    observations = observe(percepts_of(moments), *columns_of(moments)[1:])
     first, *others = (act_under(policy, one, observations) for one in instructions)
     return any(not np.array_equal(first, other) for other in others)
 

@@ -150,15 +150,16 @@ def as_policy(
 
 
 def _sizes(task: Task) -> str:
+    what = "the observation as one row" if task.parts else "the state"
     return (
-        f"allowed is one that reads the state, {len(task.state_names)} numbers, or with the instruction and whether "
+        f"allowed is one that reads {what}, {task.percept_size} numbers, or with the instruction and whether "
         f"it was given {task.observation_size}"
     )
 
 
 def _seen(agent: Any, task: Task, sees_instruction: bool | None) -> int:
     """How many numbers the agent reads."""
-    state, whole = len(task.state_names), task.observation_size
+    state, whole = task.percept_size, task.observation_size
     declared = getattr(agent, "observation_space", None)
     if declared is None:
         if sees_instruction is None:
