@@ -20,7 +20,7 @@ from ibe_rl.agents.actions import discrete
 from ibe_rl.agents.encoder import Packing, has_images
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
-from ibe_rl.agents.standardise import RewardStandardiser, Standardiser
+from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
 from ibe_rl.config.limits import TINY, setting
 from ibe_rl.config.settings import AgentConfig
 from ibe_rl.task import Part
@@ -234,6 +234,11 @@ class DQN:
         self._optimizer.step()
         self._optimizer.zero_grad()
         return loss.detach()
+
+    @property
+    def standardised(self) -> list[str]:
+        """See ``standardise.standardised``."""
+        return standardised(self._standardiser, self._rewards)
 
     def sync_weights(self) -> None:
         """See ``Agent``."""

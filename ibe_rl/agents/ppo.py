@@ -23,7 +23,7 @@ from torchrl.objectives.value import GAE
 from ibe_rl.agents.actions import Actions, make_actions
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
-from ibe_rl.agents.standardise import RewardStandardiser, Standardiser
+from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
 from ibe_rl.config.limits import TINY, setting
 from ibe_rl.config.settings import AgentConfig
 from ibe_rl.task import Part
@@ -188,6 +188,11 @@ class PPO:
         self._optimizer.step()
         self._optimizer.zero_grad()
         return {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
+
+    @property
+    def standardised(self) -> list[str]:
+        """See ``standardise.standardised``."""
+        return standardised(self._standardiser, self._rewards)
 
     def sync_weights(self) -> None:
         """See ``Agent``."""

@@ -197,3 +197,8 @@ class RewardStandardiser:
         if state is not None:
             self._count, self._mean, self._var = state["count"], state["mean"], state["var"]
             self._returns = state["returns"]
+
+
+def standardised(observations: Standardiser, rewards: RewardStandardiser) -> list[str]:
+    """What is standardised, as summary.json names it: "observations", "rewards"."""
+    return [name for name, on in (("observations", bool(observations.on)), ("rewards", rewards.on)) if on]
