@@ -24,7 +24,7 @@ from ibe_rl.vocabulary.listener import Metric
 from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.tracker import check_refreshing
 
-MOST_BYTES = 8_000_000_000
+MOST_BYTES = 4_000_000_000
 """Of a batch, of the log and of a replay buffer, with images."""
 TAKEN = ("train/", "eval/", "ibe/", "time/")
 """Beginnings of the columns of metrics.csv that are not of a metric of one's own."""

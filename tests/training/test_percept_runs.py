@@ -96,7 +96,10 @@ def test_a_run_taken_up_is_the_uninterrupted_one(obs: str, monkeypatch: pytest.M
             ["log.capacity_frames=60000000"],
             r"log\.capacity_frames=60000000: .* 144 numbers it takes 9 GB; allowed is at",
         ),
-        (["collect.steps_per_batch=900000"], r"collect\.steps_per_batch=900000"),
+        (
+            ["collect.steps_per_batch=100000", "collect.envs_per_process=64"],
+            r"collect\.steps_per_batch=100000: .* 7 GB",
+        ),
         (["agent=dqn", "agent.buffer_frames=40000000"], r"agent\.buffer_frames=40000000: .* 12 GB"),
     ],
 )
