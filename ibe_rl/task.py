@@ -1,13 +1,17 @@
 """What an environment declares about itself; the rest of the package is environment-independent.
 
-Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``O = S + d + 1`` numbers in an observation.
+Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``P`` numbers of a percept, ``O = P + d + 1`` in an
+observation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 from typing import Any
+
+import numpy as np
 
 from ibe_rl.types import Array, Episode, Moment
 
@@ -27,6 +31,33 @@ class Phrases:
     negative: str
     positive: str
     degrees: Sequence[tuple[float, str]]
+
+
+PERCEPT = "ibe_rl/percept"
+"""Key in ``info`` of what the agent perceives ``(P,)``, where that is not the state."""
+NUMBERS, FLAGS, IMAGE = "numbers", "flags", "image"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Consecutive numbers of a percept.
+
+    Attributes:
+        name: where they are in the environment's observation, as ``goal/position``; empty for all of it.
+        kind: ``NUMBERS``; ``FLAGS``, 0 or 1, of a category; ``IMAGE``, bytes.
+        shape: in the observation, ``(height, width, channels)`` of an image.
+        channels_first: of an image, ``(channels, height, width)`` in the row.
+    """
+
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+    channels_first: bool = False
+
+    @property
+    def size(self) -> int:
+        """How many numbers it has."""
+        return prod(self.shape)
 
 
 @dataclass(frozen=True)
@@ -58,6 +89,10 @@ class Task:
         scene_path: states ``(..., S)`` to points ``(..., 2)`` in scene units, y up, or None.
         scene_size: width and height of the scene in scene units.
         judges_success: False if the environment does not report success.
+        state: (environment without wrappers, its observation) to the state ``(S,)``, for environments whose observation
+            is no row of numbers, or not what shall be explained. None: the observation is the state.
+        observes: keys of a Dict observation that the agent perceives; empty: all.
+        parts: of a percept, set when the environment is made; empty: the agent perceives the state itself.
 
     Raises:
         ValueError: if phrases, explained dimensions, bands and ranges differ in number, or a dimension does not exist.
@@ -84,6 +119,9 @@ class Task:
     scene_path: Callable[[Array], Array] | None = None
     scene_size: tuple[float, float] = (1.0, 1.0)
     judges_success: bool = True
+    state: Callable[[Any, Any], Array] | None = None
+    observes: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.explained_range:
@@ -108,9 +146,19 @@ class Task:
         return tuple(self.state_names[dimension] for dimension in self.explained)
 
     @property
+    def percept_size(self) -> int:
+        """``P``, the size of what the agent perceives of the environment, mostly its state."""
+        return sum(part.size for part in self.parts) or len(self.state_names)
+
+    @property
+    def percept_type(self) -> type[np.generic]:
+        """Of its numbers: bytes where it consists of images and flags."""
+        return np.float32 if any(part.kind == NUMBERS for part in self.parts) or not self.parts else np.uint8
+
+    @property
     def observation_size(self) -> int:
-        """``O``, the size of state, instruction and whether it was given."""
-        return len(self.state_names) + self.instruction_size + 1
+        """``O``, the size of percept, instruction and whether it was given."""
+        return self.percept_size + self.instruction_size + 1
 
 
 @dataclass(frozen=True)

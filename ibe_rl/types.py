@@ -1,7 +1,8 @@
 """Types shared by all layers: episodes, moments, explanations, and protocols of the parts.
 
 This module imports only numpy. Shapes: ``T`` steps of an episode, ``S`` state dimensions, ``d`` numbers in an
-instruction, ``H`` steps of a prediction, ``O = S + d + 1`` numbers in an observation.
+instruction, ``H`` steps of a prediction, ``P`` numbers of a percept (mostly the state), ``O = P + d + 1`` numbers in an
+observation.
 """
 
 from __future__ import annotations
@@ -15,28 +16,26 @@ import numpy as np
 Array = np.ndarray
 Policy = Callable[[Array], Array]
 """Observations ``(N, O)`` float32 to actions ``(N,)``, without exploration."""
-DOES_NOT_KNOW = "I do not know"
-"""Said when the confidence is too low."""
-CANNOT_TELL = "I cannot tell"
-"""Said when the meaning of the word is unknown."""
+DOES_NOT_KNOW, CANNOT_TELL = "I do not know", "I cannot tell"
+"""Said when the confidence is too low, and when the meaning of the word is unknown."""
 
 
 class ConfigError(ValueError):
     """A setting that cannot work; the message names the key, the value and what is allowed."""
 
 
-def observe(state: Array, instruction: Array, given: Array) -> Array:
+def observe(percept: Array, instruction: Array, given: Array) -> Array:
     """Join the parts of the policy's observation, in the order used everywhere.
 
     Args:
-        state: ``(..., S)`` state of the environment.
+        percept: ``(..., P)`` what the agent perceives of the environment, mostly its state.
         instruction: ``(..., d)``, 0 where none was given.
         given: ``(..., 1)``, 1 where one was given: silence differs from the instruction 0.
 
     Returns:
-        ``(..., S + d + 1)`` float32.
+        ``(..., P + d + 1)`` float32.
     """
-    return np.concatenate([state, instruction, given], axis=-1).astype(np.float32)
+    return np.concatenate([percept, instruction, given], axis=-1).astype(np.float32)
 
 
 def read_only(array: Array, shape: tuple[int | None, ...], name: str) -> Array:
@@ -46,8 +45,7 @@ def read_only(array: Array, shape: tuple[int | None, ...], name: str) -> Array:
         ValueError: if the shape differs.
     """
     array = np.asarray(array)
-    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
-    if not fits:
+    if array.ndim != len(shape) or not all(n in (None, m) for n, m in zip(shape, array.shape, strict=True)):
         raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
     view = array.view()
     view.flags.writeable = False
@@ -67,6 +65,7 @@ class Episode:
         terminated: True if the environment ended it, False if it was truncated.
         success: True if the environment's own success rule held at the end.
         context: one of the task's ``contexts``.
+        percepts: ``(T + 1, P)``; None where they are the states, or were not kept.
     """
 
     states: Array
@@ -77,17 +76,15 @@ class Episode:
     terminated: bool
     success: bool
     context: str
+    percepts: Array | None = None
 
     def __post_init__(self) -> None:
-        steps = len(self.actions)
-        self._freeze("states", (steps + 1, None))
-        self._freeze("actions", (steps,) + (None,) * (np.ndim(self.actions) - 1))
-        self._freeze("rewards", (steps,))
-        self._freeze("instructions", (steps, None))
-        self._freeze("given", (steps,))
-
-    def _freeze(self, name: str, shape: tuple[int | None, ...]) -> None:
-        object.__setattr__(self, name, read_only(getattr(self, name), shape, f"Episode.{name}"))
+        steps, more = len(self.actions), (None,) * (np.ndim(self.actions) - 1)
+        shapes = {"states": (steps + 1, None), "actions": (steps, *more), "rewards": (steps,)}
+        shapes |= {"instructions": (steps, None), "given": (steps,), "percepts": (steps + 1, None)}
+        for name, shape in shapes.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, read_only(getattr(self, name), shape, f"Episode.{name}"))
 
     def __len__(self) -> int:
         return len(self.actions)
@@ -106,6 +103,8 @@ class Episode:
             "terminated": last & self.terminated,
             "success": last & self.success,
         }
+        if self.percepts is not None:
+            columns |= {"percept": self.percepts[:-1], "next_percept": self.percepts[1:]}
         return {name: column[None] for name, column in columns.items()}
 
     @property
@@ -120,9 +119,10 @@ class Moment:
 
     Attributes:
         state: ``(S,)``.
-        instruction: ``(d,)`` the instruction at this moment, 0 in silence.
+        instruction: ``(d,)``, 0 in silence.
         given: False where the instructor said nothing.
         snapshot: what the environment needs to continue from here, or None; opaque to all others.
+        percept: ``(P,)``; None where it is the state.
         memory: what a policy with a memory remembers here, before it acts; None at the beginning, and for all others.
     """
 
@@ -130,14 +130,21 @@ class Moment:
     instruction: Array
     given: bool
     snapshot: Any = None
+    percept: Array | None = None
     memory: Any = None
 
 
 def columns_of(moments: Sequence[Moment]) -> tuple[Array, Array, Array]:
     """Moments as states ``(N, S)``, instructions ``(N, d)`` and whether they were given ``(N, 1)``, float32."""
     states = np.array([moment.state for moment in moments], np.float32)
-    instruction = np.array([moment.instruction for moment in moments], np.float32)
-    return states, instruction, np.array([[moment.given] for moment in moments], np.float32)
+    given = np.array([[moment.given] for moment in moments], np.float32)
+    return states, np.array([moment.instruction for moment in moments], np.float32), given
+
+
+def percepts_of(moments: Sequence[Moment]) -> Array:
+    """What the agent perceives at moments, ``(N, P)``."""
+    perceived = [moment.percept for moment in moments if moment.percept is not None]
+    return np.array(perceived) if perceived else columns_of(moments)[0]
 
 
 @dataclass(frozen=True)

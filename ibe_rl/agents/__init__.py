@@ -3,12 +3,13 @@
 In: batches of steps, observation size, action space, the settings of one kind. A kind is a module here or
 elsewhere; see ``Agent``.
 Out: an exploring policy, a greedy one that is explained, and a state to resume from.
-Imports: ``types``, ``config``.
+Imports: ``types``, ``task``, ``config``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from inspect import signature
 from typing import Any, Protocol
 
 import gymnasium
@@ -16,9 +17,11 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
 from ibe_rl.agents.actions import make_actions
+from ibe_rl.agents.encoder import has_images
 from ibe_rl.agents.networks import GreedyPolicy
 from ibe_rl.config.kinds import implementation, made
 from ibe_rl.config.settings import AgentConfig
+from ibe_rl.task import NUMBERS, Part
 from ibe_rl.types import ConfigError
 
 MOST_UNITS = 100_000
@@ -29,7 +32,8 @@ class Agent(Protocol):
     """A learner: ``policy`` explores and collects experience, ``greedy`` is evaluated and explained.
 
     A kind of agent is such a class. Its constructor takes its settings, the observation size O, the action space, the
-    total number of frames, and the indices of the observation that are hidden from it. Class attributes:
+    total number of frames, the indices of the observation that are hidden from it, and optionally ``parts``, what the
+    leading numbers of the observation are (``ibe_rl.task.Part``); without it images are refused. Class attributes:
     ``settings``, a dataclass derived from ``AgentConfig``, and optionally ``check(settings, actions)``, which raises
     ``ConfigError``.
     """
@@ -60,6 +64,7 @@ def make_agent(
     actions: gymnasium.Space[Any],
     total_frames: int,
     state_names: Sequence[str] = (),
+    parts: Sequence[Part] = (),
 ) -> Agent:
     """Make the agent of the kind that ``config`` names.
 
@@ -68,26 +73,46 @@ def make_agent(
         observation_size: O.
         actions: action space of the environment.
         total_frames: length of the training.
-        state_names: names of the leading numbers of the observation, for ``config.ignores``.
+        state_names: names of the state dimensions, for ``config.ignores``.
+        parts: of the percept; none where the observation begins with the state.
 
     Raises:
         ConfigError: if the kind is unknown, cannot take such actions, or is to ignore an unknown dimension.
     """
     check_actions(config, actions)
-    ignored = _ignored(config, state_names)
-    agent: Agent = made("agent", config, observation_size, actions, total_frames, ignored)
+    check_agent(config, state_names, parts)
+    ignored = [list(state_names).index(name) for name in config.ignores]
+    parts = parts or ([Part("", NUMBERS, (len(state_names),))] if state_names else [])
+    more = {"parts": parts} if _takes_parts(config) else {}
+    agent: Agent = made("agent", config, observation_size, actions, total_frames, ignored, **more)
     return agent
 
 
-def check_agent(config: AgentConfig, state_names: Sequence[str]) -> None:
-    """Refuse an agent that is to ignore an unknown state dimension, or whose layers have no width.
+def check_agent(config: AgentConfig, state_names: Sequence[str], parts: Sequence[Part] = ()) -> None:
+    """Refuse an agent that is to ignore what it does not see, cannot read images, or whose layers have no width.
 
     Raises:
         ConfigError: naming the key, the value and what is allowed.
     """
-    _ignored(config, state_names)
     if not all(1 <= width <= MOST_UNITS for width in config.hidden):
         raise ConfigError(f"agent.hidden={config.hidden}: allowed are widths of 1 to {MOST_UNITS}")
+    if parts and config.ignores:
+        raise ConfigError(
+            f"agent.ignores={list(config.ignores)} with env.task.state: allowed is [], as the agent does not see the "
+            "state but the observation; env.task.observes chooses from a Dict"
+        )
+    for name in config.ignores:
+        if name not in state_names:
+            raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
+    if has_images(parts) and not _takes_parts(config):
+        raise ConfigError(
+            f"agent={config.kind}: its constructor takes no parts, so it cannot tell an image from numbers; allowed "
+            "are observations without images"
+        )
+
+
+def _takes_parts(config: AgentConfig) -> bool:
+    return "parts" in signature(implementation("agent", config.kind)).parameters
 
 
 def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
@@ -100,14 +125,6 @@ def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
     checks = getattr(implementation("agent", config.kind), "check", None)
     if checks:
         checks(config, actions)
-
-
-def _ignored(config: AgentConfig, state_names: Sequence[str]) -> list[int]:
-    """Indices of the ignored dimensions."""
-    for name in config.ignores:
-        if name not in state_names:
-            raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
-    return [list(state_names).index(name) for name in config.ignores]
 
 
 __all__ = ["Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent"]

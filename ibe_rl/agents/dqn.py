@@ -17,10 +17,13 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from ibe_rl.agents.actions import Categorical, discrete
+from ibe_rl.agents.encoder import Packing, has_images
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
+from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
 from ibe_rl.config.limits import TINY, setting
 from ibe_rl.config.settings import AgentConfig
+from ibe_rl.task import Part
 from ibe_rl.types import ConfigError
 
 
@@ -112,6 +115,7 @@ class DQN:
         actions: of the environment, discrete.
         total_frames: frames after which the learning rate reaches 0 and epsilon its end.
         ignored: indices of the observation that are hidden from it.
+        parts: of the leading numbers of an observation.
 
     Attributes:
         policy: explores; run by the collector.
@@ -127,12 +131,17 @@ class DQN:
         actions: gymnasium.Space[Any],
         total_frames: int,
         ignored: Sequence[int] = (),
+        parts: Sequence[Part] = (),
     ):
         self.check(config, actions)
         assert isinstance(actions, gymnasium.spaces.Discrete)
         self._config, self._total_frames, self._frames = config, total_frames, 0
         n_actions, self._start = int(actions.n), int(actions.start)
-        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, last_gain=1.0, ignored=ignored)
+        self._standardiser = Standardiser(observation_size, parts, config.standardise_observations)
+        self._rewards = RewardStandardiser(config.standardise_rewards, config.gamma)
+        self._packing = Packing(observation_size, parts) if has_images(parts) else None
+        reads: dict[str, Any] = {"ignored": ignored, "parts": parts, "standardiser": self._standardiser}
+        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, 1.0, **reads)
         self._network, self._epsilon = network, 1.0
         self.policy = EpsilonGreedyPolicy(deepcopy(network), n_actions, self._start)
         self.greedy = GreedyPolicy(network, config.average_share, Categorical(n_actions, self._start).mode)
@@ -178,12 +187,25 @@ class DQN:
         steps = batch.select("observation", "action", *ends)
         steps["action"] = steps["action"] - self._start
         steps["next", "reward"] = learning_reward(batch, self._config)
+        self._standardiser.learn(steps["observation"])
+        self._rewards.learn(steps["next", "reward"], steps["next", "done"])
         if self._unfinished is not None:
             steps = torch.cat([self._unfinished, steps], 1)
         whole = max(steps.shape[1] - self._config.n_steps + 1, 0)
         if whole:
-            self._buffer.extend(n_step_returns(steps, self._config.n_steps, self._config.gamma))
+            self._buffer.extend(self._packed(n_step_returns(steps, self._config.n_steps, self._config.gamma)))
         self._unfinished = steps[:, whole:].clone()
+
+    def _packed(self, returns: TensorDict) -> TensorDict:
+        if self._packing is not None:
+            for name in ("observation", "later"):
+                returns[name] = TensorDict(self._packing.pack(returns[name]), returns.shape)
+        return returns
+
+    def _seen(self, kept: Any) -> Tensor:
+        """Observations ``(N, O)`` as drawn from the buffer."""
+        seen: Tensor = kept if self._packing is None else self._packing.unpack(kept)
+        return seen
 
     def _anneal(self) -> None:
         config, progress = self._config, self._frames / self._total_frames
@@ -203,16 +225,23 @@ class DQN:
     @torch.no_grad()
     def _worth(self, data: TensorDictBase) -> Tensor:
         """Double-DQN targets: the network chooses the next action, the target network values it."""
-        best = self._network(data["later"]).argmax(-1, keepdim=True)
-        return data["reward"] + data["discount"] * self._target.module(data["later"]).gather(-1, best).squeeze(-1)
+        later = self._seen(data["later"])
+        best = self._network(later).argmax(-1, keepdim=True)
+        reward = data["reward"] * self._rewards.factor
+        return reward + data["discount"] * self._target.module(later).gather(-1, best).squeeze(-1)
 
-    def _step(self, observation: Tensor, action: Tensor, target: Tensor) -> Tensor:
-        q_values = self._network(observation).gather(-1, action[:, None]).squeeze(-1)
+    def _step(self, observation: Any, action: Tensor, target: Tensor) -> Tensor:
+        q_values = self._network(self._seen(observation)).gather(-1, action[:, None]).squeeze(-1)
         loss = nn.functional.smooth_l1_loss(q_values, target)
         loss.backward()
         self._optimizer.step()
         self._optimizer.zero_grad()
         return loss.detach()
+
+    @property
+    def standardised(self) -> list[str]:
+        """See ``standardise.standardised``."""
+        return standardised(self._standardiser, self._rewards)
 
     def sync_weights(self) -> None:
         """See ``Agent``."""
@@ -229,6 +258,7 @@ class DQN:
             "frames": self._frames,
             "epsilon": self._epsilon,
             "buffer": self._buffer.state_dict(),
+            "rewards": self._rewards.state_dict(),
             "unfinished": None if self._unfinished is None else self._unfinished.to_dict(),
         }
 
@@ -238,5 +268,6 @@ class DQN:
             getattr(self, f"_{name}").load_state_dict(state[name])
         self.greedy.load_state_dict(state["greedy"])
         self._frames, self._epsilon = state["frames"], state["epsilon"]
+        self._rewards.load_state_dict(state.get("rewards"))
         steps = state["unfinished"]
         self._unfinished = None if steps is None else TensorDict(steps, steps["action"].shape[:2])

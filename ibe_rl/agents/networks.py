@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
@@ -12,6 +13,8 @@ from torch.optim.swa_utils import AveragedModel
 from torchrl.modules import MLP
 
 from ibe_rl.agents.actions import Mode, best
+from ibe_rl.agents.encoder import Encoder, encoded_size, has_images
+from ibe_rl.task import Part
 from ibe_rl.types import Array
 
 
@@ -38,14 +41,31 @@ def make_network(
     activation: type[nn.Module],
     last_gain: float,
     ignored: Sequence[int] = (),
+    parts: Sequence[Part] = (),
+    standardiser: nn.Module | None = None,
 ) -> nn.Sequential:
-    """An MLP with orthogonal weights, those of the last layer scaled by ``last_gain``; masks inputs ``ignored``."""
+    """An MLP with orthogonal weights.
+
+    Args:
+        inputs: ``O``.
+        hidden: layer widths.
+        outputs: number of outputs.
+        activation: between layers.
+        last_gain: factor of the weights of the last layer.
+        ignored: inputs that are masked.
+        parts: of the leading inputs; images are encoded first.
+        standardiser: the first step; None: none.
+    """
+    first: dict[str, nn.Module] = {} if standardiser is None else {"standardise": standardiser}
+    if has_images(parts):
+        first["encode"], inputs = Encoder(inputs, parts), encoded_size(inputs, parts)
     network = MLP(in_features=inputs, out_features=outputs, num_cells=list(hidden), activation_class=activation)
     layers = [layer for layer in network if isinstance(layer, nn.Linear)]
     for layer in layers:
         nn.init.orthogonal_(layer.weight, last_gain if layer is layers[-1] else 2**0.5)
         nn.init.zeros_(layer.bias)
-    return nn.Sequential(InputMask(inputs, ignored), network) if ignored else network
+    steps = {"0": InputMask(inputs, ignored), "1": network} if ignored else dict(network.named_children())
+    return nn.Sequential(OrderedDict(first | steps))
 
 
 class GreedyPolicy:

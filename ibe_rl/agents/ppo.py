@@ -6,6 +6,7 @@ The loss is written out: with networks this small, ``torchrl.objectives.ClipPPOL
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -22,8 +23,10 @@ from torchrl.objectives.value import GAE
 from ibe_rl.agents.actions import Actions, make_actions
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
+from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
 from ibe_rl.config.limits import TINY, setting
 from ibe_rl.config.settings import AgentConfig
+from ibe_rl.task import Part
 
 
 @dataclass
@@ -103,6 +106,7 @@ class PPO:
         actions: of the environment.
         total_frames: frames after which learning rate and entropy bonus reach 0.
         ignored: indices of the observation that are hidden from it.
+        parts: of the leading numbers of an observation.
 
     Attributes:
         policy: explores; run by the collector.
@@ -118,12 +122,16 @@ class PPO:
         actions: gymnasium.Space[Any],
         total_frames: int,
         ignored: Sequence[int] = (),
+        parts: Sequence[Part] = (),
     ):
         self._config, self._total_frames, self._frames = config, total_frames, 0
+        self._standardiser = Standardiser(observation_size, parts, config.standardise_observations)
+        self._rewards = RewardStandardiser(config.standardise_rewards, config.gamma)
         self._actions = make_actions(actions, config.first_std)
-        network = make_network(observation_size, config.hidden, self._actions.outputs, nn.ReLU, 0.01, ignored)
+        reads: dict[str, Any] = {"ignored": ignored, "parts": parts, "standardiser": self._standardiser}
+        network = make_network(observation_size, config.hidden, self._actions.outputs, nn.ReLU, 0.01, **reads)
         self._actor = self._actions.finish(network)
-        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, last_gain=1.0, ignored=ignored)
+        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, 1.0, **reads)
         self.policy = SamplingPolicy(deepcopy(self._actor), self._actions)
         self.greedy = GreedyPolicy(self._actor, config.average_share, self._actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])
@@ -134,17 +142,23 @@ class PPO:
     def update(self, batch: TensorDictBase) -> dict[str, float]:
         """Learn from a batch ``[N, T]``; returns the last minibatch's losses.
 
+        Where observations are standardised, the first batch only measures them; its losses are NaN.
+
         Raises:
             FloatingPointError: if a loss or the weights are NaN or infinite.
         """
         left = 1 - min(self._frames / self._total_frames, 1)  # share of the run
         self._optimizer.param_groups[0]["lr"] = left * self._config.learning_rate
         self._frames += batch.numel()
+        if not self._standardiser.decided and self._standardiser.learn(batch["observation"]):
+            self.greedy.follow(self._actor)
+            return dict.fromkeys(("policy_loss", "value_loss", "entropy"), math.nan)
         steps = self._prepare(batch)
         for _ in range(self._config.epochs):
             for rows in torch.randperm(batch.numel()).split(self._config.minibatch_size):
                 losses = self._step(PPOSteps(*(column[rows] for column in steps)), left * self._config.entropy)
         check_finite(losses, self._parameters)
+        self._standardiser.learn(batch["observation"])  # after learning, which needs the policy that acted
         self.greedy.follow(self._actor)
         return losses
 
@@ -152,7 +166,9 @@ class PPO:
         """Estimate advantages over whole rows, then flatten rows and time."""
         ends = [("next", name) for name in ("observation", "done", "terminated")]
         data = batch.select("observation", *ends)
-        data["next", "reward"] = learning_reward(batch, self._config)
+        reward = learning_reward(batch, self._config)
+        self._rewards.learn(reward, batch["next", "done"])
+        data["next", "reward"] = reward * self._rewards.factor
         with torch.no_grad():
             self._estimate(data)
         return PPOSteps(
@@ -173,6 +189,11 @@ class PPO:
         self._optimizer.zero_grad()
         return {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
 
+    @property
+    def standardised(self) -> list[str]:
+        """See ``standardise.standardised``."""
+        return standardised(self._standardiser, self._rewards)
+
     def sync_weights(self) -> None:
         """See ``Agent``."""
         self.policy.network.load_state_dict(self._actor.state_dict())
@@ -185,6 +206,7 @@ class PPO:
             "optimizer": self._optimizer.state_dict(),
             "greedy": self.greedy.state_dict(),
             "frames": self._frames,
+            "rewards": self._rewards.state_dict(),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -193,3 +215,4 @@ class PPO:
             getattr(self, f"_{name}").load_state_dict(state[name])
         self.greedy.load_state_dict(state["greedy"])
         self._frames = state["frames"]
+        self._rewards.load_state_dict(state.get("rewards"))

@@ -248,6 +248,8 @@ def steps_of(batch: TensorDictBase) -> dict[str, Array]:
         "terminated": after["terminated"].squeeze(-1),
         "success": after["success"].squeeze(-1),
     }
+    if "percept" in batch.keys():  # noqa: SIM118 - a TensorDict
+        columns |= {"percept": batch["percept"], "next_percept": after["percept"]}
     return {name: column.numpy() for name, column in columns.items()}
 
 

@@ -12,7 +12,7 @@ from ibe_rl.acting import Acting
 from ibe_rl.envs.gate import GateError, located
 from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
-from ibe_rl.task import RecordedRollout
+from ibe_rl.task import PERCEPT, RecordedRollout
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
 
 EVALUATION_SEED = TRAINING_SEEDS
@@ -30,8 +30,9 @@ class _Rollout:
         self._game: Stoppable | None = None
         if keep:
             self.keep_moments()
-        state, _ = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
+        state, info = env.reset(seed=seed, options={self.task.context_option: context} if context else None)
         self.states: list[Array] = [state]
+        self.percepts: list[Array] = [info.get(PERCEPT, state)]
         self.actions: list[Any] = []
         self.rewards: list[float] = []
         self.instructions: list[Array] = []
@@ -45,7 +46,8 @@ class _Rollout:
     def hear(self, instruction: Array, given: bool, memory: Any) -> None:
         if self.keep:
             snapshot = self._game.snapshot() if self._game else None
-            self.moments.append(Moment(self.states[-1], instruction, given, snapshot, memory))
+            percept = self.percepts[-1] if self.task.parts else None
+            self.moments.append(Moment(self.states[-1], instruction, given, snapshot, percept, memory))
         self.instructions.append(instruction)
         self.given.append(given)
 
@@ -53,6 +55,7 @@ class _Rollout:
         self.terminated, self.done = terminated, terminated or truncated
         self.success = info[self.task.success_key]
         self.states.append(state)
+        self.percepts.append(info.get(PERCEPT, state))
         self.actions.append(action)
         self.rewards.append(float(reward))
 
@@ -66,6 +69,7 @@ class _Rollout:
             terminated=self.terminated,
             success=self.success,
             context=self.task.context(self.states[0]),
+            percepts=np.array(self.percepts) if self.task.parts else None,
         )
 
 
@@ -153,9 +157,9 @@ def _step_all(rollouts: Sequence[_Rollout], acting: Acting, instructor: Instruct
     except GateError as error:
         raise located(error, [rollout.env for rollout in rollouts], states) from None
     rows = np.flatnonzero(unfinished).tolist()
-    before = [acting.memories[row] for row in rows]
-    envs = [rollout.env for rollout in rollouts]
-    actions = acting(observe(states[rows], instruction[rows], given[rows]), rows, envs)
+    before, envs = [acting.memories[row] for row in rows], [rollout.env for rollout in rollouts]
+    percepts = np.array([rollouts[row].percepts[-1] for row in rows])
+    actions = acting(observe(percepts, instruction[rows], given[rows]), rows, envs)
     for row, memory in zip(rows, before, strict=True):
         rollouts[row].hear(instruction[row], bool(given[row, 0]), memory)
     steps = step_together([rollouts[row].env for row in rows], actions)

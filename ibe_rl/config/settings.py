@@ -28,12 +28,11 @@ class PhrasesConfig:
 
 @dataclass
 class TaskConfig:
-    """See ``ibe_rl.task.Task``. ``module:name`` names a function, or a class constructed without arguments.
-
-    Modules are searched on Python's path and in the working directory.
-    """
+    """See ``ibe_rl.task.Task``. ``module:name``: a function or a class without arguments, found from where you are."""
 
     name: str = MISSING  # shown in titles
+    state: str | None = None  # module:name; (environment, its observation) to the state (S,); None: the observation
+    observes: list[str] = field(default_factory=list)  # keys of a Dict observation that the agent reads; empty: all
     rule: str = MISSING  # module:name; states (..., S) to instructions (..., d)
     phrases: list[PhrasesConfig] = MISSING  # one per number of the instruction
     explained: list[str] = MISSING  # one state dimension per number of the instruction; +1 means it should rise
@@ -59,7 +58,7 @@ class TaskConfig:
 
 
 CODE_SETTINGS = (
-    *("rule", "success", "context", "motion", "goal_offset", "first_contact"),
+    *("state", "rule", "success", "context", "motion", "goal_offset", "first_contact"),
     *("scene_path", "background", "figure"),
 )
 """The settings that name code."""
@@ -107,6 +106,8 @@ class AgentConfig:
     learning_rate: float = setting(1e-3, low=0.0, high=1.0)  # of the optimiser
     success_bonus: float = setting(100.0, low=0.0)  # added to the learner's reward on success, not to logged rewards
     reward_scale: float = setting(0.05, low=TINY)  # multiplies reward and bonus
+    standardise_observations: bool | None = setting(None, kept=True)  # by mean and deviation; None: where far from 1
+    standardise_rewards: bool | None = setting(None, kept=True)  # by the returns' deviation; None: where far from 1
     average_share: float = setting(0.1, low=0.0, high=1.0)  # share of past updates in the evaluated weight average
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from ibe_rl.config.settings import CODE_SETTINGS, PhrasesConfig, TaskConfig
 from ibe_rl.envs.functions import CHECKS, checked_success, with_checks
+from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.runtime.import_string import import_named
 from ibe_rl.task import Phrases, Task
@@ -39,7 +39,7 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
     """Wrap an environment with a declared task.
 
     Args:
-        env: with a one-dimensional ``Box`` of states.
+        env: observes any space.
         config: the declared task.
 
     Raises:
@@ -53,14 +53,15 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
     task = _task(env, config, made)
     named = {name: getattr(config, name) or "" for name in CHECKS}
     task = with_checks(task, named, "env.task")
-    check_functions(env, task, {name: text for name, text in named.items() if text})
     success = checked_success(made.get("success"), config.success, task)
     draw = {part: made[part] for part in SHAPE_FUNCTIONS if part in made}
-    return Declared(env, task, success, draw)
+    declared = Declared(env, task, success, draw)
+    check_functions(declared, task, [name for name, text in named.items() if text])
+    return declared
 
 
 def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str, Callable[..., Any]]) -> Task:
-    size = state_size(env)
+    size = Sense(env, functions.get("state"), config.observes).states(env)
     names = _names("state_names", config.state_names or [f"state_{i}" for i in range(size)], size)
     units = _names("state_units", config.state_units or [""] * size, size, distinct=False)
     unknown = [name for name in config.explained if name not in names]
@@ -94,7 +95,12 @@ def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str,
         explained_band=tuple(config.explained_band),
         explained_range=tuple(config.explained_range),
         max_episode_steps=_steps(env, config),
-        **{name: functions.get(name) for name in ("motion", "goal_offset", "first_contact", "scene_path")},
+        motion=functions.get("motion"),
+        goal_offset=functions.get("goal_offset"),
+        first_contact=functions.get("first_contact"),
+        scene_path=functions.get("scene_path"),
+        state=functions.get("state"),
+        observes=tuple(config.observes),
         hidden_goal=dict(config.hidden_goal),
         scene_size=(float(config.scene_size[0]), float(config.scene_size[1])),
     )
@@ -102,18 +108,6 @@ def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str,
 
 def _anything(_: Array) -> str:
     return ANY
-
-
-def state_size(env: gymnasium.Env[Any, Any]) -> int:
-    """How many numbers a state has.
-
-    Raises:
-        ConfigError: if its states are not vectors.
-    """
-    space = env.observation_space
-    if not isinstance(space, spaces.Box) or len(space.shape) != 1:
-        raise ConfigError(f"env.id={_id(env)}: its states are {space}; allowed is a Box with one dimension")
-    return space.shape[0]
 
 
 def _id(env: gymnasium.Env[Any, Any]) -> str:

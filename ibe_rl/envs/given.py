@@ -7,12 +7,12 @@ from functools import partial
 from typing import Any
 
 import gymnasium
-import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.functions import with_checks
 from ibe_rl.envs.gate import Gate
+from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
@@ -57,7 +57,7 @@ def make_given(given: GivenEnv) -> Declared:
         raise ConfigError(
             f"env={given.id}: it declares no task; allowed is task=Task(...), or an attribute task of that type"
         )
-    size = np.prod(made.observation_space.shape or (0,))
+    size = Sense(made, task.state, task.observes).states(made)
     for part in ("state_names", "state_units"):
         if len(getattr(task, part)) != size:
             raise ConfigError(
@@ -68,5 +68,5 @@ def make_given(given: GivenEnv) -> Declared:
     limited: gymnasium.Env[Any, Any] = (
         made if limit == task.max_episode_steps else TimeLimit(made, task.max_episode_steps)
     )
-    gate = Gate(limited, f"env={given.id}", task.success_key, task.state_names)
+    gate = Gate(limited, f"env={given.id}", task.success_key, () if task.state else task.state_names)
     return Declared(gate, with_checks(task, {}, "task"), again=(given.token, partial(make_given, given)))

@@ -9,7 +9,7 @@ from uuid import uuid4
 import cloudpickle
 import gymnasium
 
-from ibe_rl.envs.declare import check_functions, state_size
+from ibe_rl.envs.declare import check_functions
 from ibe_rl.envs.functions import CHECKS, name_of
 from ibe_rl.envs.given import GivenEnv, GivesEnv, MakeGym, make_given
 from ibe_rl.runtime.import_string import raised
@@ -37,7 +37,6 @@ def given_env(env: GivesEnv, task: Task | None = None, name: str | None = None) 
             f"env={env!r:.80}: allowed is a name, a function or class that makes an environment, or an environment"
         )
     made = make_given(given)
-    state_size(made)
     own: Task = made.task
     check_functions(made, own, [part for part in CHECKS if getattr(own, part) is not None])
     return given

@@ -19,10 +19,12 @@ from ibe_rl.envs.declare import declare
 from ibe_rl.envs.gate import Gate, GateError, located, place, user_error
 from ibe_rl.envs.given import GivenEnv, make_given
 from ibe_rl.envs.own_task import with_own_task
+from ibe_rl.envs.sensing import Sensed
 from ibe_rl.envs.snapshots import Stoppable, stoppable
+from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.storage.partial_episode import PartialEpisode
-from ibe_rl.task import Shape, Task
+from ibe_rl.task import PERCEPT, Shape, Task
 from ibe_rl.types import Array, ConfigError, Instructor, observe
 
 TRAINING_SEEDS = 2_000_000_000
@@ -54,8 +56,8 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
         raise ConfigError(f"env.id={env_id} with env.kwargs={dict(kwargs)}: {' '.join(str(error).split())}") from None
     label = f"env.id={env_id}"
     if declared is not None:
-        key = None if declared.success else declared.success_key
-        return declare(Gate(env, label, key, declared.state_names or ()), declared)
+        key, names = None if declared.success else declared.success_key, declared.state_names or ()
+        return declare(Gate(env, label, key, () if declared.state else names), declared)
     return with_own_task(env, label)
 
 
@@ -96,13 +98,16 @@ def make_snapshot_env(env: EnvConfig) -> Stoppable:
     Raises:
         ConfigError: if it cannot be restored exactly.
     """
-    made = stoppable(make_env(env))
+    original = make_env(env)
+    made = stoppable(original)
     if made is None:
         raise ConfigError(
             f"predictor=simulator with env.id={env.id}: the state of this environment cannot be saved and "
             "restored exactly (it has no snapshot() and restore(), and a deep copy of it behaves differently); "
             "allowed is predictor=ensemble or predictor=regression, which learn from the log"
         )
+    if isinstance(original, Declared) and not original.sense.as_it_is:
+        return Sensed(made, original.sense)
     return made
 
 
@@ -130,8 +135,9 @@ class InstructedEnvs(EnvBase):
     """Environments that are stepped and instructed together, one row each.
 
     Reset and step write ``state``, ``instruction``, ``instruction_given``, ``observation`` (all three, for the policy)
-    and ``success`` (``info`` at the task's success key). Resetting is left to the collector, so no last state is lost.
-    gymnasium's vector environment and TorchRL's transforms are not used; they took a third of the time (docs/LOG.md).
+    and ``success`` (``info`` at the task's success key). Where the agent does not perceive the state itself, they also
+    write ``percept``, which ``observation`` has in place of the state. Resetting is left to the collector, so no last
+    state is lost. gymnasium's vector environment and TorchRL's transforms took a third of the time (docs/LOG.md).
 
     Each episode has a seed of its own (``episode_seed``), so that it can be replayed alone.
 
@@ -151,6 +157,8 @@ class InstructedEnvs(EnvBase):
         self._environments, self._instructor, self._task = envs, instructor, task_of(envs[0])
         self._partial_episodes, self._first_seed, self._episodes_begun = list(partial_episodes), 0, [0] * len(envs)
         self._states = np.zeros((len(envs), len(self._task.state_names)), np.float32)
+        size = (len(envs), self._task.percept_size)
+        self._percepts = np.zeros(size, self._task.percept_type) if self._task.parts else None
         self._said = np.zeros((len(envs), self._task.instruction_size + 1), np.float32)
         self._declare()
 
@@ -167,13 +175,13 @@ class InstructedEnvs(EnvBase):
             success=flag,
             shape=[rows],
         )
+        if self._percepts is not None:
+            percepts = torch.from_numpy(self._percepts)
+            self.observation_spec["percept"] = Unbounded(shape=percepts.shape, dtype=percepts.dtype)
         action = torchrl_spec(env.action_space, categorical_action_encoding=True)
         self.action_spec = action.expand(rows, *action.shape)
         self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
-        self.done_spec = Composite(
-            {name: flag.clone() for name in ("done", "terminated", "truncated")},
-            shape=[rows],
-        )
+        self.done_spec = Composite({name: flag.clone() for name in ("done", "terminated", "truncated")}, shape=[rows])
 
     def _set_seed(self, seed: int | None) -> None:
         self._first_seed = episode_seed(0, 0) if seed is None else seed
@@ -185,16 +193,20 @@ class InstructedEnvs(EnvBase):
         no = torch.zeros(len(self._environments), 1, dtype=torch.bool)
         fresh = self._replay() if self._partial_episodes else rows
         for row in np.flatnonzero(fresh).tolist():
-            self._states[row] = self._begin(row)
+            self._begin(row)
         self._instructor.reset(fresh)
         return TensorDict(self._seen(rows) | {"success": no}, self.batch_size)
 
-    def _begin(self, row: int) -> Array:
-        """Begin the next episode of a row; returns its first state."""
+    def _begin(self, row: int) -> None:
+        """Begin the next episode of a row."""
         seed = episode_seed(self._first_seed + row, self._episodes_begun[row])
         self._episodes_begun[row] += 1
-        state: Array = self._environments[row].reset(seed=seed)[0]
-        return state
+        self._take(row, *self._environments[row].reset(seed=seed))
+
+    def _take(self, row: int, state: Array, info: Mapping[str, Any]) -> None:
+        self._states[row] = state
+        if self._percepts is not None:
+            self._percepts[row] = info[PERCEPT]
 
     def _replay(self) -> Array:
         """Replay the partial episodes, with the instructor called at each step.
@@ -206,14 +218,15 @@ class InstructedEnvs(EnvBase):
         self._episodes_begun = [one.ended for one in partial_episodes]
         going = np.array([one.state is not None for one in partial_episodes])
         for row in np.flatnonzero(going).tolist():
-            self._states[row] = self._begin(row)
+            self._begin(row)
         self._instructor.reset(going)
         played = [plain(one.actions) for one in partial_episodes]
         for step in range(max(len(one.actions) for one in partial_episodes)):
             playing = going & [step < len(one.actions) for one in partial_episodes]
             self._instructor.instruct(self._states, playing)
             for row in np.flatnonzero(playing).tolist():
-                self._states[row], _, terminated, truncated, _ = self._environments[row].step(played[row][step])
+                state, _, terminated, truncated, info = self._environments[row].step(played[row][step])
+                self._take(row, state, info)
                 going[row] = not (terminated or truncated)
         same = [
             one.state is not None and np.array_equal(state, one.state)
@@ -225,6 +238,8 @@ class InstructedEnvs(EnvBase):
         actions = tensordict.get("action")
         states, rewards, terminated, truncated, infos = step_together(self._environments, actions.numpy())
         self._states = np.array(states, np.float32)
+        if self._percepts is not None:
+            self._percepts = np.array([info[PERCEPT] for info in infos])
         ended = torch.tensor([terminated, truncated]).unsqueeze(-1)
         success = [info[self._task.success_key] for info in infos]
         entries = self._seen(~np.array(terminated)) | {
@@ -247,14 +262,19 @@ class InstructedEnvs(EnvBase):
         except GateError as error:
             raise located(error, self._environments, self._states) from None
         self._said = np.where(asked[:, None], np.concatenate([instruction, given], axis=1), self._said)
-        observation = torch.from_numpy(observe(self._states, self._said[:, :-1], self._said[:, -1:]))
-        state_end = self._states.shape[1]
-        return {
+        perceived = self._states if self._percepts is None else self._percepts
+        observation = torch.from_numpy(observe(perceived, self._said[:, :-1], self._said[:, -1:]))
+        end = perceived.shape[1]
+        entries = {
             "observation": observation,
-            "state": observation[:, :state_end].clone(),
-            "instruction": observation[:, state_end:-1].clone(),
+            "state": observation[:, :end].clone(),
+            "instruction": observation[:, end:-1].clone(),
             "instruction_given": observation[:, -1:].clone(),
         }
+        if self._percepts is not None:
+            entries["state"] = torch.from_numpy(self._states.copy())
+            entries["percept"] = torch.from_numpy(self._percepts.copy())
+        return entries
 
 
 def step_together(envs: Sequence[gymnasium.Env[Any, Any]], actions: Array) -> Sequence[Sequence[Any]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium
-import numpy as np
 
 from ibe_rl.envs.functions import with_checks
 from ibe_rl.envs.gate import Gate
@@ -37,6 +36,6 @@ def with_own_task(env: gymnasium.Env[Any, Any], label: str) -> gymnasium.Env[Any
             f"{task.max_episode_steps}, as its task says, so that every episode ends"
         )
     checked = with_checks(task, {}, "task")
-    if env.observation_space.dtype == np.float32:
-        return Gate(env, label, task.success_key, task.state_names, checked)
-    return Declared(Gate(env, label, task.success_key, task.state_names), checked)
+    names = () if task.state else task.state_names
+    declared = Declared(Gate(env, label, task.success_key, names), checked)
+    return Gate(env, label, task.success_key, names, checked) if declared.sense.as_it_is else declared

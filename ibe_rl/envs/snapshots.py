@@ -15,6 +15,7 @@ from gymnasium.utils.env_checker import data_equivalence
 from ibe_rl.envs.gate import GateError, gate_of, user_error
 from ibe_rl.envs.masks import sampled_action
 from ibe_rl.envs.wrappers import Declared
+from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array
 
 AROUND = (wrappers.TimeLimit, wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, Declared)
@@ -210,8 +211,8 @@ def _find_method(make: Callable[[], Any]) -> type[Copied] | None:
     return None
 
 
-def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Array, Array]:
-    """Step ``N`` games in roll-outs: states ``(N, S)`` float32 and whether they terminated ``(N,)``.
+def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Array, Array, Array]:
+    """Step ``N`` games in roll-outs: states ``(N, S)``, percepts ``(N, P)``, whether they terminated ``(N,)``.
 
     Raises:
         GateError: if one raises, or gives numbers that are not finite.
@@ -220,7 +221,8 @@ def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Arra
     states = np.array([after[0] for after in steps], np.float32)
     if not np.isfinite(states.sum()):
         _refuse_states(states, games)
-    return states, np.array([after[2] for after in steps], bool)
+    percepts = np.array([after[4][PERCEPT] for after in steps]) if PERCEPT in steps[0][4] else states
+    return states, percepts, np.array([after[2] for after in steps], bool)
 
 
 def _refuse_states(states: Array, games: Sequence[Stoppable]) -> None:

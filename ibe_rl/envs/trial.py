@@ -159,7 +159,7 @@ def _taken_up(config: EnvConfig, task: Task) -> str:
     copy.restore(played.snapshot)
     rolled = []
     for action in played.actions[played.cut :]:
-        state, _ = step_games([copy], [_plain(action)])
+        state, *_ = step_games([copy], [_plain(action)])
         rolled.append(state[0])
     off = np.abs(np.array(rolled) - played.states[played.cut + 1 :]).max(axis=0)
     share = off / np.maximum(np.ptp(played.states, axis=0), np.finfo(np.float32).tiny)

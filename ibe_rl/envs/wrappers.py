@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -10,7 +11,8 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from ibe_rl.envs.gate import GateError, check_context, place
+from ibe_rl.envs.gate import GateError, check_context, place, user_error
+from ibe_rl.envs.sensing import Sense
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, observe
 
@@ -21,7 +23,8 @@ SUCCESS = "success"
 class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
     """An environment with a task declared in a config.
 
-    States are float32; ``info["success"]`` at each step is whether the episode ended in success.
+    States are float32 rows; ``info["success"]`` at each step is whether the episode ended in success, and
+    ``info["ibe_rl/percept"]`` what the agent perceives, where that is not the state.
 
     Args:
         env: a gate around the environment.
@@ -42,25 +45,34 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
     ):
         super().__init__(env)
         self.again = again
-        self.task, self._success, self._draw = task, success, draw or {}
-        shape = env.observation_space.shape
-        self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
+        self.sense = Sense(env, task.state, task.observes)
+        self.task, self._success, self._draw = replace(task, parts=self.sense.parts), success, draw or {}
+        self.observation_space = spaces.Box(-np.inf, np.inf, (len(task.state_names),), np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """See ``gymnasium.Env``."""
-        state, info = self.env.reset(seed=seed, options=options)
-        seen = np.asarray(state, np.float32)
-        check_context(self, self.task, seen)
-        return seen, {**info, self.task.success_key: False}
+        seen, info = self.env.reset(seed=seed, options=options)
+        state, percept = self._sensed(seen)
+        check_context(self, self.task, state)
+        return state, {**info, **percept, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """See ``gymnasium.Env``."""
         reward: Any
-        raw, reward, terminated, truncated, info = self.env.step(action)
-        state = np.asarray(raw, np.float32)
+        seen, reward, terminated, truncated, info = self.env.step(action)
+        state, percept = self._sensed(seen)
+        info = {**info, **percept} if percept else info
         if self._success is not None:
             info = {**info, SUCCESS: self._judged(state, terminated, truncated)}
         return state, reward, terminated, truncated, {self.task.success_key: False, **info}
+
+    def _sensed(self, seen: Any) -> tuple[Array, dict[str, Any]]:
+        try:
+            return self.sense(self.unwrapped, seen)
+        except ConfigError as error:
+            raise GateError(f"{place(self)}: {error}") from None
+        except Exception as error:  # the state function is the user's
+            raise GateError(f"{place(self)}: env.task.state: it raised {user_error(error)}") from None
 
     def _judged(self, state: Array, terminated: bool, truncated: bool) -> bool:
         assert self._success is not None
@@ -99,6 +111,8 @@ class Instructed(gymnasium.Wrapper[Array, Any, Array, Any], RecordConstructorArg
         task = getattr(env.unwrapped, "task", None)
         if not isinstance(task, Task):
             raise ConfigError(f"env={env}: it declares no task; allowed is one with an attribute of type Task")
+        if task.state is not None:
+            raise ConfigError(f"env={env}: its task makes a state of the observation; allowed is one that observes it")
         states: Any = env.observation_space
         edge = np.ones(task.instruction_size, np.float32)
         self._task = task

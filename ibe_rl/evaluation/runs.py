@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.agents import GreedyPolicy, make_agent
+from ibe_rl.agents.encoder import encoded_size
 from ibe_rl.agents.guest import ExternalPolicyConfig
 from ibe_rl.config.command_line import named_settings
 from ibe_rl.config.limits import check
@@ -212,13 +213,15 @@ def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:
 
 def _load_policy(path: Path, config: TrainConfig, env: gymnasium.Env[Any, Any]) -> GreedyPolicy:
     task = task_of(env)
-    widths = [task.observation_size, *config.agent.hidden]
+    widths = [encoded_size(task.observation_size, task.parts), *config.agent.hidden]
     state = load(path)
     if min(widths) < 1 or sum(math.prod(pair) for pair in pairwise(widths)) > path.stat().st_size:
         raise ConfigError(
             f"{path}: not a policy of this run (agent.hidden={config.agent.hidden}, which it has no weights for)"
         )
-    agent = make_agent(config.agent, task.observation_size, env.action_space, config.total_frames, task.state_names)
+    agent = make_agent(
+        config.agent, task.observation_size, env.action_space, config.total_frames, task.state_names, task.parts
+    )
     try:
         agent.greedy.load_state_dict(state)
     except (RuntimeError, AttributeError, TypeError) as error:

@@ -12,13 +12,14 @@ import numpy as np
 from ibe_rl.acting import Acting
 from ibe_rl.config.limits import KEPT, TINY, setting
 from ibe_rl.config.settings import PredictorConfig
-from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes
+from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes, with_percepts
 from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train_members
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
 from ibe_rl.predict.simulator import Rule
 from ibe_rl.predict.trust import Trust, measure
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, ConfigError, Moment, Policy, Prediction, columns_of, observe
+from ibe_rl.task import IMAGE, Part, Task
+from ibe_rl.types import Array, ConfigError, Moment, Policy, Prediction, columns_of, observe, percepts_of
 
 FROM_NOTHING = 3
 """Factor on the updates of the first refresh."""
@@ -50,20 +51,31 @@ class Ensemble:
     Each future follows one member. At intervals all members are compared; where they disagree too much the rest of the
     future is not trusted. Members are deterministic: futures of a moment differ by member only.
 
+    Where the agent does not perceive the state itself, state and percept are learnt together, as one row ``(S + P,)``.
+
     Args:
         config: see ``EnsembleConfig``.
         actions: of the environment.
-        state_size: S.
+        state_size: S, with the percept S + P.
         rule: the environment's instruction rule, states ``(N, S)`` to instructions ``(N, d)``.
         seed: of the weights and of all draws.
+        perceived_from: where the percept begins in the row: 0, or S.
     """
 
     kind, settings, learns = "ensemble", EnsembleConfig, True
 
-    def __init__(self, config: EnsembleConfig, actions: ActionColumns, state_size: int, rule: Rule, seed: int):
+    def __init__(
+        self,
+        config: EnsembleConfig,
+        actions: ActionColumns,
+        state_size: int,
+        rule: Rule,
+        seed: int,
+        perceived_from: int = 0,
+    ):
         self._config, self._actions, self._rule, self._seed = config, actions, rule, seed
         self._sizes = (state_size + actions.size, *config.hidden, state_size + 1)
-        self._times = 0
+        self._times, self._perceived_from = 0, perceived_from
         self._layers: Layers = make_layers(config.members, self._sizes, seed)
         self._scale: Scale | None = None
         self._trust: Trust | None = None
@@ -71,11 +83,13 @@ class Ensemble:
     @classmethod
     def make(cls, config: EnsembleConfig, *, rule: Rule, seed: int, env: Any, **_: Any) -> Self:
         """See ``ibe_rl.predict.KeptPredictor``."""
-        return cls(config, ActionColumns.of(env.action_space), int(env.observation_space.shape[0]), rule, seed)
+        size, parts = int(env.observation_space.shape[0]), _parts(env)
+        both = size + sum(part.size for part in parts)
+        return cls(config, ActionColumns.of(env.action_space), both, rule, seed, size if parts else 0)
 
     @staticmethod
     def check(config: EnsembleConfig, env: Any) -> None:
-        """Refuse empty or non-positive layer widths, and unsupported actions.
+        """Refuse empty or non-positive layer widths, images, and unsupported actions.
 
         Raises:
             ConfigError: naming the key, the value and what is allowed.
@@ -83,6 +97,11 @@ class Ensemble:
         ActionColumns.of(env.action_space)
         if not config.hidden or min(config.hidden) < 1:
             raise ConfigError(f"predictor.hidden={list(config.hidden)}: allowed are one or more widths of at least 1")
+        if images := [part for part in _parts(env) if part.kind == IMAGE]:
+            raise ConfigError(
+                f"predictor={config.kind}: the agent perceives an image of {images[0].shape}, which it does not "
+                "predict; allowed is predictor=simulator, or predictor=regression, which predicts the state alone"
+            )
 
     def learn(self, log: TrajectoryLog, until_frame: int | None = None) -> None:
         """Continue training on the newest episodes of the log.
@@ -96,7 +115,8 @@ class Ensemble:
             FloatingPointError: if the weights are NaN or infinite.
         """
         config, seed = self._config, self._seed + 1_000 * (self._times + 1)
-        learnt, judged = held_out(newest_episodes(log, config.newest_frames, until_frame))
+        newest = newest_episodes(log, config.newest_frames, until_frame)
+        learnt, judged = held_out([with_percepts(episode) for episode in newest])
         steps = Steps.of(learnt, self._actions)
         self._scale = Scale.of(steps)
         updates = config.updates * (1 if self._times else FROM_NOTHING)
@@ -124,11 +144,13 @@ class Ensemble:
         if self._trust is None:
             raise ValueError("the ensemble has not been trained yet")
         states, instruction, given = columns_of(moments)
-        memories = [moment.memory for moment in moments]
+        memories, size = [moment.memory for moment in moments], states.shape[1]
+        if self._perceived_from:
+            states = np.concatenate([states, percepts_of(moments)], axis=1, dtype=np.float32)
         rolled = self._roll(states, partial(self._follow, policy, instruction, given, memories), horizon_steps)
         error = self._trust.expected_error(rolled.apart)
         trusted = self._trust.trusted_steps(error, self._config.max_uncertainty, horizon_steps)
-        return Prediction(rolled.paths, trusted, error[:, -1])
+        return Prediction(rolled.paths[..., :size], trusted, error[:, -1])
 
     def _roll(self, states: Array, begin: Begin, horizon_steps: int) -> Rolled:
         assert self._scale is not None
@@ -136,14 +158,15 @@ class Ensemble:
 
     def _follow(self, policy: Policy, instruction: Array, given: Array, memories: Sequence[Any], futures: Array) -> Act:
         """How the policy acts in these futures ``(R,)``; its input buffer is allocated once."""
-        size, by_rule = self._sizes[-1] - 1, self._config.future_instruction == "rule"
+        first, by_rule = self._perceived_from, self._config.future_instruction == "rule"
+        size = self._sizes[-1] - 1 - first
         seen = observe(np.zeros((len(futures), size), np.float32), instruction[futures], given[futures])
         acting, rows = Acting(policy, [memories[future] for future in futures.tolist()]), range(len(futures))
 
         def act(step: int, states: Array) -> Array:
-            seen[:, :size] = states
+            seen[:, :size] = states[:, first:]
             if by_rule and step:
-                seen[:, size:-1], seen[:, -1] = self._rule(states), 1.0
+                seen[:, size:-1], seen[:, -1] = self._rule(states[:, :first] if first else states), 1.0
             return self._actions(acting(seen, rows, None))
 
         return act
@@ -179,3 +202,9 @@ class Ensemble:
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+def _parts(env: Any) -> Sequence[Part]:
+    """Of the percept; none where it is the state."""
+    task: Task | None = env.get_wrapper_attr("task") if env.has_wrapper_attr("task") else None
+    return () if task is None else task.parts

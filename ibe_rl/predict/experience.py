@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -30,7 +30,14 @@ def newest_episodes(log: TrajectoryLog, frames: int, until_frame: int | None = N
     if not len(rows):
         raise ValueError(f"{log.folder} has no whole episode to learn a predictor from")
     later = np.cumsum(index["steps"][rows][::-1])[::-1] - index["steps"][rows]
-    return log.read(rows[later < frames].tolist())
+    return log.read(rows[later < frames].tolist(), percepts=True)
+
+
+def with_percepts(episode: Episode) -> Episode:
+    """The episode with states ``(T + 1, S + P)`` that go on with the percepts, where these are not the states."""
+    if episode.percepts is None:
+        return episode
+    return replace(episode, states=np.concatenate([episode.states, episode.percepts], axis=1), percepts=None)
 
 
 @dataclass(frozen=True)

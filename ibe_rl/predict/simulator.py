@@ -14,7 +14,7 @@ from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs.snapshots import step_games
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
+from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe, percepts_of
 
 MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
@@ -125,7 +125,7 @@ class _EnvCopies:
         moments, noises = part
         copies = self._at(moments, noises)
         states, instruction, given = columns_of(moments)
-        paths = np.repeat(states[:, None], horizon_steps + 1, axis=1)
+        percepts, paths = percepts_of(moments), np.repeat(states[:, None], horizon_steps + 1, axis=1)
         running = np.arange(len(moments))
         acting = Acting(policy, [moment.memory for moment in moments])
         for step in range(1, horizon_steps + 1):
@@ -133,9 +133,9 @@ class _EnvCopies:
             if self._follow_rule and step > 1:
                 instruction[running], given[running] = self._rule(states), 1.0
             rows = running.tolist()
-            actions = acting(observe(states, instruction[running], given[running]), rows, copies)
+            actions = acting(observe(percepts[running], instruction[running], given[running]), rows, copies)
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
-            paths[running, step], ended = step_games([copies[row] for row in rows], choices)
+            paths[running, step], percepts[running], ended = step_games([copies[row] for row in rows], choices)
             for row in running[ended]:
                 paths[row, step:] = paths[row, step]
             running = running[~ended]

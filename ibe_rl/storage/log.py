@@ -21,7 +21,9 @@ from ibe_rl.types import Array, Episode
 
 ABOUT_LOG = "log.json"
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
-DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1}
+PERCEPT_COLUMN = "percept"
+"""Only of environments in which the agent does not perceive the state itself."""
+DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1, PERCEPT_COLUMN: 2}
 """Dimensions of the columns' arrays; actions may have one or two."""
 INDEX = np.dtype(
     [
@@ -82,8 +84,8 @@ class TrajectoryLog:
 
         Args:
             steps: ``(N, T, ...)`` arrays: the columns ``state``, ``action``, ``reward``, ``instruction``,
-                ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step. Row i continues the
-                same environment in every call.
+                ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step; ``percept`` and
+                ``next_percept`` where that is not the state. Row i continues the same environment in every call.
             context_of: initial state ``(S,)`` to the name of the context.
 
         Returns:
@@ -128,14 +130,15 @@ class TrajectoryLog:
 
     def partial_episodes(self) -> list[PartialEpisode]:
         """The unfinished episode of each environment."""
-        return [_partial_episode(parts, ended) for parts, ended in zip(self._open, self._ended, strict=True)]
+        return [PartialEpisode.of(parts, ended) for parts, ended in zip(self._open, self._ended, strict=True)]
 
     def _store(self, whole: dict[str, Array], context_of: Any) -> Any:
         steps = len(whole["done"])
         start = self._make_room(steps + 1)
         whole["number"] = np.full(steps + 1, self.episodes_ended)
-        whole["state"] = np.concatenate([whole["state"], whole["next_state"][-1:]])
-        for name in COLUMNS:
+        for name in {"state", PERCEPT_COLUMN} & whole.keys():
+            whole[name] = np.concatenate([whole[name], whole[f"next_{name}"][-1:]])
+        for name in (*COLUMNS, *({PERCEPT_COLUMN} & whole.keys())):
             self._column(name, whole[name])[start : start + len(whole[name])] = whole[name]
         record = (
             start,
@@ -168,17 +171,20 @@ class TrajectoryLog:
             self._columns[name] = make_array(self.folder / f"{name}.npy", like.dtype, shape)
         return self._columns[name]
 
-    def read(self, rows: Iterable[int]) -> list[Episode]:
-        """Copy episodes from the files.
-
-        Args:
-            rows: positions in ``index``.
-        """
+    def read(self, rows: Iterable[int], percepts: bool = False) -> list[Episode]:
+        """Copy episodes at positions ``rows`` of ``index``, on request with percepts that are not the states."""
         kept = list(self._kept)
-        return [self._read(kept[row]) for row in rows]
+        return [self._read(kept[row], percepts) for row in rows]
 
-    def _read(self, record: Any) -> Episode:
+    def percepts_at(self, rows: Array, steps: Array, most_numbers: int) -> Array:
+        """Percepts ``(N, P)`` at steps ``(N,)`` of episodes ``(N,)``; fewer if they exceed ``most_numbers``."""
+        column = self._columns[PERCEPT_COLUMN if PERCEPT_COLUMN in self._columns else "state"]
+        places = self.index["start"][rows] + steps
+        return np.array(column[places[: max(1, most_numbers // column.shape[1])]])
+
+    def _read(self, record: Any, with_percepts: bool) -> Episode:
         start, _, steps, _, terminated, success, context, _ = record
+        percepts = self._columns.get(PERCEPT_COLUMN) if with_percepts else None
         column = {name: np.array(self._columns[name][start : start + steps]) for name in COLUMNS[1:]}
         return Episode(
             states=np.array(self._columns["state"][start : start + steps + 1]),
@@ -189,6 +195,7 @@ class TrajectoryLog:
             terminated=bool(terminated),
             success=bool(success),
             context=self.contexts[context],
+            percepts=None if percepts is None else np.array(percepts[start : start + steps + 1]),
         )
 
     def flush(self) -> None:
@@ -235,7 +242,8 @@ class TrajectoryLog:
         """Open the files and keep the episodes of ``index`` that are still in them."""
         try:
             if index.size:
-                self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in COLUMNS}
+                kept = [PERCEPT_COLUMN] if (self.folder / f"{PERCEPT_COLUMN}.npy").exists() else []
+                self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in (*COLUMNS, *kept)}
             self._check(index)
             self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])
         except (ValueError, KeyError, IndexError, TypeError) as error:
@@ -287,9 +295,3 @@ def _rows(joined: Mapping[str, Array], steps: Sequence[int]) -> list[list[dict[s
     return [
         [{name: column[cut].copy() for name, column in joined.items()}] if cut.start < cut.stop else [] for cut in cuts
     ]
-
-
-def _partial_episode(parts: Sequence[dict[str, Array]], ended: int) -> PartialEpisode:
-    if not parts:
-        return PartialEpisode(ended, np.zeros(0, np.int64), None)
-    return PartialEpisode(ended, np.concatenate([part["action"] for part in parts]), parts[-1]["next_state"][-1])

@@ -36,7 +36,7 @@ from ibe_rl.storage.whole_folder import begun_folder
 from ibe_rl.training.check import check_columns, check_run
 from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.instruction_reward import make_instruction_reward
-from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Table
+from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
@@ -136,7 +136,9 @@ def _begin(
         optional = [one for one in (run.recorder, progress, classroom) if one is not None]
         checkpoints = Checkpoints(folder, cfg.checkpoint_every_frames, cfg.keep_policy_every_frames)
         run.say = progress.say
-        run.tell = Listeners([Table(table), *optional, *listeners, SuccessNote(), checkpoints], progress.say)
+        run.tell = Listeners(
+            [Table(table), Standardised(), *optional, *listeners, SuccessNote(), checkpoints], progress.say
+        )
         owned.callback(run.tell.close)
         _collect(run, owned, classroom)
         run.tell.begin(run)
@@ -208,7 +210,9 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         folder=folder,
         stop=stop,
         task=task,
-        agent=make_agent(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
+        agent=make_agent(
+            cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts
+        ),
         reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
         log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
         vocabulary=vocabulary,

@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from ibe_rl.agents import check_actions, check_agent
+from ibe_rl.agents.encoder import has_images
 from ibe_rl.collect.collector import check_collect
 from ibe_rl.config.command_line import is_sweep
 from ibe_rl.config.settings import TrainConfig
@@ -23,6 +25,8 @@ from ibe_rl.vocabulary.listener import Metric
 from ibe_rl.vocabulary.rule_reads import check_dimensions
 from ibe_rl.vocabulary.tracker import check_refreshing
 
+MOST_BYTES = 4_000_000_000
+"""Of a batch, of the log and of a replay buffer, with images."""
 TAKEN = ("train/", "eval/", "ibe/", "time/")
 """Beginnings of the columns of metrics.csv that are not of a metric of one's own."""
 
@@ -68,7 +72,8 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
         raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
     check_collect(cfg.collect)
     _check_log(cfg, task)
-    check_agent(cfg.agent, task.state_names)
+    _check_memory(cfg, task)
+    check_agent(cfg.agent, task.state_names, task.parts)
     check_actions(cfg.agent, env.action_space)
     check_instructor(cfg.instructor, cfg.collect, task)
     check_refreshing(cfg, task)
@@ -80,3 +85,22 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     if not task.judges_success:
         notes.append(f"{cfg.env.id} does not report success, so no episode counts as one")
     return notes
+
+
+def _check_memory(cfg: TrainConfig, task: Task) -> None:
+    """Refuse images that would fill the memory or the disk."""
+    if not has_images(task.parts):
+        return
+    size, kept = 4 * task.observation_size, task.percept_size * np.dtype(task.percept_type).itemsize
+    environments = cfg.collect.processes * cfg.collect.envs_per_process
+    asked = {
+        "collect.steps_per_batch": (cfg.collect.steps_per_batch, 2 * environments * size),
+        "log.capacity_frames": (cfg.log.capacity_frames, kept),
+        "agent.buffer_frames": (getattr(cfg.agent, "buffer_frames", 0), 2 * task.percept_size),
+    }
+    for key, (frames, bytes_each) in asked.items():
+        if frames * bytes_each > MOST_BYTES:
+            raise ConfigError(
+                f"{key}={frames}: with observations of {task.percept_size:,} numbers it takes "
+                f"{frames * bytes_each / 1e9:.0f} GB; allowed is at most {MOST_BYTES // bytes_each}, or a smaller image"
+            )

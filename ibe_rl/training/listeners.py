@@ -84,6 +84,23 @@ class Listeners(Listener):
         )
 
 
+class Standardised(Listener):
+    """Says once what the agent standardises, since its first batch needed it or it was asked to."""
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+
+    def begin(self, run: Any) -> None:
+        """See ``Listener``."""
+        self._agent, self._said = run.agent, {*getattr(run.agent, "standardised", ())}
+
+    def news(self) -> Iterable[str]:
+        """See ``Listener``."""
+        new = [name for name in getattr(self._agent, "standardised", ()) if name not in self._said]
+        self._said |= {*new}
+        return [f"note: the agent standardises {name} (agent.standardise_{name})" for name in new]
+
+
 class Table(Listener):
     """Writes metrics.csv.
 

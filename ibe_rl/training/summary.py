@@ -57,6 +57,7 @@ def summarise(run: Run, row: dict[str, float]) -> dict[str, Any]:
         "stopped_early": bool(run.stop),
         "meaning": [one.to_dict() for one in vocabulary.mapping.meanings] if vocabulary.mapping else [],
         "notes": [*run.notes, *vocabulary.notes],
+        "standardised": list(getattr(run.agent, "standardised", ())),
         "time_s": run.times_s(),
         "seed": cfg.seed,
         "agent": cfg.agent.kind,

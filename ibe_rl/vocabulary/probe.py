@@ -15,6 +15,8 @@ from ibe_rl.types import Array, observe
 from ibe_rl.vocabulary.training_episodes import horizon_of
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
+PROBE_NUMBERS = 4_000_000
+"""Most numbers of all its observations together."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Probe:
 
     Attributes:
         delta: ``(P, S)`` changes of the state, for vocabulary drift.
-        observations: ``(P, O)`` at the beginning of these, for policy drift.
+        observations: ``(P, O)`` at the beginning of these, or of the first of them, for policy drift.
     """
 
     delta: Array
@@ -40,11 +42,12 @@ def draw_probe(log: TrajectoryLog, config: MappingConfig, seed: int) -> Probe:
     steps = horizon_of(config)
     shortest = steps if config.window_end == "drop" else 1  # episode that a window fits into
     long_enough = np.flatnonzero(log.index["steps"] >= shortest)
-    episodes = log.read(random.permutation(long_enough)[:PROBE_EPISODES])
+    drawn = random.permutation(long_enough)[:PROBE_EPISODES]
+    episodes = log.read(drawn)
     windows = cut_windows(episodes, steps, config.window_end)
     rows = random.permutation(len(windows))[:PROBE_WINDOWS]
     places = [(episodes[windows.episode[row]], int(windows.step[row])) for row in rows]
-    states = np.array([episode.states[step] for episode, step in places])
     instructions = np.array([episode.instructions[step] for episode, step in places])
     given = np.array([[episode.given[step]] for episode, step in places])
-    return Probe(windows.delta[rows], observe(states, instructions, given))
+    percepts = log.percepts_at(drawn[windows.episode[rows]], windows.step[rows], PROBE_NUMBERS)
+    return Probe(windows.delta[rows], observe(percepts, instructions[: len(percepts)], given[: len(percepts)]))

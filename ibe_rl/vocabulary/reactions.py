@@ -12,7 +12,7 @@ import numpy as np
 from ibe_rl.acting import Acting
 from ibe_rl.collect.rollout import moments_at
 from ibe_rl.ibe.meaning import Reactions
-from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe
+from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe, percepts_of
 
 ASKED_AT = 24
 """Moments, each from a different episode."""
@@ -86,13 +86,14 @@ class ActsUnder:
         return actions, acting.memories
 
     def _under(self, observations: Array) -> Array:
-        states = observations[:, : -len(self.instruction) - 1]
-        count = len(states)
-        return observe(states, np.tile(self.instruction, (count, 1)), np.ones((count, 1)))
+        percepts = observations[:, : -len(self.instruction) - 1]
+        count = len(percepts)
+        return observe(percepts, np.tile(self.instruction, (count, 1)), np.ones((count, 1)))
 
 
 def _listens(moments: Sequence[Moment], policy: Policy, instructions: Sequence[Array]) -> bool:
-    observations, memories = observe(*columns_of(moments)), [moment.memory for moment in moments]
+    observations = observe(percepts_of(moments), *columns_of(moments)[1:])
+    memories = [moment.memory for moment in moments]
     rows = range(len(moments))
     first, *others = (Acting(ActsUnder(policy, one), memories)(observations, rows, None) for one in instructions)
     return any(not np.array_equal(first, other) for other in others)

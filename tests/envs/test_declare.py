@@ -158,7 +158,8 @@ def test_what_cannot_be_is_refused(changes: dict[str, Any], reason: str):
 
 
 def test_states_that_are_no_row_of_numbers_are_refused():
-    with pytest.raises(ConfigError, match=r"env\.id=FrozenLake-v1: its states are Discrete.* allowed is a Box"):
+    refusal = r"env\.task\.state=null with env\.id=FrozenLake-v1: it observes Discrete.* allowed is module:name"
+    with pytest.raises(ConfigError, match=refusal):
         make_gym("FrozenLake-v1", {}, declared())
 
 

@@ -20,14 +20,14 @@ from ibe_rl.apps.loggers.wandb import Wandb
 from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.training.build import LiveView
-from ibe_rl.training.listeners import Checkpoints, Listeners, Table
+from ibe_rl.training.listeners import Checkpoints, Listeners, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 
 ROW = {"frames": 10, "train/return_mean": 1.0, "train/success_rate": 0.5}
 EVENTS = [name for name, member in vars(Listener).items() if inspect.isfunction(member) and name != "news"]
-OURS = [Checkpoints, Classroom, Listeners, LiveView, RunRecorder, Table, TrainingProgress]
+OURS = [Checkpoints, Classroom, Listeners, LiveView, RunRecorder, Standardised, Table, TrainingProgress]
 LOGGERS = [RunLogger, Csv, Mlflow, Tensorboard, Wandb]
 
 
@@ -153,3 +153,19 @@ def test_the_recording_hears_it_all(tmp_path: Path) -> None:
     tell_all(recorder)
     assert [*recorder.news()] == []
     assert (tmp_path / "a").stat().st_size > 10_000
+
+
+def test_what_is_standardised_is_said_once():
+    agent = SimpleNamespace(standardised=[])
+    listener = Standardised()
+    listener.begin(SimpleNamespace(agent=agent))
+    assert listener.news() == []
+    agent.standardised = ["observations"]
+    assert listener.news() == ["note: the agent standardises observations (agent.standardise_observations)"]
+    agent.standardised = ["observations", "rewards"]
+    assert listener.news() == ["note: the agent standardises rewards (agent.standardise_rewards)"]
+    assert listener.news() == []
+    listener.begin(SimpleNamespace(agent=agent))  # taken up
+    assert listener.news() == []
+    listener.begin(SimpleNamespace(agent=SimpleNamespace()))  # an agent of one's own need not say it
+    assert listener.news() == []

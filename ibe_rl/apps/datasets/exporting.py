@@ -12,7 +12,7 @@ import numpy as np
 
 from ibe_rl.apps.datasets.hearing import GIVEN, INSTRUCTION
 from ibe_rl.apps.datasets.optional import load_minari
-from ibe_rl.apps.datasets.recorded import DATASET_SUCCESS
+from ibe_rl.apps.datasets.recorded import DATASET_PERCEPT, DATASET_SUCCESS
 from ibe_rl.apps.external.folder import SEEDS
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
@@ -56,7 +56,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     chosen = range(max(0, count - (newest or count)), count)
     env, seeds = make_env(config.env), _seeds(folder, count)
     task = task_of(env)
-    buffers = [_buffer(minari, log.read([row])[0], task, seeds[row]) for row in chosen]
+    buffers = [_buffer(minari, log.read([row], percepts=True)[0], task, seeds[row]) for row in chosen]
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task)}
     spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
     spec = env.unwrapped.spec  # without our wrapper, which Minari could not rebuild
@@ -114,6 +114,8 @@ def _buffer(minari: Any, episode: Episode, task: Task, seed: int | None) -> Any:
         _CONTEXT: np.full(steps + 1, episode.context.encode()),
         _WORDS: np.char.encode(np.append(words, ""), "utf-8"),
     }
+    if episode.percepts is not None:
+        infos[DATASET_PERCEPT] = episode.percepts
     return minari.data_collector.EpisodeBuffer(
         seed=seed,
         observations=episode.states,

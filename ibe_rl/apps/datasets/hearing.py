@@ -18,6 +18,11 @@ _SILENCE = ("", "none", "null")
 """Words for no instruction."""
 
 
+def instructed_size(task: Task) -> int:
+    """Numbers of a state with an instruction and whether it was given."""
+    return len(task.state_names) + task.instruction_size + 1
+
+
 @dataclass(frozen=True)
 class Hearing:
     """Where the instruction of all episodes of a data set is from.
@@ -54,7 +59,7 @@ class Hearing:
         if INSTRUCTION in first.infos:
             return cls(task, INSTRUCTION)
         shape = np.shape(first.observations) if whole and not isinstance(first.observations, Mapping | tuple) else ()
-        return cls(task, None if shape[1:] == (task.observation_size,) else RULE)
+        return cls(task, None if shape[1:] == (instructed_size(task),) else RULE)
 
     def of(self, recorded: Any, rows: Array, steps: int) -> tuple[Array, Array]:
         """Instructions ``(T, d)`` float32 and whether they were given ``(T,)``.

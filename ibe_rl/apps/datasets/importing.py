@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.apps.datasets.arrays import SUFFIXES, Arrays
-from ibe_rl.apps.datasets.hearing import Hearing
+from ibe_rl.apps.datasets.hearing import Hearing, instructed_size
 from ibe_rl.apps.datasets.optional import load_minari
 from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.apps.external.actions import check_same_actions
@@ -155,7 +155,7 @@ def _recorded(where: str, data: Any, known: Mapping[str, Any]) -> RawEpisode:
 def _check_spaces(source: Source, env: gymnasium.Env[Any, Any], task: Task, plain: bool) -> None:
     check_same_actions(source.where, source.spaces, env.action_space)
     space = getattr(source.spaces, "observation_space", None)
-    allowed = (len(task.state_names),), (task.observation_size,)
+    allowed = (len(task.state_names),), (instructed_size(task),)
     if plain and space is not None and space.shape not in allowed:
         kind = f"of shape {space.shape}" if isinstance(space, gymnasium.spaces.Box) else f"{space!s:.200}"
         raise ConfigError(

@@ -10,13 +10,13 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from ibe_rl.apps.datasets.hearing import Hearing
+from ibe_rl.apps.datasets.hearing import Hearing, instructed_size
 from ibe_rl.apps.external.actions import bounded, fits, shaped
 from ibe_rl.runtime.import_string import raised
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 
-DATASET_SUCCESS = "success"
+DATASET_SUCCESS, DATASET_PERCEPT = "success", "percept"
 ROUNDING = 1e-4
 """How far a recorded action may lie outside its bounds."""
 
@@ -97,6 +97,7 @@ class Conversion:
             terminated=terminated,
             success=self._success(recorded, states[-1], terminated, truncated),
             context=self._context(recorded, states[0]),
+            percepts=self._percepts(recorded, len(states)),
         )
         self.seeds.append(recorded.seed)
         return episode
@@ -110,9 +111,8 @@ class Conversion:
                 f"it has {steps} observations for {steps} actions",
                 f"are {steps + 1}: the state after the last action belongs to it",
             )
-        sizes = (
-            (len(self.task.state_names),) if self.state else (len(self.task.state_names), self.task.observation_size)
-        )
+        size = len(self.task.state_names)
+        sizes = (size,) if self.state else (size, instructed_size(self.task))
         if rows.shape not in [(steps + 1, size) for size in sizes]:
             whole = "" if self.state else f", or {(steps + 1, sizes[-1])} with the instruction and whether it was given"
             raise recorded.refuse(
@@ -157,6 +157,15 @@ class Conversion:
         if last.dtype.kind not in "biuf" or last.tolist() not in ([0], [1]):
             raise recorded.refuse(f"infos[{key!r}] ends with {last.tolist()!s:.40}", "is a bool")
         return bool(last[0])
+
+    def _percepts(self, recorded: RawEpisode, count: int) -> Array | None:
+        """What the agent perceived, as exported; None where that is the state, or was not kept."""
+        if not self.task.parts or DATASET_PERCEPT not in recorded.infos:
+            return None
+        kept, shape = np.asarray(recorded.infos[DATASET_PERCEPT]), (count, self.task.percept_size)
+        if kept.shape != shape:
+            raise recorded.refuse(f"infos[{DATASET_PERCEPT!r}] has the shape {kept.shape}", f"is {shape}")
+        return kept.astype(self.task.percept_type)
 
     def _context(self, recorded: RawEpisode, state: Array) -> str:
         found = self.task.context(state.copy())

@@ -34,6 +34,7 @@ from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.storage.run_folder import REFRESHES, refuse_used
 from ibe_rl.storage.whole_folder import whole_folder
+from ibe_rl.task import PERCEPT
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
@@ -82,8 +83,10 @@ def _found(agent: Any) -> Any:
 def _policy(agent: Any, config: TrainConfig, reading: Reading, predictor: PredictorConfig) -> ExternalPolicy:
     env = make_env(config.env)
     task = task_of(env)
-    states = np.array([env.reset(seed=seed)[0] for seed in range(EXAMPLES)])
-    examples = observe(states, task.rule(states), np.ones((EXAMPLES, 1)))
+    first = [env.reset(seed=seed) for seed in range(EXAMPLES)]
+    states = np.array([state for state, _ in first])
+    percepts = np.array([info.get(PERCEPT, state) for state, info in first])
+    examples = observe(percepts, task.rule(states), np.ones((EXAMPLES, 1)))
     policy = as_policy(agent, task, env.action_space, reading, examples, [env] * EXAMPLES)
     if reads_masks(policy.agent):
         _check_masks(config.env, config.predictor, predictor)

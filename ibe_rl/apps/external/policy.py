@@ -152,15 +152,16 @@ def _behind(agent: Adapter, reading: Reading, seen: int) -> Adapter:
 
 
 def _sizes(task: Task) -> str:
+    what = "the observation as one row" if task.parts else "the state"
     return (
-        f"allowed is one that reads the state, {len(task.state_names)} numbers, or with the instruction and whether "
+        f"allowed is one that reads {what}, {task.percept_size} numbers, or with the instruction and whether "
         f"it was given {task.observation_size}"
     )
 
 
 def _seen(agent: Any, task: Task, reading: Reading) -> int:
     """How many numbers of an observation the agent reads."""
-    state, whole_size = len(task.state_names), task.observation_size
+    state, whole_size = task.percept_size, task.observation_size
     declared, asked = getattr(agent, "observation_space", None), reading.sees_instruction
     if declared is None:
         if asked is None:

@@ -210,7 +210,10 @@ def open_classroom(
         port,
         folder / LESSON,
         task,
-        partial(make_agent, cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names),
+        partial(
+            make_agent,
+            *(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts),
+        ),
         partial(
             Simulator.make,
             cfg.predictor,

@@ -17,6 +17,7 @@ from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
 from ibe_rl.envs.make import drawn, task_of
 from ibe_rl.envs.snapshots import stoppable
 from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
+from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array, Explanation, Moment
 
 FRAME_S = 0.004
@@ -31,25 +32,30 @@ class Stage(gymnasium.Wrapper[Any, Any, Any, Any]):
         steps: length of the episode so far.
         success: whether it has ended in success.
         ended: the same of the previous episode, None if it had no step.
+        percept: what the agent perceives now; None where that is the state.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]):
         super().__init__(env)
         self.total_reward, self.steps, self.success = 0.0, 0, False
         self.ended: dict[str, Any] | None = None
+        self.percept: Array | None = None
 
     def reset(self, **settings: Any) -> Any:
         """See ``gymnasium.Env``."""
         score = {"return": round(self.total_reward, 1), "steps": self.steps, "success": self.success}
         self.ended = score if self.steps else None
         self.total_reward, self.steps, self.success = 0.0, 0, False
-        return self.env.reset(**settings)
+        state, info = self.env.reset(**settings)
+        self.percept = info.get(PERCEPT)
+        return state, info
 
     def step(self, action: Any) -> Any:
         """See ``gymnasium.Env``."""
         after = self.env.step(action)
         self.total_reward += float(after[1])
         self.steps += 1
+        self.percept = after[4].get(PERCEPT)
         self.success = bool(after[4][task_of(self.env).success_key])
         return after
 
@@ -150,7 +156,7 @@ class Lesson:
         self._server.post("frame", self._frame(state))
         if self._speaker.due():
             instruction, given = self._last()
-            moment = Moment(state, instruction, bool(given), self._snapshot())
+            moment = Moment(state, instruction, bool(given), self._snapshot(), self._stage.percept)
             self._speaker.ask(moment, partial(self._explained, self._episode))
 
     def _explained(self, episode: int, said: Explanation) -> None:

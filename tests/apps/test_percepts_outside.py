@@ -1,0 +1,69 @@
+"""Where the agent does not perceive the state: lessons, agents trained elsewhere and datasets get the percept."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from walker import SIZES, walker
+
+from ibe_rl.apps.external.policy import as_policy
+from ibe_rl.apps.minari import _buffer, _check_observations, _episode
+from ibe_rl.apps.teach.lesson import Stage
+from ibe_rl.collect.rollout import record_rollout
+from ibe_rl.config.settings import InstructorConfig
+from ibe_rl.envs.make import task_of
+from ibe_rl.instructors import make_instructor
+from ibe_rl.task import PERCEPT
+from ibe_rl.types import Array, ConfigError
+
+
+def stay(observations: Array) -> Array:
+    return np.ones(len(observations), np.int64)
+
+
+def test_a_lesson_has_the_percept_of_its_state():
+    stage = Stage(walker("image"))
+    np.testing.assert_array_equal(stage.reset(seed=0)[1][PERCEPT], stage.percept)
+    np.testing.assert_array_equal(stage.step(2)[4][PERCEPT], stage.percept)
+    plain = Stage(walker("box"))
+    plain.reset(seed=0)
+    assert plain.percept is None
+
+
+@pytest.mark.parametrize(("sees", "numbers"), [(False, SIZES["dict"]), (True, SIZES["dict"] + 2)])
+def test_an_agent_trained_elsewhere_reads_the_observation_as_a_row(sees: bool, numbers: int):
+    env = walker("dict")
+    read: list[int] = []
+
+    def agent(observations: Array) -> Array:
+        read.append(observations.shape[-1])
+        return stay(observations)
+
+    task = task_of(env)
+    policy = as_policy(agent, task, env.action_space, sees, np.zeros((3, task.observation_size), np.float32))
+    assert policy.seen == numbers
+    assert {*read} == {numbers}
+    allowed = r"allowed is one that reads the observation as one row, 5 numbers, or with the instruction .* given 7"
+    spaced: Any = SimpleNamespace(observation_space=SimpleNamespace(shape=(3,)), predict=stay)
+    with pytest.raises(ConfigError, match=allowed):
+        as_policy(spaced, task, env.action_space, None, np.zeros((3, 7), np.float32))
+
+
+@pytest.mark.parametrize("obs", ["image", "dict", "box"])
+def test_a_dataset_keeps_percepts(obs: str):
+    env = walker(obs)
+    task = task_of(env)
+    episode = record_rollout(env, stay, make_instructor(InstructorConfig("oracle"), task), 0).episode
+    minari = SimpleNamespace(data_collector=SimpleNamespace(EpisodeBuffer=SimpleNamespace))
+    buffer = _buffer(minari, episode)
+    _check_observations("a/b-v0", SimpleNamespace(shape=buffer.observations.shape[1:]), task)
+    again = _episode(buffer, task, None)
+    np.testing.assert_array_equal(again.states, episode.states)
+    np.testing.assert_array_equal(again.instructions, episode.instructions)
+    if episode.percepts is None:
+        assert again.percepts is None
+    else:
+        assert again.percepts is not None
+        assert again.percepts.dtype == episode.percepts.dtype
+        np.testing.assert_array_equal(again.percepts, episode.percepts)
