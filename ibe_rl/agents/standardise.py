@@ -100,8 +100,8 @@ class Standardiser(nn.Module):
     def _far(self, rows: Tensor, mean: Tensor, var: Tensor) -> bool:
         """Whether a number is large, or varies little without being 0 or 1 only."""
         whole = ((rows == rows.round()) & (rows.abs() <= 1)).all(0)
-        counted = torch.ones_like(mean, dtype=torch.bool)
-        counted[self._groups[(self._groups >= 0) & whole]] = False
+        counted = torch.zeros_like(mean, dtype=torch.bool)
+        counted[self._groups[(self._groups >= 0) & ~whole]] = True
         size, std = (mean.square() + var).sqrt() / self._units, var.sqrt() / self._units
         return bool((counted & (var > 0) & ((size > LARGEST) | (std < SMALLEST))).any())
 

@@ -92,6 +92,13 @@ def test_images_are_bytes_or_standardised_by_channel(channels_first: bool):
     torch.testing.assert_close(channel.std(), torch.tensor(1.0), atol=0.01, rtol=0)
 
 
+def test_codes_in_an_image_are_small_numbers_whatever_its_empty_pixels():
+    codes = torch.randint(0, 5, (60, 48), generator=torch.Generator().manual_seed(3)).float()
+    codes[:, :9] = 0
+    assert Standardiser(48, [Part("", IMAGE, (4, 4, 3))], None).learn(codes)
+    assert not Standardiser(48, [Part("", IMAGE, (4, 4, 3))], None).learn(codes * 50)
+
+
 def test_it_is_kept_with_the_weights_and_older_weights_have_none():
     one, other = (make_network(4, [8], 1, nn.ReLU, 1.0, standardiser=Standardiser(4, ROWS, True)) for _ in range(2))
     one[0].learn(scaled(100, 1))
