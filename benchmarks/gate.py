@@ -22,7 +22,9 @@ from ibe_rl.agents import make_agent
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config.settings import CollectConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_gym, make_vector_env, task_of
+from ibe_rl.envs.instructed_envs import make_vector_env
+from ibe_rl.envs.make import make_gym
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors.oracle import Oracle
 
 MOST = 0.03

@@ -27,7 +27,8 @@ from ibe_rl.collect.rollout import EVALUATION_SEED, play
 from ibe_rl.collect.schedule import Schedule
 from ibe_rl.config.settings import AgentConfig, InstructorConfig
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.make import make_gym, task_of
+from ibe_rl.envs.make import make_gym
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.types import Array, observe
 

@@ -18,7 +18,9 @@ from ibe_rl.agents.ppo import PPOConfig, SamplingPolicy
 from ibe_rl.collect.collector import batches, make_collector
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.make import InstructedEnvs, make_gym, task_of
+from ibe_rl.envs.instructed_envs import InstructedEnvs
+from ibe_rl.envs.make import make_gym
+from ibe_rl.envs.wrappers import task_of
 
 
 def collect(settings: dict[str, Any], count: int) -> float:

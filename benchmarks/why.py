@@ -29,7 +29,8 @@ from ibe_rl.collect.rollout import play
 from ibe_rl.config.limits import check
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.ibe import IBEConfig, TooLittleDataError, Windows, cut_windows
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.bootstrap import episode_weights

@@ -17,7 +17,7 @@ from benchmarks.meaning.judge import fresh_changes
 from benchmarks.meaning.point_mass import MIXTURE, UNMIXED, PointMass, unmixed
 from benchmarks.meaning.rules import Planned, Rarely, always, only_below, the_sign_of, towards
 from benchmarks.meaning.table import as_markdown
-from ibe_rl.envs.make import task_of
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.types import Array, Episode, observe
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.meaning.trial import Trial
 from ibe_rl.config.command_line import composed
-from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed
+from ibe_rl.envs.instructed_envs import TRAINING_SEEDS, episode_seed
 from ibe_rl.ibe import ClusterMapping, IBEConfig, Reactions
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.log import TrajectoryLog

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.meaning.rules import MakeInstructor
 from ibe_rl.collect.rollout import play
-from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed
+from ibe_rl.envs.instructed_envs import TRAINING_SEEDS, episode_seed
 from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode, Policy

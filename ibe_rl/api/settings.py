@@ -18,7 +18,8 @@ from ibe_rl.config.overrides import KINDS_OF_ONE, as_overrides, chosen_kind
 from ibe_rl.config.settings import EnvConfig, TrainConfig
 from ibe_rl.envs.given import GivenEnv, GivesEnv
 from ibe_rl.envs.giving import given_env
-from ibe_rl.runtime.import_string import import_from_here, raised
+from ibe_rl.runtime.import_string import import_from_here
+from ibe_rl.runtime.printed import raised
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 

@@ -8,10 +8,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.acting import Acting
+from ibe_rl.envs.acting import Acting
 from ibe_rl.envs.gate import GateError, located
-from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
+from ibe_rl.envs.instructed_envs import TRAINING_SEEDS, step_together
 from ibe_rl.envs.snapshots import Stoppable, stoppable
+from ibe_rl.envs.wrappers import drawn, task_of
 from ibe_rl.task import PERCEPT, RecordedRollout
 from ibe_rl.types import Array, Episode, Instructor, Moment, Policy, observe
 

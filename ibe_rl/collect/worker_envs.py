@@ -12,7 +12,7 @@ from tensordict import TensorDictBase
 from torchrl.collectors import BaseCollector
 
 from ibe_rl.envs.gate import GateError
-from ibe_rl.envs.make import InstructedEnvs
+from ibe_rl.envs.instructed_envs import InstructedEnvs
 from ibe_rl.runtime.last_words import LastWords, leave
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.types import Instructor

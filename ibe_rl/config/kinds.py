@@ -30,7 +30,8 @@ from ibe_rl.config.settings import (
     MetricConfig,
     PredictorConfig,
 )
-from ibe_rl.runtime.import_string import import_from_here, import_named, raised
+from ibe_rl.runtime.import_string import import_from_here, import_named
+from ibe_rl.runtime.printed import raised
 from ibe_rl.types import ConfigError
 
 GROUPS: dict[str, type] = {

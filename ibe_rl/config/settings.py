@@ -278,16 +278,13 @@ class ExplainConfig:
     run: str | None = None  # run folder; None: the newest in runs/
     agent_file: str | None = field(default=None, metadata={"typed": "agent"})  # FILE.zip or MODULE:NAME, not ours
     agent_sees_instruction: bool | None = None  # None: as the external agent or its run folder declares
-    agent_vec_normalize: str | None = (
-        None  # file of the VecNormalize that it was trained with; loading it runs its code
-    )
+    agent_vec_normalize: str | None = None  # file of its VecNormalize; loading it runs its code
     agent_frame_stack: int | None = setting(None, low=1, high=1_000)  # observations it reads at once (VecFrameStack)
     episodes: int = setting(200, low=2, high=100_000)  # of the external agent, to learn its vocabulary from
     random_actions: float = setting(0.0, low=0.0, high=1.0)  # share of random actions in these episodes
     run_dir: str = MISSING  # run folder to create for the external agent
     guest_settings: list[str] = field(default_factory=list, metadata={"typed": None})  # env and mapping, as for train
     sweep_dir: str | None = field(default=None, metadata={"typed": "sweep"})  # folder of a sweep to report on instead
-    # what to do with the run
     task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # of the episode; None: drawn

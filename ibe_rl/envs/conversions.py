@@ -10,9 +10,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ibe_rl.types import Array
-
-NUMBERS = "fiub"
+REAL_KINDS = "fiub"
 """Kinds of numpy's dtypes that hold real numbers."""
 
 
@@ -46,13 +44,13 @@ def taken(space: gymnasium.Space[Any], value: Any, what: str, names: Sequence[st
     return int(array) if isinstance(space, spaces.Discrete) else array
 
 
-def _numbers(space: gymnasium.Space[Any], value: Any, what: str, names: Sequence[str]) -> Array:
+def _numbers(space: gymnasium.Space[Any], value: Any, what: str, names: Sequence[str]) -> np.ndarray:
     try:
         array = np.array(value)
     except (TypeError, ValueError):  # a ragged list
         array = np.array(None)
     allowed = f"{space.dtype} numbers of shape {space.shape}, as its space says"
-    if array.dtype.kind not in NUMBERS:
+    if array.dtype.kind not in REAL_KINDS:
         raise UnfitError(f"{what} is {shortened(value)}; allowed are {allowed}")
     if array.shape != space.shape:
         raise UnfitError(f"{what} has the shape {array.shape}; allowed are {allowed}")
@@ -76,7 +74,7 @@ def as_number(value: Any) -> float | None:
         array = np.asarray(value)
     except (TypeError, ValueError):
         return None
-    if array.dtype.kind not in NUMBERS or array.size != 1:
+    if array.dtype.kind not in REAL_KINDS or array.size != 1:
         return None
     number = float(array.reshape(-1)[0])
     return number if isfinite(number) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from sysconfig import get_paths
@@ -15,15 +15,14 @@ from gymnasium import spaces
 from gymnasium.wrappers import OrderEnforcing, TimeLimit
 
 from ibe_rl.envs.conversions import UnfitError, as_flag, as_number, shortened, taken
-from ibe_rl.runtime.import_string import raised
-from ibe_rl.task import Task
+from ibe_rl.runtime.printed import raised
 from ibe_rl.types import Array, ConfigError
 
 OURS = str(Path(__file__).resolve().parent.parent)
 LIBRARIES = (OURS, *(get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")))
 """Folders whose code is not the user's."""
 FLOAT32 = np.dtype(np.float32)
-SHORT = 64
+SHORT_ROW = 64
 """Numbers up to which a row is checked in plain Python."""
 
 
@@ -55,14 +54,14 @@ def place(env: gymnasium.Env[Any, Any]) -> str:
     return str(env.get_wrapper_attr("place")()) if env.has_wrapper_attr("place") else f"env={env}"
 
 
-def check_context(env: gymnasium.Env[Any, Any], task: Task, state: Array) -> None:
+def ask_context(env: gymnasium.Env[Any, Any], context: Callable[[Array], str], state: Array) -> None:
     """Ask for the context of an episode that begins in ``state`` ``(S,)``.
 
     Raises:
         GateError: if it is unknown.
     """
     try:
-        task.context(state)
+        context(state)
     except GateError as error:
         raise GateError(f"{place(env)}: {error}") from None
 
@@ -105,7 +104,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
         label: str,
         success_key: str | None = None,
         names: Sequence[str] = (),
-        task: Task | None = None,
+        task: Any = None,
     ):
         self._spec_with_limit = env.spec
         self._limit: float = np.inf
@@ -121,7 +120,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             isinstance(space, spaces.Box)
             and space.dtype == np.float32
             and len(space.shape) == 1
-            and space.shape[0] <= SHORT
+            and space.shape[0] <= SHORT_ROW
         )
         self._row = space.shape if row else None  # of the observation that needs no conversion
         self._copies = not getattr(env.unwrapped, "new_observations", False)
@@ -161,7 +160,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise self._refused("info", given[1], "a dict")
         observation = self._observation(given[0])
         if self._has_task:
-            check_context(self, self.task, observation)
+            ask_context(self, self.task.context, observation)
         return observation, dict(given[1])
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

@@ -14,7 +14,7 @@ from ibe_rl.envs.functions import with_checks
 from ibe_rl.envs.gate import Gate
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import Declared
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 

@@ -12,7 +12,7 @@ import gymnasium
 from ibe_rl.envs.declare import check_functions
 from ibe_rl.envs.functions import CHECKS, name_of
 from ibe_rl.envs.given import GivenEnv, GivesEnv, MakeGym, make_given
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 

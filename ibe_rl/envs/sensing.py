@@ -10,11 +10,11 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.spaces.utils import flatten
 
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.task import FLAGS, IMAGE, NUMBERS, PERCEPT, Part
 from ibe_rl.types import Array, ConfigError
 
-ALLOWED = "Box, Discrete, MultiDiscrete, MultiBinary, and Dict and Tuple of these"
+READ_SPACES = "Box, Discrete, MultiDiscrete, MultiBinary, and Dict and Tuple of these"
 StateFunction = Callable[[Any, Any], Any]
 """(environment without wrappers, its observation) to the state ``(S,)``."""
 
@@ -125,7 +125,7 @@ class Sense:
             rather = f", or env.task.observes=[{','.join(others)}]" if others else ""
             raise ConfigError(
                 f"env.id={self._name}: it observes {f'{name}: ' if name else ''}{space!s:.100}; allowed are "
-                f"{ALLOWED}{rather}"
+                f"{READ_SPACES}{rather}"
             )
 
 

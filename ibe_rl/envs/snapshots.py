@@ -217,7 +217,9 @@ def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Arra
     Raises:
         GateError: if one raises, or gives numbers that are not finite.
     """
-    steps = unbroken(lambda: [game.step(action) for game, action in zip(games, actions, strict=True)], games[0], "step")
+    steps = called_in_copy(
+        lambda: [game.step(action) for game, action in zip(games, actions, strict=True)], games[0], "step"
+    )
     states = np.array([after[0] for after in steps], np.float32)
     if not np.isfinite(states.sum()):
         _refuse_states(states, games)
@@ -230,7 +232,7 @@ def _refuse_states(states: Array, games: Sequence[Stoppable]) -> None:
         raise GateError(f"{_rolled(games[0])}: the observation is {state.tolist()}; allowed are finite numbers")
 
 
-def unbroken(call: Callable[[], Any], game: Stoppable, name: str) -> Any:
+def called_in_copy(call: Callable[[], Any], game: Stoppable, name: str) -> Any:
     """What ``call`` of a game gives.
 
     Raises:
@@ -256,7 +258,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
         steps: of each replay, and the latest step of a snapshot.
         exact: bit for bit; False: to 1e-5.
     """
-    unbroken(lambda: original.reset(seed=1), original, "reset")
+    called_in_copy(lambda: original.reset(seed=1), original, "reset")
     other.reset(seed=2)
     space: Any = getattr(original, "game", original.unwrapped).action_space
     space.seed(3)
@@ -267,7 +269,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
             stopped.append((len(played), original.snapshot()))
         action = sampled_action(space, original)
         played.append(
-            (action, deepcopy(unbroken(partial(original.step, action), original, "step")[:3]))
+            (action, deepcopy(called_in_copy(partial(original.step, action), original, "step")[:3]))
         )  # it may change what it gave
     for start, snapshot in stopped:
         other.restore(snapshot)

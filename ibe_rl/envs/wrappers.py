@@ -11,9 +11,9 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from ibe_rl.envs.gate import GateError, check_context, place, user_error
+from ibe_rl.envs.gate import GateError, ask_context, place, user_error
 from ibe_rl.envs.sensing import Sense
-from ibe_rl.task import Task
+from ibe_rl.task import Shape, Task
 from ibe_rl.types import Array, ConfigError, observe
 
 SUCCESS = "success"
@@ -53,7 +53,7 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         """See ``gymnasium.Env``."""
         seen, info = self.env.reset(seed=seed, options=options)
         state, percept = self._sensed(seen)
-        check_context(self, self.task, state)
+        ask_context(self, self.task.context, state)
         return state, {**info, **percept, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -132,3 +132,23 @@ class Instructed(gymnasium.Wrapper[Array, Any, Array, Any], RecordConstructorArg
 
     def _seen(self, state: Array) -> Array:
         return observe(state, self._task.rule(state), np.ones(1, np.float32))
+
+
+def task_of(env: gymnasium.Env[Any, Any]) -> Task:
+    """The environment's task."""
+    task: Task = env.get_wrapper_attr("task")
+    return task
+
+
+def drawn(env: gymnasium.Env[Any, Any], part: str) -> list[Shape]:
+    """The current "background" or "figure" of an environment; empty if it cannot be drawn.
+
+    Raises:
+        GateError: if drawing it raises.
+    """
+    if not env.has_wrapper_attr(part):
+        return []
+    try:
+        return list(env.get_wrapper_attr(part)())
+    except Exception as error:
+        raise GateError(f"{place(env)}: its {part}() raised {user_error(error)}") from None

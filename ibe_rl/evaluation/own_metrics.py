@@ -11,7 +11,7 @@ from ibe_rl.config.kinds import make_several
 from ibe_rl.config.settings import MetricConfig
 from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.rows import Samples, Statements, Truth, own_columns
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.types import Array
 from ibe_rl.vocabulary.listener import Metric
 

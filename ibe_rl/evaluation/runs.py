@@ -19,7 +19,8 @@ from ibe_rl.config.command_line import named_settings
 from ibe_rl.config.limits import check
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
-from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe.interpret import Reactions

@@ -9,9 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.acting import Acting
 from ibe_rl.config.limits import KEPT, TINY, setting
 from ibe_rl.config.settings import PredictorConfig
+from ibe_rl.envs.acting import Acting
 from ibe_rl.predict.experience import ActionColumns, Steps, held_out, newest_episodes, with_percepts
 from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_dict, make_layers, train_members
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll

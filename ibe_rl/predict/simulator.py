@@ -9,8 +9,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from ibe_rl.acting import Acting
 from ibe_rl.config.settings import PredictorConfig
+from ibe_rl.envs.acting import Acting
 from ibe_rl.envs.snapshots import step_games
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
@@ -18,7 +18,7 @@ from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe,
 
 MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
-Part = tuple[Sequence[Moment], Sequence[Any]]
+_Part = tuple[Sequence[Moment], Sequence[Any]]
 """Moments and their noise seeds."""
 
 
@@ -71,7 +71,7 @@ class Simulator:
         parts = [(moments[start : start + self._at_once], noises[start : start + self._at_once]) for start in starts]
         return Prediction.exact(np.concatenate(list(self._roll_all(parts, policy, horizon_steps))))
 
-    def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
+    def _roll_all(self, parts: Sequence[_Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
             return [self._copies.roll(part, policy, horizon_steps) for part in parts]
         self._pool = self._pool or ProcessPool(self._copies, self._processes)
@@ -120,7 +120,7 @@ class _EnvCopies:
         self._copies = []
         gc.collect()
 
-    def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
+    def roll(self, part: _Part, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; seed None repeats the original's noise."""
         moments, noises = part
         copies = self._at(moments, noises)

@@ -54,8 +54,3 @@ def _place_of(module: ModuleType) -> Path | None:
     """The folder in which a module or package lies."""
     file = getattr(module, "__file__", None)
     return None if file is None else Path(file).absolute().parents[file.endswith("__init__.py")]
-
-
-def raised(error: Exception) -> str:
-    """A short description of an error from user code."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

@@ -23,6 +23,11 @@ def visible(text: str) -> str:
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
+def raised(error: Exception) -> str:
+    """A short description of an error from user code."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
 def for_shell(word: str) -> str:
     """A word that a shell reads as it is, on one line and in letters that the output has; some only bash reads."""
     if word.isprintable() and _can_be_printed(word):

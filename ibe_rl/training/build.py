@@ -19,7 +19,8 @@ from ibe_rl.config.command_line import output_folder, run_name
 from ibe_rl.config.kinds import make_several
 from ibe_rl.config.saved import save_config
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
+from ibe_rl.envs.make import make_env, make_snapshot_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
@@ -42,6 +43,7 @@ from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
 from ibe_rl.training.state import State, must_fit
 from ibe_rl.training.success_note import SuccessNote
+from ibe_rl.training.summary import summarise
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browser
@@ -145,7 +147,7 @@ def _begin(
         if state:
             with must_fit(folder):
                 run.random.load_state_dict(state["random"])  # last: making the parts draws numbers
-    owned.enter_context(resumable(run))
+    owned.enter_context(resumable(run, summarise))
     return run
 
 

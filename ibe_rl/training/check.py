@@ -13,8 +13,8 @@ from ibe_rl.agents.encoder import has_images
 from ibe_rl.collect.collector import check_collect
 from ibe_rl.config.command_line import is_sweep
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import task_of
 from ibe_rl.envs.trial import try_out
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import check_instructor
 from ibe_rl.predict import check_predictor, is_learnt
 from ibe_rl.runtime.apps import load_app

@@ -12,7 +12,6 @@ from ibe_rl.envs.gate import GateError
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, write_json
-from ibe_rl.training.summary import summarise
 from ibe_rl.types import ConfigError
 
 
@@ -54,8 +53,12 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
 
 
 @contextmanager
-def resumable(run: Any) -> Iterator[None]:
+def resumable(run: Any, summarise: Callable[[Any, dict[str, float]], dict[str, Any]]) -> Iterator[None]:
     """If a worker or the environment fails between two batches, save the current state and say how to resume.
+
+    Args:
+        run: that collects.
+        summarise: the run and its last row to summary.json.
 
     Raises:
         LostWorkerError: with the command that resumes the run.

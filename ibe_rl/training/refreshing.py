@@ -15,7 +15,7 @@ from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.instructors import speaks
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.predict import asks_policy, is_learnt
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
 from ibe_rl.task import RecordedRollout

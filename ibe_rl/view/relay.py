@@ -29,8 +29,7 @@ from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free, is_served
 from ibe_rl.runtime.workers import ending
 from ibe_rl.view.server import HANG_S, MOMENT_S, ViewerServer, end_process
 
-GRPC_PORT, WEB_PORT = 9876, 9090
-CHUNK_BYTES = 1 << 18
+GRPC_PORT, WEB_PORT, CHUNK_BYTES = 9876, 9090, 1 << 18
 PAGE_STARTS_S = 60.0
 """How long the page may take to answer where somebody waits for it."""
 DRAIN_S = 2.0

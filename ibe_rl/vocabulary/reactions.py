@@ -9,8 +9,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.acting import Acting
 from ibe_rl.collect.rollout import moments_at
+from ibe_rl.envs.acting import Acting
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.types import Array, Instructor, Moment, Policy, Predictor, columns_of, observe, percepts_of
 
@@ -80,7 +80,7 @@ class ActsUnder:
     def act_with_memory(
         self, observations: Array, memories: Sequence[Any], envs: Sequence[Any] | None
     ) -> tuple[Array, Sequence[Any]]:
-        """See ``ibe_rl.acting.PolicyWithMemory``."""
+        """See ``ibe_rl.envs.acting.PolicyWithMemory``."""
         acting = Acting(self.policy, memories)
         actions = acting(self._under(observations), range(len(observations)), envs)
         return actions, acting.memories

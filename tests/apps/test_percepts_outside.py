@@ -12,7 +12,7 @@ from ibe_rl.apps.minari import _buffer, _check_observations, _episode
 from ibe_rl.apps.teach.lesson import Stage
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.make import task_of
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array, ConfigError

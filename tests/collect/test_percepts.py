@@ -9,7 +9,7 @@ from walker import LIMIT, SIZES, walker
 
 from ibe_rl.collect.rollout import play, record_rollout
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.make import task_of
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode, observe, percepts_of

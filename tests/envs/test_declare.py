@@ -11,8 +11,9 @@ from rules import WORDS, declared
 
 from ibe_rl.config.settings import EnvConfig, PhrasesConfig
 from ibe_rl.envs.declare import declare, load_function
-from ibe_rl.envs.make import drawn, make_env, make_gym, make_vector_env, task_of
-from ibe_rl.envs.wrappers import Declared
+from ibe_rl.envs.instructed_envs import make_vector_env
+from ibe_rl.envs.make import make_env, make_gym
+from ibe_rl.envs.wrappers import Declared, drawn, task_of
 from ibe_rl.ibe import phrase
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.types import ConfigError

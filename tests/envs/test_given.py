@@ -11,7 +11,8 @@ from gates import STEPS, Closed, Gate, task
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.given import GivenEnv
 from ibe_rl.envs.giving import given_env
-from ibe_rl.envs.make import make_env, make_snapshot_env, task_of
+from ibe_rl.envs.make import make_env, make_snapshot_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.types import ConfigError
 
 

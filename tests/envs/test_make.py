@@ -13,7 +13,9 @@ from torchrl.envs.utils import check_env_specs, step_mdp
 
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import TRAINING_SEEDS, episode_seed, make_gym, make_vector_env, task_of
+from ibe_rl.envs.instructed_envs import TRAINING_SEEDS, episode_seed, make_vector_env
+from ibe_rl.envs.make import make_gym
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.types import Array, ConfigError, observe

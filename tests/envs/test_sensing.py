@@ -11,10 +11,11 @@ from walker import KINDS, LIMIT, SIZES, STATEFUL, WORD, Walker, place_and_speed,
 
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs.given import GivenEnv, make_given
-from ibe_rl.envs.make import episode_seed, make_gym, make_snapshot_env, make_vector_env, task_of
+from ibe_rl.envs.instructed_envs import episode_seed, make_vector_env
+from ibe_rl.envs.make import make_gym, make_snapshot_env
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.snapshots import stoppable
-from ibe_rl.envs.wrappers import Instructed
+from ibe_rl.envs.wrappers import Instructed, task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.task import FLAGS, IMAGE, NUMBERS, PERCEPT, Phrases, Task
 from ibe_rl.types import ConfigError, observe

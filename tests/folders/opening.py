@@ -12,7 +12,8 @@ from unittest.mock import patch
 from ibe_rl.config.limits import check
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes, load_run
 from ibe_rl.evaluation.trained_run import open_log
 from ibe_rl.instructors.recorded import read_lesson

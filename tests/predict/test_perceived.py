@@ -11,7 +11,8 @@ from walker import SIZES, to_middle, walker, walker_config
 
 from ibe_rl.collect.rollout import play, record_rollout
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.make import make_snapshot_env, task_of
+from ibe_rl.envs.make import make_snapshot_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.predict.ensemble import Ensemble, EnsembleConfig
 from ibe_rl.predict.regression import Regression, RegressionConfig

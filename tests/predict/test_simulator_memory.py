@@ -10,7 +10,8 @@ import pytest
 
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.envs.make import make_gym, task_of
+from ibe_rl.envs.make import make_gym
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor
 from ibe_rl.predict.simulator import Simulator
 

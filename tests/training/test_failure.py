@@ -64,7 +64,7 @@ def test_it_ends_in_order(tmp_path: Path):
 
 def test_a_failure_before_the_first_frame_leaves_no_state(tmp_path: Path):
     run = SimpleNamespace(folder=tmp_path, log=SimpleNamespace(frames=0))
-    with pytest.raises(GateError, match=r"^it failed$"), resumable(run):
+    with pytest.raises(GateError, match=r"^it failed$"), resumable(run, lambda *_: {}):
         raise GateError("it failed")
     assert not list(tmp_path.iterdir())
 

@@ -15,7 +15,8 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_gym, make_vector_env
+from ibe_rl.envs.instructed_envs import make_vector_env
+from ibe_rl.envs.make import make_gym
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task

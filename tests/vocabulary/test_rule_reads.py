@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from rules import WORDS, declared
 
-from ibe_rl.envs.make import make_gym, task_of
+from ibe_rl.envs.make import make_gym
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError

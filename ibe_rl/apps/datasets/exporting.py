@@ -16,7 +16,8 @@ from ibe_rl.apps.datasets.recorded import DATASET_PERCEPT, DATASET_SUCCESS
 from ibe_rl.apps.external.folder import SEEDS
 from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, read_json, refuse_special_files

@@ -18,8 +18,9 @@ from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lin
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.declare import load_function
-from ibe_rl.envs.make import make_env, task_of
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
+from ibe_rl.runtime.printed import raised
 from ibe_rl.storage.run_folder import refuse_used
 from ibe_rl.storage.whole_folder import whole_folder
 from ibe_rl.task import Task

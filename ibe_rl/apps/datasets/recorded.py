@@ -12,7 +12,7 @@ from gymnasium.spaces import Box
 
 from ibe_rl.apps.datasets.hearing import Hearing, instructed_size
 from ibe_rl.apps.external.actions import bounded, fits, shaped
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 

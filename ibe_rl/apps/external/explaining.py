@@ -20,8 +20,10 @@ from ibe_rl.apps.external.policy import EpsilonGreedy, ExternalPolicy, as_policy
 from ibe_rl.apps.external.reading import Reading, compared_returns, forgotten, reading_of
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig, TrainConfig
-from ibe_rl.envs.make import episode_seed, make_env, make_snapshot_env, task_of
+from ibe_rl.envs.instructed_envs import episode_seed
+from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.envs.masks import MASKS, has_masks, masks_of
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.evaluation.moments import Plan
 from ibe_rl.evaluation.rollouts import predict_futures, seeds_for, take_moments
 from ibe_rl.evaluation.run_predictor import predictor_of, with_processes

@@ -15,7 +15,8 @@ from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 from ibe_rl.apps.external.adapters import Statistics
-from ibe_rl.runtime.import_string import import_named, raised
+from ibe_rl.runtime.import_string import import_named
+from ibe_rl.runtime.printed import raised
 from ibe_rl.types import ConfigError
 
 SB3_KINDS = {

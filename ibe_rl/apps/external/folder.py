@@ -16,8 +16,9 @@ from ibe_rl.apps.external.reading import Reading
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.saved import write_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
-from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.make import make_env
 from ibe_rl.envs.trial import try_out
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.runtime.console import PlainConsole

@@ -16,7 +16,6 @@ import torch
 from gymnasium.spaces import Box, Discrete
 from tensordict.nn import TensorDictModuleBase
 
-from ibe_rl.acting import Acting
 from ibe_rl.apps.external.actions import bounded, check_action_space, check_same_actions, fits, shaped
 from ibe_rl.apps.external.adapters import (
     Adapter,
@@ -32,8 +31,9 @@ from ibe_rl.apps.external.adapters import (
     plain_array,
 )
 from ibe_rl.apps.external.reading import Reading
+from ibe_rl.envs.acting import Acting
 from ibe_rl.envs.masks import sampled_action
-from ibe_rl.runtime.import_string import raised
+from ibe_rl.runtime.printed import raised
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Policy
 
@@ -45,7 +45,7 @@ _CHANCE = (
 
 @dataclass(frozen=True)
 class ExternalPolicy:
-    """An externally trained policy; see ``ibe_rl.acting.PolicyWithMemory``.
+    """An externally trained policy; see ``ibe_rl.envs.acting.PolicyWithMemory``.
 
     Attributes:
         agent: how it is called.
@@ -68,7 +68,7 @@ class ExternalPolicy:
     def act_with_memory(
         self, observations: Array, memories: Memories, envs: Sequence[Any] | None
     ) -> tuple[Array, Memories]:
-        """See ``ibe_rl.acting.PolicyWithMemory``.
+        """See ``ibe_rl.envs.acting.PolicyWithMemory``.
 
         Raises:
             ConfigError: if the agent returns actions outside the action space.
@@ -259,7 +259,7 @@ class EpsilonGreedy:
     def act_with_memory(
         self, observations: Array, memories: Memories, envs: Sequence[Any] | None
     ) -> tuple[Array, Memories]:
-        """See ``ibe_rl.acting.PolicyWithMemory``; random actions are such as the masks allow."""
+        """See ``ibe_rl.envs.acting.PolicyWithMemory``; random actions are such as the masks allow."""
         acting = Acting(self._policy, memories)
         chosen = acting(observations, range(len(observations)), envs)
         for row in np.flatnonzero(self._random.random(len(chosen)) < self._share).tolist():

@@ -19,7 +19,8 @@ from ibe_rl.apps.paper.vocabularies import variants
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.hydra_setup import choice
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
-from ibe_rl.envs.make import make_env, task_of
+from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rollouts import EPISODES_AT_ONCE, SEEDS_EACH, seeds_for

@@ -21,7 +21,8 @@ from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.envs.make import make_snapshot_env, task_of
+from ibe_rl.envs.make import make_snapshot_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable

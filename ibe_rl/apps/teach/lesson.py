@@ -14,8 +14,8 @@ from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
-from ibe_rl.envs.make import drawn, task_of
 from ibe_rl.envs.snapshots import stoppable
+from ibe_rl.envs.wrappers import drawn, task_of
 from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array, Explanation, Moment

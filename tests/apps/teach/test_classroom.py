@@ -34,7 +34,7 @@ from ibe_rl.apps.teach.classroom import (
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
-from ibe_rl.envs.make import make_vector_env
+from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 from ibe_rl.instructors.human import HumanConfig

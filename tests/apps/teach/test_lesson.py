@@ -19,8 +19,8 @@ from ibe_rl.apps.teach.lesson import FRAME_S
 from ibe_rl.apps.teach.messages import HandOver, Press, Release
 from ibe_rl.apps.teach.session import ORACLE, PAST, PERSON
 from ibe_rl.envs import LANDER_TASK
+from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.envs.lander_task import X
-from ibe_rl.envs.make import make_vector_env
 from ibe_rl.instructors.mixed import MixedInstructor
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.recorded import read_lesson
