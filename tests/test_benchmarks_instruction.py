@@ -17,7 +17,7 @@ from benchmarks import instruction, instruction_report, ours, robustness, robust
 from benchmarks.instruction_report import insert, success, table
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from ibe_rl.agents import check_agent
-from ibe_rl.collect.collector import check_collect
+from ibe_rl.collect.check import check_collect
 from ibe_rl.config.kind_files import register
 from ibe_rl.config.limits import check
 from ibe_rl.config.settings import PredictorConfig

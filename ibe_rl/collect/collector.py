@@ -40,7 +40,7 @@ from ibe_rl.runtime.workers import (
 )
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
-from ibe_rl.types import Array, ConfigError, Instructor
+from ibe_rl.types import Array, Instructor
 
 SEEDS_PER_RUN = 100_000
 """A run's environments are seeded from ``seed * SEEDS_PER_RUN`` upwards; their episodes by ``episode_seed``."""
@@ -143,26 +143,6 @@ def make_collector(
         )
     collector.last_words = last_words
     return collector
-
-
-def check_collect(config: CollectConfig) -> None:
-    """Refuse a setting that would be ignored.
-
-    Raises:
-        ConfigError: naming the key, the value and what is allowed.
-    """
-    if config.engine == "ray":
-        load_app("collect.engine=ray").check_ray(config)
-    elif config.address is not None:
-        raise ConfigError(
-            f"collect.address={config.address} with collect.engine={config.engine}: allowed is null, "
-            "or collect.engine=ray, which connects to it"
-        )
-    if config.ahead_batches > 1 and not config.overlap:
-        raise ConfigError(
-            f"collect.ahead_batches={config.ahead_batches} with collect.overlap=false: allowed is 1, "
-            "or collect.overlap=true, without which no batch is collected ahead"
-        )
 
 
 def workers_of(collector: BaseCollector) -> Workers:

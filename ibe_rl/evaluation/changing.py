@@ -5,37 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ibe_rl.evaluation.moments import Moments, Plan
-from ibe_rl.evaluation.rollouts import Rollouts
+from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.rows import MOTION, Samples, difference, estimate_json, over_numbers
 from ibe_rl.evaluation.verbalise import speak
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.quality import motion_scores
 from ibe_rl.task import Task
-from ibe_rl.types import ExpressionMapping, Policy
+from ibe_rl.types import ExpressionMapping
 
 AGE_METRICS = (*(name for name in MOTION if name != "motion_auc_hard"), "came_true")
-
-
-def judge_all_ages(
-    rollouts: Rollouts, policies: Mapping[int, Policy], vocabularies: Mapping[int, ExpressionMapping]
-) -> list[dict[str, Any]]:
-    """Evaluate each saved policy with the vocabularies of its own stage and all earlier ones.
-
-    Args:
-        rollouts: of the run.
-        policies: training frames to the policy saved then, oldest first.
-        vocabularies: training frames to the vocabulary learnt then.
-    """
-    run, config, rows = rollouts.run, rollouts.cfg.evaluate, []
-    plan = Plan(config.stride_steps, 1, (run.horizon_steps,))
-    for frame, policy in policies.items():
-        if not any(learnt <= frame for learnt in vocabularies):
-            continue
-        title = f"futures of the policy of frame {frame:,}"
-        moments = rollouts.gather("changing", config.changing_episodes, plan, title, policy).judged()
-        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, config.resamples, config.seed)
-    return rows
 
 
 def judge_ages(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,10 @@ from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.advice import lines_of, verdict_of
 from ibe_rl.evaluation.baselines import Learnt, StateRegressor
-from ibe_rl.evaluation.changing import judge_all_ages
+from ibe_rl.evaluation.changing import judge_ages
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.judging import confidence_of, judge, paired_of, rows_of
-from ibe_rl.evaluation.moments import Moments
+from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
@@ -27,7 +27,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
-from ibe_rl.types import ExpressionMapping
+from ibe_rl.types import ExpressionMapping, Policy
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers shown with the evaluated one in tables and figures over the horizons."""
@@ -140,7 +140,7 @@ def changing_policy(rollouts: Rollouts) -> list[dict[str, Any]]:
     """Evaluate each saved policy with each vocabulary learnt by then."""
     run = rollouts.run
     refreshes = {frame: one for frame, one in kept_refreshes(run).items() if one.horizon_steps == run.horizon_steps}
-    return judge_all_ages(rollouts, kept_policies(run), {frame: one.mapping for frame, one in refreshes.items()})
+    return _judge_all_ages(rollouts, kept_policies(run), {frame: one.mapping for frame, one in refreshes.items()})
 
 
 def evaluation_protocol(
@@ -197,3 +197,24 @@ def print_files(folder: Path, drawn: list[Path]) -> None:
     console = tables.console()
     console.print(f"numbers: {folder}/quality.json, observers.json, calibration.json, moments.csv", soft_wrap=True)
     console.print(f"figures: {drawn[0].parent}/{', '.join(path.name for path in drawn)}", soft_wrap=True)
+
+
+def _judge_all_ages(
+    rollouts: Rollouts, policies: Mapping[int, Policy], vocabularies: Mapping[int, ExpressionMapping]
+) -> list[dict[str, Any]]:
+    """Evaluate each saved policy with the vocabularies of its own stage and all earlier ones.
+
+    Args:
+        rollouts: of the run.
+        policies: training frames to the policy saved then, oldest first.
+        vocabularies: training frames to the vocabulary learnt then.
+    """
+    run, config, rows = rollouts.run, rollouts.cfg.evaluate, []
+    plan = Plan(config.stride_steps, 1, (run.horizon_steps,))
+    for frame, policy in policies.items():
+        if not any(learnt <= frame for learnt in vocabularies):
+            continue
+        title = f"futures of the policy of frame {frame:,}"
+        moments = rollouts.gather("changing", config.changing_episodes, plan, title, policy).judged()
+        rows += judge_ages(frame, vocabularies, moments, run.horizon_steps, run.task, config.resamples, config.seed)
+    return rows

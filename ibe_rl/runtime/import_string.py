@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ibe_rl.runtime.printed import raised
 from ibe_rl.types import ConfigError
 
 _NAMED: set[str] = set()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.agents import check_actions, check_agent
 from ibe_rl.agents.encoder import has_images
-from ibe_rl.collect.collector import check_collect
+from ibe_rl.collect.check import check_collect
 from ibe_rl.config.command_line import is_sweep
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.trial import try_out

@@ -17,9 +17,9 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.collect import collector as collect
+from ibe_rl.collect.check import check_collect
 from ibe_rl.collect.collector import (
     batches,
-    check_collect,
     env_of_worker,
     make_collector,
     steps_of,

@@ -24,7 +24,8 @@ from view_data import eventually
 
 from ibe_rl.apps.ray import workers as ray_workers
 from ibe_rl.apps.ray.workers import Actors, RayWorkers
-from ibe_rl.collect.collector import batches, check_collect, make_collector
+from ibe_rl.collect.check import check_collect
+from ibe_rl.collect.collector import batches, make_collector
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.instructors import check_instructor
