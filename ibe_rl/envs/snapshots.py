@@ -185,7 +185,7 @@ def _another(env: gymnasium.Env[Any, Any]) -> tuple[str, Callable[[], Any]] | No
     if isinstance(env, Declared) and env.again is not None:
         return env.again
     gate = gate_of(env)
-    spec = gate.spec if gate else env.spec
+    spec = gate.spec if gate else env.unwrapped.spec
     if spec is None:
         return None
     return f"{spec.id} {spec.kwargs}", partial(gymnasium.make, spec, disable_env_checker=True)
