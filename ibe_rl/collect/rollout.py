@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.envs.gate import GateError, located
+from ibe_rl.envs.errors import GateError, located
 from ibe_rl.envs.make import TRAINING_SEEDS, drawn, step_together, task_of
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.task import RecordedRollout

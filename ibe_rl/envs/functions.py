@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.envs.conversions import NUMBERS, as_flag, as_number, shortened
-from ibe_rl.envs.gate import GateError, user_error
+from ibe_rl.envs.errors import GateError, user_error
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 
-NEAR = 1e-6
+SAME_VALUE = 1e-6
 """Largest distance of an instruction from a declared value."""
 MOST_TRIED = 1_000
 """States that are tried one by one to find the one that a function fails for."""
@@ -91,7 +91,7 @@ def _instructions(asked: TaskFunction, answer: Any, states: Array) -> Array:
     values = asked.task.instruction_values
     if set(said.ravel().tolist()) <= set(values):  # nearly always, and much faster than the next line
         return said
-    near = np.abs(said[..., None] - np.asarray(values)).min(axis=-1) <= NEAR  # false for NaN
+    near = np.abs(said[..., None] - np.asarray(values)).min(axis=-1) <= SAME_VALUE  # false for NaN
     if not near.all():
         wrong, state = _worst(~near, said, states)
         allowed = f"{', '.join(f'{value:g}' for value in values)} (instruction_values)"

@@ -16,10 +16,11 @@ from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 from ibe_rl.config.kinds import checked, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
-from ibe_rl.envs.gate import Gate, GateError, located, place, user_error
+from ibe_rl.envs.errors import GateError, located, place, user_error
+from ibe_rl.envs.gate import Gate
 from ibe_rl.envs.given import GivenEnv, make_given
 from ibe_rl.envs.own_task import with_own_task
-from ibe_rl.envs.snapshots import Stoppable, stoppable
+from ibe_rl.envs.snapshots import CheckedGame, Stoppable, stoppable
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Shape, Task
@@ -103,7 +104,7 @@ def make_snapshot_env(env: EnvConfig) -> Stoppable:
             "restored exactly (it has no snapshot() and restore(), and a deep copy of it behaves differently); "
             "allowed is predictor=ensemble or predictor=regression, which learn from the log"
         )
-    return made
+    return CheckedGame(made)
 
 
 def task_of(env: gymnasium.Env[Any, Any]) -> Task:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import partial
+from math import isfinite
 from typing import Any, Protocol, Self
 
 import gymnasium
@@ -12,7 +13,8 @@ import numpy as np
 from gymnasium import wrappers
 from gymnasium.utils.env_checker import data_equivalence
 
-from ibe_rl.envs.gate import GateError, gate_of, user_error
+from ibe_rl.envs.errors import GateError, user_error
+from ibe_rl.envs.gate import gate_of
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.types import Array
 
@@ -209,25 +211,40 @@ def _find_method(make: Callable[[], Any]) -> type[Copied] | None:
     return None
 
 
-def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Array, Array]:
-    """Step ``N`` games in roll-outs: states ``(N, S)`` float32 and whether they terminated ``(N,)``.
+class CheckedGame:
+    """A game in roll-outs: what it raises is its own, and what it gives is copied and finite.
 
-    Raises:
-        GateError: if one raises, or gives numbers that are not finite.
+    Args:
+        game: as a predictor steps it.
     """
-    steps = unbroken(lambda: [game.step(action) for game, action in zip(games, actions, strict=True)], games[0], "step")
-    states = np.array([after[0] for after in steps], np.float32)
-    if not np.isfinite(states.sum()):
-        _refuse_states(states, games)
-    return states, np.array([after[2] for after in steps], bool)
+
+    def __init__(self, game: Stoppable):
+        self._game = game
+        self.snapshot, self.restore = game.snapshot, game.restore
+
+    @property
+    def unwrapped(self) -> Self:
+        """See ``Stoppable``."""
+        return self
+
+    def reset(self, *, seed: int | None = None) -> Any:
+        """See ``Stoppable``."""
+        return answer_of(lambda: self._game.reset(seed=seed), self._game, "reset")
+
+    def step(self, action: Any) -> Any:
+        """See ``Stoppable``.
+
+        Raises:
+            GateError: if it raises, or gives numbers that are not finite.
+        """
+        observation, *others = answer_of(lambda: self._game.step(action), self._game, "step")
+        state = np.array(observation, np.float32)
+        if not isfinite(sum(state.tolist())):
+            raise GateError(f"{_rolled(self._game)}: the observation is {state.tolist()}; allowed are finite numbers")
+        return state, *others
 
 
-def _refuse_states(states: Array, games: Sequence[Stoppable]) -> None:
-    for state in states[~np.isfinite(states).all(axis=-1)]:
-        raise GateError(f"{_rolled(games[0])}: the observation is {state.tolist()}; allowed are finite numbers")
-
-
-def unbroken(call: Callable[[], Any], game: Stoppable, name: str) -> Any:
+def answer_of(call: Callable[[], Any], game: Stoppable, name: str) -> Any:
     """What ``call`` of a game gives.
 
     Raises:
@@ -253,7 +270,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
         steps: of each replay, and the latest step of a snapshot.
         exact: bit for bit; False: to 1e-5.
     """
-    unbroken(lambda: original.reset(seed=1), original, "reset")
+    answer_of(lambda: original.reset(seed=1), original, "reset")
     other.reset(seed=2)
     space: Any = getattr(original, "game", original.unwrapped).action_space
     space.seed(3)
@@ -264,7 +281,7 @@ def repeats(original: Stoppable, other: Stoppable, steps: int = PROOF_STEPS, exa
             stopped.append((len(played), original.snapshot()))
         action = space.sample()
         played.append(
-            (action, deepcopy(unbroken(partial(original.step, action), original, "step")[:3]))
+            (action, deepcopy(answer_of(partial(original.step, action), original, "step")[:3]))
         )  # it may change what it gave
     for start, snapshot in stopped:
         other.restore(snapshot)

@@ -11,19 +11,19 @@ import numpy as np
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.make import drawn, make_env, make_snapshot_env, task_of
-from ibe_rl.envs.snapshots import step_games, stoppable
+from ibe_rl.envs.snapshots import stoppable
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
-STEPS = 60
+TRIAL_STEPS = 60
 """Most steps of an episode of the trial."""
 FIRST_STATES = 10
 """Episodes whose first state the rule is asked for."""
-FARTHER = (1, 3, 10)
+FARTHER_OUT = (1, 3, 10)
 """Factors by which states are moved from their mean before a rule counts as constant."""
 FOLD = 1_000
 """Ratio of the numbers of a state from which learning is in doubt."""
-NEAR, FAR = 1e-3, 0.05
+EXACT_ENOUGH, TOO_FAR = 1e-3, 0.05
 """Deviations of a roll-out, in ranges of the state, that are noted and that are refused."""
 COPIED = "allowed is predictor=ensemble or predictor=regression, which learn from the log"
 
@@ -79,7 +79,7 @@ def play_briefly(
     """
     env.action_space.seed(seed)
     states, rewards, done = [env.reset(seed=seed)[0]], list[float](), False
-    asked = [env.action_space.sample() for _ in range(STEPS)] if actions is None else actions
+    asked = [env.action_space.sample() for _ in range(TRIAL_STEPS)] if actions is None else actions
     snapshot, cut = None, 0
     for action in asked:
         if snapshot_of is not None and len(rewards) <= len(asked) // 3:
@@ -141,7 +141,7 @@ def _unequal(task: Task, states: Array) -> str:
 def _constant(task: Task, states: Array) -> list[str]:
     """Notes on numbers of the rule that never change, here nor in states farther out."""
     mean = states.mean(axis=0)
-    farther = np.concatenate([(mean + factor * (states - mean)).astype(states.dtype) for factor in FARTHER])
+    farther = np.concatenate([(mean + factor * (states - mean)).astype(states.dtype) for factor in FARTHER_OUT])
     said = task.rule(farther)
     return [
         f"the rule says {said[0, number]:g} of {name} in all {len(states)} states tried: it never changes, so its "
@@ -157,17 +157,14 @@ def _taken_up(config: EnvConfig, task: Task) -> str:
     played = play_briefly(env, 0, snapshot_of=stoppable(env))
     copy.reset(seed=1)
     copy.restore(played.snapshot)
-    rolled = []
-    for action in played.actions[played.cut :]:
-        state, _ = step_games([copy], [_plain(action)])
-        rolled.append(state[0])
+    rolled = [copy.step(_plain(action))[0] for action in played.actions[played.cut :]]
     off = np.abs(np.array(rolled) - played.states[played.cut + 1 :]).max(axis=0)
     share = off / np.maximum(np.ptp(played.states, axis=0), np.finfo(np.float32).tiny)
     share[off == 0] = 0.0
     worst = int(share.argmax())
-    if share[worst] <= NEAR:
+    if share[worst] <= EXACT_ENOUGH:
         return ""
     found = f"{len(rolled)} steps after a snapshot its {task.state_names[worst]} is off by {off[worst]:.3g}"
-    if share[worst] > FAR:
+    if share[worst] > TOO_FAR:
         raise ConfigError(f"predictor=simulator with env.id={config.id}: {found}, so it cannot be rolled out; {COPIED}")
     return f"{config.id} cannot be copied exactly: {found}"

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from ibe_rl.envs.gate import GateError, check_context, place
+from ibe_rl.envs.errors import GateError, check_beginning, place
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, observe
 
@@ -50,7 +50,7 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         """See ``gymnasium.Env``."""
         state, info = self.env.reset(seed=seed, options=options)
         seen = np.asarray(state, np.float32)
-        check_context(self, self.task, seen)
+        check_beginning(self, self.task, seen)
         return seen, {**info, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 
 from ibe_rl.config.settings import PredictorConfig
-from ibe_rl.envs.snapshots import step_games
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
@@ -132,7 +131,9 @@ class _EnvCopies:
                 instruction[running], given[running] = self._rule(states), 1.0
             actions = policy(observe(states, instruction[running], given[running]))
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster
-            paths[running, step], ended = step_games([copies[row] for row in running.tolist()], choices)
+            steps = [copies[row].step(action) for row, action in zip(running.tolist(), choices, strict=True)]
+            paths[running, step] = np.array([after[0] for after in steps])
+            ended = np.array([after[2] for after in steps])
             for row in running[ended]:
                 paths[row, step:] = paths[row, step]
             running = running[~ended]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import own_configs
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.runtime.installation import typed
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state

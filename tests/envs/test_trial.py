@@ -9,10 +9,10 @@ import pytest
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.giving import given_env
 from ibe_rl.envs.make import make_env, make_snapshot_env
-from ibe_rl.envs.snapshots import Wrapped, step_games, stoppable
+from ibe_rl.envs.snapshots import CheckedGame, Wrapped, stoppable
 from ibe_rl.envs.trial import try_out
 from ibe_rl.types import ConfigError
 
@@ -85,9 +85,9 @@ def test_a_rollout_is_checked_too():
     for game in games:
         game.reset(seed=0)
     with pytest.raises(GateError, match=r"Lift, a roll-out from a snapshot: the observation is \[nan, nan\]"):
-        step_games(games[:1], [1])
+        CheckedGame(games[0]).step(1)
     with pytest.raises(GateError, match=r"its step\(\) raised ZeroDivisionError"):
-        step_games(games[1:], [1])
+        CheckedGame(games[1]).step(1)
 
 
 def test_an_environment_that_breaks_is_not_taken_for_one_that_cannot_be_copied():

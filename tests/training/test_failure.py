@@ -10,7 +10,7 @@ import pytest
 from awkward import STEPS, Lift, behind_gate
 from processes import SMALL, call
 
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.storage.checkpoint import LATEST
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, TRAJECTORIES
