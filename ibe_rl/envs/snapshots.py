@@ -220,7 +220,6 @@ class CheckedGame:
 
     def __init__(self, game: Stoppable):
         self._game = game
-        self.snapshot, self.restore = game.snapshot, game.restore
 
     @property
     def unwrapped(self) -> Self:
@@ -242,6 +241,14 @@ class CheckedGame:
         if not isfinite(sum(state.tolist())):
             raise GateError(f"{_rolled(self._game)}: the observation is {state.tolist()}; allowed are finite numbers")
         return state, *others
+
+    def snapshot(self) -> Any:
+        """See ``Stoppable``."""
+        return self._game.snapshot()
+
+    def restore(self, snapshot: Any, noise: np.random.Generator | None = None) -> None:
+        """See ``Stoppable``."""
+        self._game.restore(snapshot, noise)
 
 
 def answer_of(call: Callable[[], Any], game: Stoppable, name: str) -> Any:
