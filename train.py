@@ -37,7 +37,6 @@ from ibe_rl.collect.collector import steps_of
 from ibe_rl.collect.rollout import EVALUATION_SEED, play, record_rollout
 from ibe_rl.config.command_line import is_sweep, run_script
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
-from ibe_rl.envs.gate import GateError
 from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.runtime.apps import load_app
@@ -77,8 +76,8 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
     cfg, policy = run.cfg, run.agent.greedy
     try:
         refresh = learn(run)  # episodes → vocabulary
-    except (OSError, GateError):
-        raise  # of the disk or the environment, which everything else needs as well
+    except OSError:
+        raise  # of the disk, which everything else writes to as well
     except Exception as error:
         return skip(run, error)
     with timeit("explain"):

@@ -186,3 +186,12 @@ class RecordedRollout:
     moments: Sequence[Moment]
     background: Sequence[Shape]
     figures: Sequence[Sequence[Shape]]
+
+
+def choices_of(space: Any) -> list[tuple[int, int]]:
+    """The sizes and first values of a row of choices (MultiDiscrete, MultiBinary); empty for other action spaces."""
+    if len(space.shape or ()) != 1:
+        return []
+    if hasattr(space, "nvec"):
+        return list(zip(space.nvec.tolist(), space.start.tolist(), strict=True))
+    return [(2, 0)] * space.shape[0] if hasattr(space, "n") else []

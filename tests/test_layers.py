@@ -145,7 +145,8 @@ def test_agents_know_no_environment_and_predictors_no_agent():
     for name in ("agents", "predict", "explain", "ibe", "metrics"):
         known = {unit(module) for module in below(*(m for m in FILES if unit(m) == name)) if module != PACKAGE}
         direct = {used for user, used in edges_of_units() if user == name}
-        assert not direct & {"envs", "collect"}
+        assert name == "predict" or "envs" not in direct  # it rolls out copies of environments
+        assert "collect" not in direct
         assert name == "agents" or "agents" not in known
 
 

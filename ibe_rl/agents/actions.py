@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from ibe_rl.task import choices_of
 from ibe_rl.types import ConfigError
 
 RAW_ACTION = "action_drawn"
@@ -200,12 +201,3 @@ def make_actions(space: gymnasium.Space[Any], first_std: float) -> Actions:
         f"env: its actions are {space}; allowed are Discrete, or with agent=ppo one row of MultiDiscrete, MultiBinary "
         "or floating-point numbers with finite bounds (Box)"
     )
-
-
-def choices_of(space: gymnasium.Space[Any]) -> list[tuple[int, int]]:
-    """The sizes and first values of a row of choices; empty for other spaces."""
-    if isinstance(space, gymnasium.spaces.MultiDiscrete) and space.nvec.ndim == 1:
-        return list(zip(space.nvec.tolist(), space.start.tolist(), strict=True))
-    if isinstance(space, gymnasium.spaces.MultiBinary) and len(space.shape) == 1:
-        return [(2, 0)] * space.shape[0]
-    return []

@@ -21,7 +21,7 @@ from torchrl.envs import EnvBase
 from ibe_rl.agents import Agent
 from ibe_rl.collect.worker_envs import WorkerEnvs, raise_last_words
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.instructed_envs import InstructedEnvs, make_vector_env
 from ibe_rl.envs.make import make_env
 from ibe_rl.envs.trial import play_briefly

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.envs.acting import Acting
-from ibe_rl.envs.gate import GateError, located
+from ibe_rl.envs.errors import GateError, located
 from ibe_rl.envs.instructed_envs import TRAINING_SEEDS, step_together
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.envs.wrappers import drawn, task_of

@@ -11,7 +11,7 @@ import gymnasium
 from tensordict import TensorDictBase
 from torchrl.collectors import BaseCollector
 
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.instructed_envs import InstructedEnvs
 from ibe_rl.runtime.last_words import LastWords, leave
 from ibe_rl.storage.partial_episode import PartialEpisode

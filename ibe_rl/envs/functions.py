@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.envs.conversions import REAL_KINDS, as_flag, as_number, shortened
-from ibe_rl.envs.gate import GateError, user_error
+from ibe_rl.envs.errors import GateError, user_error
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 

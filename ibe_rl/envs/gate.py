@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
-from pathlib import Path
-from sysconfig import get_paths
-from traceback import FrameSummary, extract_tb
 from typing import Any
 
 import gymnasium
@@ -15,69 +12,11 @@ from gymnasium import spaces
 from gymnasium.wrappers import OrderEnforcing, TimeLimit
 
 from ibe_rl.envs.conversions import UnfitError, as_flag, as_number, shortened, taken
-from ibe_rl.runtime.printed import raised
-from ibe_rl.types import Array, ConfigError
+from ibe_rl.envs.errors import GateError, check_beginning, user_error
 
-OURS = str(Path(__file__).resolve().parent.parent)
-LIBRARIES = (OURS, *(get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")))
-"""Folders whose code is not the user's."""
 FLOAT32 = np.dtype(np.float32)
 SHORT_ROW = 64
 """Numbers up to which a row is checked in plain Python."""
-
-
-class GateError(ConfigError):
-    """What an environment or a function of its task gave or raised cannot be used.
-
-    Attributes:
-        state: ``(S,)`` for which a function of the task failed; None if the place is already in the message.
-    """
-
-    def __init__(self, message: str, state: Array | None = None):
-        super().__init__(message)
-        self.state = state
-
-
-def user_error(error: Exception) -> str:
-    """Describe an error from the user's code, with the line of their code that it came from."""
-    frames = [frame for frame in extract_tb(error.__traceback__) if not frame.filename.startswith(OURS)]
-    own = [frame for frame in frames if not frame.filename.startswith((*LIBRARIES, "<"))] or frames
-    return raised(error) + (f" ({_line(own[-1])})" if own else "")
-
-
-def _line(frame: FrameSummary) -> str:
-    return f"{frame.filename}, line {frame.lineno}, in {frame.name}"
-
-
-def place(env: gymnasium.Env[Any, Any]) -> str:
-    """Which environment this is, in which episode and at which step."""
-    return str(env.get_wrapper_attr("place")()) if env.has_wrapper_attr("place") else f"env={env}"
-
-
-def ask_context(env: gymnasium.Env[Any, Any], context: Callable[[Array], str], state: Array) -> None:
-    """Ask for the context of an episode that begins in ``state`` ``(S,)``.
-
-    Raises:
-        GateError: if it is unknown.
-    """
-    try:
-        context(state)
-    except GateError as error:
-        raise GateError(f"{place(env)}: {error}") from None
-
-
-def located(error: GateError, envs: Sequence[gymnasium.Env[Any, Any]], states: Iterable[Array]) -> GateError:
-    """Add the place to an error of a task's function, if ``states`` has the state ``(S,)`` that it failed for.
-
-    Args:
-        error: as raised.
-        envs: ``N`` environments.
-        states: the current state of each.
-    """
-    for env, state in zip(envs, states, strict=False):
-        if error.state is not None and np.array_equal(state, error.state):
-            return GateError(f"{place(env)}: {error}")
-    return error
 
 
 class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -160,7 +99,7 @@ class Gate(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise self._refused("info", given[1], "a dict")
         observation = self._observation(given[0])
         if self._has_task:
-            ask_context(self, self.task.context, observation)
+            check_beginning(self, self.task, observation)
         return observation, dict(given[1])
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

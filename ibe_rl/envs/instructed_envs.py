@@ -13,7 +13,7 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
-from ibe_rl.envs.gate import GateError, located
+from ibe_rl.envs.errors import GateError, located
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import PERCEPT

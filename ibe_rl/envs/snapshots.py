@@ -12,7 +12,8 @@ import numpy as np
 from gymnasium import wrappers
 from gymnasium.utils.env_checker import data_equivalence
 
-from ibe_rl.envs.gate import GateError, gate_of, user_error
+from ibe_rl.envs.errors import GateError, user_error
+from ibe_rl.envs.gate import gate_of
 from ibe_rl.envs.masks import sampled_action
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.task import PERCEPT
@@ -187,7 +188,7 @@ def _another(env: gymnasium.Env[Any, Any]) -> tuple[str, Callable[[], Any]] | No
     if isinstance(env, Declared) and env.again is not None:
         return env.again
     gate = gate_of(env)
-    spec = gate.spec if gate else env.spec
+    spec = gate.spec if gate else env.unwrapped.spec
     if spec is None:
         return None
     return f"{spec.id} {spec.kwargs}", partial(gymnasium.make, spec, disable_env_checker=True)
@@ -212,7 +213,14 @@ def _find_method(make: Callable[[], Any]) -> type[Copied] | None:
 
 
 def step_games(games: Sequence[Stoppable], actions: Iterable[Any]) -> tuple[Array, Array, Array]:
-    """Step ``N`` games in roll-outs: states ``(N, S)``, percepts ``(N, P)``, whether they terminated ``(N,)``.
+    """Step games in roll-outs.
+
+    Args:
+        games: ``N`` copies.
+        actions: one for each.
+
+    Returns:
+        States ``(N, S)`` float32, percepts ``(N, P)``, and whether they terminated ``(N,)``.
 
     Raises:
         GateError: if one raises, or gives numbers that are not finite.

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from ibe_rl.envs.gate import GateError, ask_context, place, user_error
+from ibe_rl.envs.errors import GateError, check_beginning, place, user_error
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.task import Shape, Task
 from ibe_rl.types import Array, ConfigError, observe
@@ -53,7 +53,7 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         """See ``gymnasium.Env``."""
         seen, info = self.env.reset(seed=seed, options=options)
         state, percept = self._sensed(seen)
-        ask_context(self, self.task.context, state)
+        check_beginning(self, self.task, state)
         return state, {**info, **percept, self.task.success_key: False}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:

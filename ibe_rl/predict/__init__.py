@@ -3,7 +3,7 @@
 In: moments of episodes, a policy, the log to learn from, the settings of one kind. A kind is a module here or
 elsewhere; see ``KeptPredictor``.
 Out: predicted state paths, how many of their steps to trust, and a state to resume from.
-Imports: ``types``, ``storage``, ``config``, ``instructors``, ``ibe``.
+Imports: ``types``, ``task``, ``storage``, ``config``, ``envs``, ``instructors``, ``ibe``.
 """
 
 from __future__ import annotations

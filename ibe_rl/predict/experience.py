@@ -9,8 +9,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.agents.actions import choices_of
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import choices_of
 from ibe_rl.types import Array, ConfigError, Episode
 
 

@@ -43,7 +43,6 @@ from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
 from ibe_rl.training.state import State, must_fit
 from ibe_rl.training.success_note import SuccessNote
-from ibe_rl.training.summary import summarise
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
 from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browser
@@ -147,7 +146,7 @@ def _begin(
         if state:
             with must_fit(folder):
                 run.random.load_state_dict(state["random"])  # last: making the parts draws numbers
-    owned.enter_context(resumable(run, summarise))
+    owned.enter_context(resumable(run))
     return run
 
 

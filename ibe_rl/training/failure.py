@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.command_line import command_on
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, write_json
+from ibe_rl.training.summary import summarise
 from ibe_rl.types import ConfigError
 
 
@@ -53,12 +54,8 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
 
 
 @contextmanager
-def resumable(run: Any, summarise: Callable[[Any, dict[str, float]], dict[str, Any]]) -> Iterator[None]:
+def resumable(run: Any) -> Iterator[None]:
     """If a worker or the environment fails between two batches, save the current state and say how to resume.
-
-    Args:
-        run: that collects.
-        summarise: the run and its last row to summary.json.
 
     Raises:
         LostWorkerError: with the command that resumes the run.

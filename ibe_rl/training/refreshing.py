@@ -9,6 +9,7 @@ import numpy as np
 from torchrl import timeit
 
 from ibe_rl.collect.rollout import EVALUATION_SEED
+from ibe_rl.envs.errors import GateError
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
@@ -81,7 +82,13 @@ def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
 
 
 def skip(run: Run, error: Exception) -> dict[str, float]:
-    """Keep the previous vocabulary after any error; returns columns of metrics.csv."""
+    """Keep the previous vocabulary after an error; returns columns of metrics.csv.
+
+    Raises:
+        GateError: if it is one, as nothing goes on without the environment.
+    """
+    if isinstance(error, GateError):
+        raise error
     frames, reason = run.log.frames, str(error)
     if not isinstance(error, TooLittleDataError):
         path = run.folder / REFRESHES / f"failed_{frames:012d}.txt"

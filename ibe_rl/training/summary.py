@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.training.run import Run
 from ibe_rl.types import Array, Episode
 
 PACKAGES = ("ibe_rl", "torch", "torchrl", "tensordict", "gymnasium", "scikit-learn", "rerun-sdk")
@@ -39,7 +38,7 @@ def recent_mean(values: Array, count: int) -> float:
     return float(np.mean(values[-count:])) if len(values) else float("nan")
 
 
-def summarise(run: Run, row: dict[str, float]) -> dict[str, Any]:
+def summarise(run: Any, row: dict[str, float]) -> dict[str, Any]:
     """The contents of summary.json; ``row`` is the last one of metrics.csv, empty if the run failed."""
     cfg, counts, vocabulary, wall_s = run.cfg, run.counts, run.vocabulary, run.wall_s
     return {

@@ -8,7 +8,7 @@ from awkward import behind_gate
 from tensordict import TensorDict
 
 from ibe_rl.collect.worker_envs import WorkerEnvs, raise_last_words
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.runtime.last_words import LastWords

@@ -141,7 +141,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "context": ({"context": "rules:side"}, r"context=rules:side with .*contexts=\[\]: allowed is both"),
     "contexts": (
         {"context": "rules:side", "contexts": ["up"]},
-        r"context=rules:side: it returned '(left|right)'; allowed is one of up",
+        r"context=rules:side: it returned '(left|right)' for the state .*; allowed is one of up",
     ),
     "degrees": (
         {"phrases": [PhrasesConfig("a", "b", "c", {"very": 0.5, "": 0.2})]},

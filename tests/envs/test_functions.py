@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from awkward import Lift, behind_gate, lift_task, up_or_down
 
+from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.functions import checked_success, name_of, with_checks
-from ibe_rl.envs.gate import GateError
 
 STATES = np.array([[0.5, 0], [-0.5, 0], [0, 0]], np.float32)
 

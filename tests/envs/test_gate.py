@@ -10,7 +10,8 @@ from gymnasium import spaces
 
 from ibe_rl.collect.rollout import play
 from ibe_rl.envs.conversions import UnfitError, taken
-from ibe_rl.envs.gate import GateError, gate_of, located
+from ibe_rl.envs.errors import GateError, located
+from ibe_rl.envs.gate import gate_of
 from ibe_rl.envs.wrappers import drawn, task_of
 from ibe_rl.instructors.oracle import Oracle
 

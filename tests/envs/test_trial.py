@@ -9,7 +9,7 @@ import pytest
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs import LANDER_ID
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.giving import given_env
 from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.envs.snapshots import Wrapped, step_games, stoppable

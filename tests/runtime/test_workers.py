@@ -175,9 +175,9 @@ def test_too_late_is_said_otherwise_than_hanging():
 def test_a_worker_lost_before_the_first_batch_leaves_nothing_to_resume():
     parts: Any = SimpleNamespace(log=SimpleNamespace(frames=0))
     said = r"^worker 1; nothing had been collected yet, start the run again$"
-    with pytest.raises(LostWorkerError, match=said), resumable(parts, lambda *_: {}):
+    with pytest.raises(LostWorkerError, match=said), resumable(parts):
         raise LostWorkerError("worker 1")
-    with pytest.raises(ZeroDivisionError), resumable(parts, lambda *_: {}):
+    with pytest.raises(ZeroDivisionError), resumable(parts):
         raise ZeroDivisionError
 
 

@@ -10,7 +10,7 @@ import pytest
 from awkward import STEPS, Lift, behind_gate
 from processes import SMALL, call
 
-from ibe_rl.envs.gate import GateError
+from ibe_rl.envs.errors import GateError
 from ibe_rl.storage.checkpoint import LATEST
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, TRAJECTORIES
@@ -64,7 +64,7 @@ def test_it_ends_in_order(tmp_path: Path):
 
 def test_a_failure_before_the_first_frame_leaves_no_state(tmp_path: Path):
     run = SimpleNamespace(folder=tmp_path, log=SimpleNamespace(frames=0))
-    with pytest.raises(GateError, match=r"^it failed$"), resumable(run, lambda *_: {}):
+    with pytest.raises(GateError, match=r"^it failed$"), resumable(run):
         raise GateError("it failed")
     assert not list(tmp_path.iterdir())
 
