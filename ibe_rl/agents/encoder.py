@@ -12,7 +12,7 @@ from ibe_rl.task import IMAGE, Part
 
 FEATURES = 128
 """Numbers that an image becomes."""
-SMALL = 36
+SMALL_PIXELS = 36
 """Images below this many pixels in a direction get small convolutions."""
 
 
@@ -34,7 +34,7 @@ class ImageEncoder(nn.Module):
         height, width, channels = part.shape
         self._shape = (channels, height, width) if part.channels_first else part.shape
         self._channels_first = part.channels_first
-        small = min(height, width) < SMALL
+        small = min(height, width) < SMALL_PIXELS
         self.convolutions = ConvNet(
             in_features=channels,
             num_cells=[16, 32, 64] if small else [32, 64, 64],

@@ -49,16 +49,18 @@ def declare(env: gymnasium.Env[Any, Any], config: TaskConfig) -> Declared:
         for name in CODE_SETTINGS
         if getattr(config, name)
     }
-    task = _task(env, config, made)
+    sense = Sense(env, made.get("state"), config.observes)
+    task = sense.named(_task(env, config, made, sense.states(env)))
     named = {name: getattr(config, name) for name in ("rule", "motion", "goal_offset", "scene_path", "context")}
     draw = {part: made[part] for part in SHAPE_FUNCTIONS if part in made}
-    declared = Declared(env, task, made.get("success"), draw)
+    declared = Declared(env, task, made.get("success"), draw, sense=sense)
     check_functions(declared, task, {name: text for name, text in named.items() if text}, "env.task")
     return declared
 
 
-def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str, Callable[..., Any]]) -> Task:
-    size = Sense(env, functions.get("state"), config.observes).states(env)
+def _task(
+    env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str, Callable[..., Any]], size: int
+) -> Task:
     names = _names("state_names", config.state_names or [f"state_{i}" for i in range(size)], size)
     units = _names("state_units", config.state_units or [""] * size, size, distinct=False)
     unknown = [name for name in config.explained if name not in names]

@@ -55,7 +55,8 @@ def make_given(given: GivenEnv) -> Declared:
         raise ConfigError(
             f"env={given.id}: it declares no task; allowed is task=Task(...), or an attribute task of that type"
         )
-    size = Sense(made, task.state, task.observes).states(made)
+    sense = Sense(made, task.state, task.observes)
+    size = sense.states(made)
     for part in ("state_names", "state_units"):
         if len(getattr(task, part)) != size:
             raise ConfigError(
@@ -64,4 +65,4 @@ def make_given(given: GivenEnv) -> Declared:
             )
     limit = made.spec.max_episode_steps if made.spec is not None else None
     limited = made if limit == task.max_episode_steps else TimeLimit(made, task.max_episode_steps)
-    return Declared(limited, task, again=(given.token, partial(make_given, given)))
+    return Declared(limited, sense.named(task), again=(given.token, partial(make_given, given)), sense=sense)

@@ -17,7 +17,7 @@ from ibe_rl.config.kinds import checked, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
 from ibe_rl.envs.given import GivenEnv, make_given
-from ibe_rl.envs.sensing import Sensed
+from ibe_rl.envs.sensing import Sense, Sensed
 from ibe_rl.envs.snapshots import Stoppable, stoppable
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
@@ -59,8 +59,9 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
             f"env.id={env_id}: it declares no task; allowed is an environment with an attribute task of type "
             "ibe_rl.task.Task, or to declare it in env.task (docs/OWN_ENVIRONMENT.md)"
         )
-    wrapped = Declared(env, task_of(env))
-    return env if wrapped.sense.as_it_is else wrapped
+    task = task_of(env)
+    sense = Sense(env, task.state, task.observes)
+    return env if sense.as_it_is else Declared(env, sense.named(task), sense=sense)
 
 
 def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
@@ -108,9 +109,8 @@ def make_snapshot_env(env: EnvConfig) -> Stoppable:
             "restored exactly (it has no snapshot() and restore(), and a deep copy of it behaves differently); "
             "allowed is predictor=ensemble or predictor=regression, which learn from the log"
         )
-    if isinstance(original, Declared) and not original.sense.as_it_is:
-        return Sensed(made, original.sense)
-    return made
+    sense = original.sense if isinstance(original, Declared) else None
+    return Sensed(made, sense) if isinstance(sense, Sense) and not sense.as_it_is else made
 
 
 def task_of(env: gymnasium.Env[Any, Any]) -> Task:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -11,10 +12,10 @@ from gymnasium import spaces
 from gymnasium.spaces.utils import flatten
 
 from ibe_rl.runtime.import_string import raised
-from ibe_rl.task import FLAGS, IMAGE, NUMBERS, PERCEPT, Part
+from ibe_rl.task import FLAGS, IMAGE, NUMBERS, PERCEPT, Part, Task
 from ibe_rl.types import Array, ConfigError
 
-ALLOWED = "Box, Discrete, MultiDiscrete, MultiBinary, and Dict and Tuple of these"
+READABLE = "Box, Discrete, MultiDiscrete, MultiBinary, and Dict and Tuple of these"
 StateFunction = Callable[[Any, Any], Any]
 """(environment without wrappers, its observation) to the state ``(S,)``."""
 
@@ -76,6 +77,10 @@ class Sense:
             )
         return state, {PERCEPT: np.asarray(flatten(self._space, self._kept(seen)), self._type)}
 
+    def named(self, task: Task) -> Task:
+        """The task with the parts of the percept."""
+        return replace(task, parts=self.parts)
+
     def states(self, env: gymnasium.Env[Any, Any]) -> int:
         """How many numbers a state has; the environment is reset to ask the function.
 
@@ -125,7 +130,7 @@ class Sense:
             rather = f", or env.task.observes=[{','.join(others)}]" if others else ""
             raise ConfigError(
                 f"env.id={self._name}: it observes {f'{name}: ' if name else ''}{space!s:.100}; allowed are "
-                f"{ALLOWED}{rather}"
+                f"{READABLE}{rather}"
             )
 
 

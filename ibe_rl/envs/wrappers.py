@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -11,7 +10,6 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from ibe_rl.envs.sensing import Sense
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, observe
 
@@ -31,6 +29,7 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         success: (last state ``(S,)``, terminated, truncated) to bool; None: read from ``info`` under the task's key,
             else False.
         draw: functions from the environment to shapes, under "background" and "figure"; others are its own.
+        sense: reads its observations (``ibe_rl.envs.sensing.Sense``).
         again: for an environment that gymnasium cannot make by its id: what tells its kind, and what makes another.
     """
 
@@ -41,11 +40,13 @@ class Declared(gymnasium.Wrapper[Array, Any, Any, Any]):
         success: Callable[[Array, bool, bool], bool] | None = None,
         draw: dict[str, Callable[[Any], Any]] | None = None,
         again: tuple[str, Callable[[], Any]] | None = None,
+        *,
+        sense: Callable[[Any, Any], tuple[Array, dict[str, Any]]],
     ):
         super().__init__(env)
         self.again = again
-        self.sense = Sense(env, task.state, task.observes)
-        self.task, self._success, self._draw = replace(task, parts=self.sense.parts), success, draw or {}
+        self.sense = sense
+        self.task, self._success, self._draw = task, success, draw or {}
         self.observation_space = spaces.Box(-np.inf, np.inf, (len(task.state_names),), np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

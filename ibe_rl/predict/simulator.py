@@ -17,7 +17,7 @@ from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe,
 
 MakeEnv = Callable[[], Any]
 Rule = Callable[[Array], Array]
-Part = tuple[Sequence[Moment], Sequence[Any]]
+SeededMoments = tuple[Sequence[Moment], Sequence[Any]]
 """Moments and their noise seeds."""
 
 
@@ -70,7 +70,7 @@ class Simulator:
         parts = [(moments[start : start + self._at_once], noises[start : start + self._at_once]) for start in starts]
         return Prediction.exact(np.concatenate(list(self._roll_all(parts, policy, horizon_steps))))
 
-    def _roll_all(self, parts: Sequence[Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
+    def _roll_all(self, parts: Sequence[SeededMoments], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
             return [self._copies.roll(part, policy, horizon_steps) for part in parts]
         self._pool = self._pool or ProcessPool(self._copies, self._processes)
@@ -119,7 +119,7 @@ class _EnvCopies:
         self._copies = []
         gc.collect()
 
-    def roll(self, part: Part, policy: Policy, horizon_steps: int) -> Array:
+    def roll(self, part: SeededMoments, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; seed None repeats the original's noise."""
         moments, noises = part
         copies = self._at(moments, noises)
