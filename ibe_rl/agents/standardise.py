@@ -48,13 +48,12 @@ class Standardiser(nn.Module):
         super().__init__()
         self._wanted, self._images = wanted, any(part.kind == IMAGE for part in parts)
         self._groups, self._units = _groups(parts)
-        count = len(self._units)
         buffers = {
             "decided": torch.tensor(wanted is False),
             "on": torch.tensor(False),
             "count": torch.zeros((), dtype=torch.float64),
-            "mean": torch.zeros(count, dtype=torch.float64),
-            "var": torch.zeros(count, dtype=torch.float64),
+            "mean": torch.zeros(inputs, dtype=torch.float64),
+            "var": torch.zeros(inputs, dtype=torch.float64),
             "shift": torch.zeros(inputs),
             "scale": torch.ones(inputs),
         }
@@ -74,7 +73,7 @@ class Standardiser(nn.Module):
     def learn(self, observations: Tensor) -> bool:
         """Measure observations ``(..., O)``; True if they were the first and are standardised from now on."""
         first = not self.decided
-        if not len(self.mean) or not (first or self.on):
+        if not len(self._units) or not (first or self.on):
             return False
         rows = observations.flatten(0, -2)[:, : len(self._groups)]
         rows = rows[:: max(1, rows.numel() // NUMBERS_AT_ONCE)].double()
@@ -92,9 +91,9 @@ class Standardiser(nn.Module):
         seen = self._groups >= 0
         var, mean = torch.var_mean(rows[:, seen], dim=0, correction=0)
         groups = self._groups[seen]
-        size = torch.bincount(groups, minlength=len(self.mean))
-        middle = torch.bincount(groups, mean, minlength=len(self.mean)) / size
-        spread = torch.bincount(groups, var + (mean - middle[groups]).square(), minlength=len(self.mean)) / size
+        size = torch.bincount(groups, minlength=len(self._units))
+        middle = torch.bincount(groups, mean, minlength=len(self._units)) / size
+        spread = torch.bincount(groups, var + (mean - middle[groups]).square(), minlength=len(self._units)) / size
         return middle, spread
 
     def _far(self, rows: Tensor, mean: Tensor, var: Tensor) -> bool:
@@ -108,12 +107,13 @@ class Standardiser(nn.Module):
     def _merge(self, count: int, mean: Tensor, var: Tensor) -> None:
         """Add the mean and variance of ``count`` rows (Chan et al. 1979)."""
         total = self.count + count
-        apart, share = mean - self.mean, count / total
-        self.var.copy_((1 - share) * self.var + share * var + share * (1 - share) * apart.square())
-        self.mean.add_(share * apart)
+        known, spread = self.mean[: len(mean)], self.var[: len(mean)]
+        apart, share = mean - known, count / total
+        spread.copy_((1 - share) * spread + share * var + share * (1 - share) * apart.square())
+        known.add_(share * apart)
         self.count.copy_(total)
-        std = self.var.sqrt()
-        scale = torch.where(std > 1e-6 * (1 + self.mean.abs()), 1 / std.clamp_min(1e-12), 1.0)
+        std = spread.sqrt()
+        scale = torch.where(std > 1e-6 * (1 + known.abs()), 1 / std.clamp_min(1e-12), 1.0)
         columns = self._groups >= 0
         end = len(columns)
         self.shift[:end][columns] = self.mean[self._groups[columns]].float()
