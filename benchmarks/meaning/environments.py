@@ -15,7 +15,6 @@ from gymnasium.wrappers import TimeLimit
 from benchmarks.meaning.point_mass import PointMass
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.declare import ANY
-from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import Array
@@ -129,8 +128,7 @@ def make_env(world: World, task: Task, reward: Reward | None, lamp: bool) -> gym
     """The environment of a situation; without ``reward`` it keeps its own."""
     game = TimeLimit(world.make(), world.steps)
     game = game if reward is None else OtherReward(game, reward)
-    made = Lamp(game) if lamp else game
-    declared = Declared(made, task, sense=Sense(made))
+    declared = Declared(Lamp(game) if lamp else game, task)
     return declared if world is LANDER else Copyable(declared)
 
 

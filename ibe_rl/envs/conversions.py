@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from math import isfinite
 from typing import Any
 
@@ -40,6 +41,8 @@ def taken(space: gymnasium.Space[Any], value: Any, what: str, names: Sequence[st
         return tuple(
             taken(inner, part, f"{what}[{i}]") for i, (inner, part) in enumerate(zip(space, value, strict=True))
         )
+    if not isinstance(space, spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary):
+        return deepcopy(value)  # text, say, which nobody reads
     array = _numbers(space, value, what, names)
     return int(array) if isinstance(space, spaces.Discrete) else array
 
