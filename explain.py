@@ -33,9 +33,7 @@ from ibe_rl.evaluation.task_settings import refuse_unread
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
-from ibe_rl.runtime.installation import installed
-from ibe_rl.runtime.printed import for_shell, visible
-from ibe_rl.storage.run_folder import PARTIAL
+from ibe_rl.runtime.installation import opened_with
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.recorder import Recorder
@@ -65,12 +63,11 @@ def explain_episode(run: TrainedRun, cfg: ExplainConfig) -> None:
     rollout, said = explain_rollout(run, cfg)
     print_narration(run, rollout, said)
     if cfg.clip:
-        print(f"clip: {visible(str(clip_of(run, rollout, said, Path(cfg.clip))))}")
+        print(f"clip: {clip_of(run, rollout, said, Path(cfg.clip))}")
     if cfg.viewer.mode == "off":
         return
     recording = record(run, cfg, rollout, said)
-    opens = for_shell(installed("rerun")), for_shell(str(recording.absolute()))
-    print(f"recording: {visible(str(recording))}\n  open it with: {' '.join(opens)}")
+    print(f"recording: {recording}\n  open it with: {opened_with('rerun', recording)}")
     if ports:
         serve_until_enter(recording, ports, wants_browser(cfg.viewer.open))
 
@@ -79,17 +76,13 @@ def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: 
     """Write the recording of the episode; returns its path."""
     name = f"episode_seed{cfg.seed}_{rollout.episode.context}"
     path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"
-    partial = path.with_name(path.name + PARTIAL)
     real = outcomes(rollout.episode, run.horizon_steps, run.mapping, run.task.phrases)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with closing(Recorder(partial, run.task, name, training=False)) as recorder:
+        with closing(Recorder(path, run.task, name, training=False)) as recorder:
             recorder.watched(run.policy_frame, rollout, said, real)
-        partial.replace(path)
     except OSError as error:
         raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 

@@ -30,6 +30,11 @@ def installed(program: str) -> str:
     return program if found is not None and Path(found) == path else str(path)
 
 
+def opened_with(program: str, file: Path) -> str:
+    """A command of another program of this Python environment on a file, for any shell in any folder."""
+    return f"{for_shell(installed(program))} {for_shell(str(file.absolute()))}"
+
+
 def typed(command: str) -> str:
     """How to type a command of ``ibe-rl`` in the working directory, in the way this program was started."""
     words = (os.path.relpath(one) if Path(one).is_absolute() else one for one in _words(command))

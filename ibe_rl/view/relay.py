@@ -148,11 +148,10 @@ class Relay:
         if trouble is None:
             return arrived
         self._told = True
-        again = pasted("view", str(self._recording.parent.absolute()))
         return [
             *arrived,
             f"warning: the live view has ended: {trouble}; training goes on and the recording is written all the "
-            f"same, look at it with: {again}",
+            f"same, look at it with: {pasted('view', str(self._recording.parent.absolute()))}",
         ]
 
     def wait(self) -> list[str]:

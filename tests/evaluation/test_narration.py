@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from by_hand import TASK, on_a_line, plain
-from rich.console import Console
 
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.evaluation import narration
@@ -21,6 +20,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
+from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import CANNOT_TELL, ConfigError, Episode, Explanation, Moment
 
@@ -62,7 +62,7 @@ def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | Non
 def printed(run: TrainedRun, rolled_out: RecordedRollout, said: list[Explanation] | None = None) -> list[str]:
     stream = io.StringIO()
     print_narration(
-        run, rolled_out, said or explained(run, rolled_out), Console(file=stream, highlight=False, width=250)
+        run, rolled_out, said or explained(run, rolled_out), PlainConsole(file=stream, highlight=False, width=250)
     )
     return stream.getvalue().splitlines()
 
