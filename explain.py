@@ -34,8 +34,9 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.installation import opened_with
+from ibe_rl.storage.whole_folder import whole_file
 from ibe_rl.task import RecordedRollout
-from ibe_rl.types import ConfigError, Explanation
+from ibe_rl.types import Explanation
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports, Relay, choose_ports, wants_browser
 
@@ -77,12 +78,8 @@ def record(run: TrainedRun, cfg: ExplainConfig, rollout: RecordedRollout, said: 
     name = f"episode_seed{cfg.seed}_{rollout.episode.context}"
     path = Path(cfg.output) if cfg.output else run.folder / "explanations" / f"{name}.rrd"
     real = outcomes(rollout.episode, run.horizon_steps, run.mapping, run.task.phrases)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with closing(Recorder(path, run.task, name, training=False)) as recorder:
-            recorder.watched(run.policy_frame, rollout, said, real)
-    except OSError as error:
-        raise ConfigError(f"output={path}: allowed is a file that can be written ({error.strerror})") from None
+    with whole_file(path, "output") as partial, closing(Recorder(partial, run.task, name, training=False)) as recorder:
+        recorder.watched(run.policy_frame, rollout, said, real)
     return path
 
 

@@ -12,9 +12,9 @@ python train.py --cfg job                        every setting
 
 The path of a transition from the engine to rerun, below ibe_rl/ (checked by tests/test_spine.py):
 
-    envs/lander.py          step            the engine advances
+    envs/gate.py            step            the engine (envs/lander.py) advances, and what it gives is checked
     instructors/oracle.py   instruct        the expert gives an instruction
-    envs/make.py            _step           many environments step as one, with the instruction in the observation
+    envs/instructed_envs.py _step           many environments step as one, with the instruction in the observation
     collect/collector.py    batches         their steps become a batch
     agents/ppo.py           update          the agent learns from it
     storage/log.py          add             its steps become logged episodes

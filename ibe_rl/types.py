@@ -1,8 +1,7 @@
 """Types shared by all layers: episodes, moments, explanations, and protocols of the parts.
 
-This module imports only numpy. Shapes: ``T`` steps of an episode, ``S`` state dimensions, ``d`` numbers in an
-instruction, ``H`` steps of a prediction, ``P`` numbers of a percept (mostly ``S``), and
-``O = P + d + 1`` of an observation.
+It imports only numpy. Shapes: ``T`` steps of an episode, ``S`` state dimensions, ``d`` numbers in an instruction, ``H``
+steps of a prediction, ``P`` numbers in a percept (mostly the state), ``O = P + d + 1`` numbers in an observation.
 """
 
 from __future__ import annotations

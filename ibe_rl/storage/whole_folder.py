@@ -1,4 +1,4 @@
-"""A run folder that is there as a whole or not at all."""
+"""A run folder, or a file, that is there as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -43,6 +43,29 @@ def _move(partial: Path, path: Path) -> None:
             part.rename(path / part.name)
     except OSError as error:
         raise ConfigError(f"run_dir={path}: allowed is a new folder ({error.strerror})") from None
+
+
+@contextmanager
+def whole_file(path: Path, key: str) -> Iterator[Path]:
+    """Write a file under another name; rename it in the end, or remove it if the body fails.
+
+    Args:
+        path: of the file; one that is there is replaced.
+        key: the setting that named it.
+
+    Raises:
+        ConfigError: if it cannot be written.
+    """
+    partial = path.with_name(path.name + PARTIAL)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        raise ConfigError(f"{key}={path}: allowed is a file that can be written ({error.strerror})") from None
+    finally:
+        if partial.parent.is_dir():
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager

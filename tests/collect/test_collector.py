@@ -249,7 +249,8 @@ def test_the_log_takes_a_batch(gathered: list[TensorDictBase], tmp_path: Any):
 def seeds_of(seed: int, config: CollectConfig, monkeypatch: pytest.MonkeyPatch) -> Iterator[range]:
     """The seeds of each worker's environments, without making them."""
     monkeypatch.setattr(collect, "make_env", lambda _env: None)
-    monkeypatch.setattr(collect, "make_vector_env", lambda games, _, first, _rows: range(first, first + len(games)))
+    monkeypatch.setattr(collect, "play_briefly", lambda _env, **_seed: None)
+    monkeypatch.setattr(collect, "make_vector_env", lambda games, _, first, *_rows: range(first, first + len(games)))
     for worker in range(config.processes):
         seeds: Any = env_of_worker(worker, ENV, config, LANDER_TASK, InstructorConfig(), seed)
         yield seeds

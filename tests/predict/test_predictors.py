@@ -118,9 +118,14 @@ def test_a_prediction_is_of_one_size():
         Prediction(np.zeros((2, 4, 1)), np.zeros(1), np.zeros(2))
 
 
+def with_actions(actions: spaces.Space[Any]) -> Any:
+    """An environment that declares its actions only."""
+    return SimpleNamespace(action_space=actions, has_wrapper_attr=lambda _: False)
+
+
 def refused(config: PredictorConfig, instructor: InstructorConfig, actions: spaces.Space[Any]) -> str:
     with pytest.raises(ConfigError) as error:
-        check_predictor(config, instructor, SimpleNamespace(action_space=actions))
+        check_predictor(config, instructor, with_actions(actions))
     return str(error.value)
 
 
@@ -133,6 +138,6 @@ def test_settings_that_cannot_work_are_refused():
     config = RegressionConfig(spans_steps=[20, 0])
     assert refused(config, oracle, four).startswith("predictor.spans_steps=[20, 0]: allowed is at least 1")
     for config in KINDS.values():
-        check_predictor(config, oracle, SimpleNamespace(action_space=four))
-    check_predictor(PredictorConfig(), HumanConfig(), SimpleNamespace(action_space=spaces.MultiBinary(3)))
+        check_predictor(config, oracle, with_actions(four))
+    check_predictor(PredictorConfig(), HumanConfig(), with_actions(spaces.MultiBinary(3)))
     assert [is_learnt(config) for config in KINDS.values()] == [False, True, True, True]
