@@ -28,6 +28,7 @@ KINDS: dict[str, Any] = {
     "tuple": spaces.Tuple((FLAT, spaces.Discrete(2))),
     "mixed": spaces.Dict(picture=spaces.Box(0, 255, (6, 8, 3), np.uint8), speed=spaces.Box(-1, 1, (1,))),
     "words": spaces.Dict(here=FLAT, mission=WORD),
+    "camera": spaces.Box(0, 255, (36, 48, 3), np.uint8),
 }
 """Spaces by name. Flattened they have ``SIZES`` numbers."""
 SIZES = {"box": 2, "row": 2, "image": 144, "channels": 144, "gray": 48, "discrete": 21, "multidiscrete": 23}
@@ -60,6 +61,7 @@ class Walker(gymnasium.Env[Any, Any]):
             "dict": {"goal": np.zeros(1, np.float32), "here": flat, "way": way},
             "tuple": (flat, way),
             "mixed": {"picture": picture, "speed": flat[1:]},
+            "camera": picture.repeat(6, axis=0).repeat(6, axis=1),
             "words": {"here": flat, "mission": "home"},
         }
         return observations[self.obs]

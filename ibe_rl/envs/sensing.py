@@ -32,6 +32,7 @@ class Sense:
 
     Attributes:
         parts: of the percept; empty where it is the state.
+        space: of the observation that the percept is made of.
         as_it_is: whether observations are float32 rows and states already.
 
     Raises:
@@ -40,16 +41,16 @@ class Sense:
 
     def __init__(self, env: gymnasium.Env[Any, Any], state: StateFunction | None = None, observes: Sequence[str] = ()):
         self._name = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
-        self._space, self._state, self._size = self._chosen(env.observation_space, observes), state, -1
+        self.space, self._state, self._size = self._chosen(env.observation_space, observes), state, -1
         self.parts: tuple[Part, ...] = ()
         if state is not None:
-            self.parts = tuple(self._parts(self._space, ""))
-        elif not isinstance(self._space, spaces.Box) or is_image(self._space) or observes:
+            self.parts = tuple(self._parts(self.space, ""))
+        elif not isinstance(self.space, spaces.Box) or is_image(self.space) or observes:
             raise ConfigError(
-                f"env.task.state=null with env.id={self._name}: it observes {self._space!s:.200}, which is no row of "
+                f"env.task.state=null with env.id={self._name}: it observes {self.space!s:.200}, which is no row of "
                 "numbers; allowed is module:name of a function from the environment and its observation to a row"
             )
-        self.as_it_is = not self.parts and len(self._space.shape or ()) == 1 and self._space.dtype == np.float32
+        self.as_it_is = not self.parts and len(self.space.shape or ()) == 1 and self.space.dtype == np.float32
         self._type = np.float32 if any(part.kind == NUMBERS for part in self.parts) else np.uint8
 
     def __call__(self, game: Any, seen: Any) -> tuple[Array, dict[str, Any]]:
@@ -74,7 +75,7 @@ class Sense:
                 f"env.task.state with env.id={self._name}: it returned an array of shape {state.shape}; allowed is one "
                 f"row of numbers{f', {self._size} of them as before' if state.ndim == 1 and self._size else ''}"
             )
-        return state, {PERCEPT: np.asarray(flatten(self._space, self._kept(seen)), self._type)}
+        return state, {PERCEPT: np.asarray(flatten(self.space, self._kept(seen)), self._type)}
 
     def states(self, env: gymnasium.Env[Any, Any]) -> int:
         """How many numbers a state has; the environment is reset to ask the function.
@@ -83,7 +84,7 @@ class Sense:
             ConfigError: if the function raises, or gives no row.
         """
         if self._state is None:
-            return int(np.prod(self._space.shape or ()))
+            return int(np.prod(self.space.shape or ()))
         try:
             return len(self(env.unwrapped, env.reset(seed=0)[0])[0])
         except ConfigError:
@@ -92,7 +93,7 @@ class Sense:
             raise ConfigError(f"env.task.state with env.id={self._name}: it raised {raised(error)}") from None
 
     def _kept(self, seen: Any) -> Any:
-        return {key: seen[key] for key in self._space.spaces} if isinstance(self._space, spaces.Dict) else seen
+        return {key: seen[key] for key in self.space.spaces} if isinstance(self.space, spaces.Dict) else seen
 
     def _chosen(self, space: gymnasium.Space[Any], observes: Sequence[str]) -> gymnasium.Space[Any]:
         """The space, or these keys of it."""
@@ -120,7 +121,7 @@ class Sense:
         elif isinstance(space, spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary):
             yield Part(name, FLAGS, (spaces.flatdim(space),))
         else:
-            keys = list(self._space.spaces) if isinstance(self._space, spaces.Dict) else []
+            keys = list(self.space.spaces) if isinstance(self.space, spaces.Dict) else []
             others = [key for key in keys if key != name.partition("/")[0]]
             rather = f", or env.task.observes=[{','.join(others)}]" if others else ""
             raise ConfigError(

@@ -10,8 +10,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
+from gymnasium.spaces.utils import unflatten
+from gymnasium.vector.utils import concatenate, create_empty_array
 from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
@@ -200,6 +203,23 @@ class Statistics:
         """Observations ``(N, ·)`` as the model reads them."""
         scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
         return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class InParts:
+    """An agent that reads observations as the environment has them, such as a dict or an image, not in a row."""
+
+    agent: Adapter
+    space: gymnasium.Space[Any]
+
+    def __call__(self, observations: Array, memories: Memories, envs: Sequence[Any] | None) -> tuple[Any, Memories]:
+        """See the module."""
+        parts, empty = (
+            [unflatten(self.space, row) for row in observations],
+            create_empty_array(self.space, len(observations)),
+        )
+        together: Any = concatenate(self.space, parts, empty)  # type: ignore[arg-type]  # empty is as the space says
+        return self.agent(together, memories, envs)
 
 
 @dataclass(frozen=True)

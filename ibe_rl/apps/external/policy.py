@@ -14,12 +14,14 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces.utils import flatdim
 from tensordict.nn import TensorDictModuleBase
 
 from ibe_rl.apps.external.actions import bounded, check_action_space, check_same_actions, fits, shaped
 from ibe_rl.apps.external.adapters import (
     Adapter,
     Batched,
+    InParts,
     Memories,
     Normalised,
     OneByOne,
@@ -115,10 +117,12 @@ def as_policy(
         ConfigError: if it does not fit the environment or its observation size is unknown; both sizes are named.
     """
     check_action_space(actions)
-    seen = _seen(agent, task, reading)
+    space = _own_space(agent, reading, envs)
+    seen = _seen(agent, task, reading) if space is None else task.percept_size
     check_same_actions("agent", agent, actions)
     tried = np.tile(examples[:, :seen], (1, reading.frames))
     called = _adapted(agent, actions, tried)
+    called = called if space is None else InParts(called, space)
     policy = ExternalPolicy(_behind(called, reading, seen), seen, actions)
     try:
         first = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
@@ -149,6 +153,23 @@ def _behind(agent: Adapter, reading: Reading, seen: int) -> Adapter:
         f"agent_vec_normalize: its statistics are of observations of shape {sizes}; allowed is ({seen},), as the agent "
         "reads them"
     )
+
+
+def _own_space(agent: Any, reading: Reading, envs: Sequence[Any] | None) -> gymnasium.Space[Any] | None:
+    """The environment's observation space, for an agent that reads its observations; None for one that reads rows."""
+    declared = getattr(agent, "observation_space", None)
+    rows = declared is None or (isinstance(declared, Box) and len(declared.shape) == 1)
+    if rows or not envs or not envs[0].has_wrapper_attr("sense"):
+        return None
+    space: gymnasium.Space[Any] = envs[0].get_wrapper_attr("sense").space
+    if type(declared) is not type(space) or flatdim(declared) != flatdim(space):
+        raise ConfigError(
+            f"agent: it reads observations {declared!s:.200}; allowed are the environment's, {space!s:.200}"
+        )
+    if reading.frames > 1 or reading.statistics is not None:
+        key = "agent_frame_stack" if reading.frames > 1 else "agent_vec_normalize"
+        raise ConfigError(f"{key}: its observations are {space!s:.200}; allowed is null, or observations in a row")
+    return space
 
 
 def _sizes(task: Task) -> str:
