@@ -120,7 +120,7 @@ def run(arguments: list[str], cwd: str, environment: dict[str, str]) -> None:
     os.chdir(cwd)
     os.environ.clear()
     os.environ.update(environment)
-    sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1) for number in (1, 2))
+    sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1, closefd=False) for number in (1, 2))
     first, *others = arguments
     if first == "-c":
         sys.path[0], sys.argv, main = "", ["-c", *others[1:]], ModuleType("__main__")

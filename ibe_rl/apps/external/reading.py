@@ -37,30 +37,30 @@ class Reading:
     normalised_by: str | None = None
 
 
-def reading_of(agent: Any, cfg: ExplainConfig, known: ExternalPolicyConfig | None = None) -> Reading:
+def reading_of(agent: Any, cfg: ExplainConfig, config: ExternalPolicyConfig | None = None) -> Reading:
     """What an agent reads: as the settings say, else as its folder does, else as the agent shows.
 
     Args:
         agent: a model of stable-baselines3 that was just trained still holds its wrappers.
         cfg: of the explanation.
-        known: from the agent's run folder, which never names a file to load.
+        config: from the agent's run folder, which never names a file to load.
 
     Raises:
         ConfigError: if the statistics cannot be read, or are missing.
     """
-    known = known or ExternalPolicyConfig()
+    config = config or ExternalPolicyConfig()
     wrappers = {type(one).__name__: one for one in training_wrappers(agent)}
-    sees = known.sees_instruction if cfg.agent_sees_instruction is None else cfg.agent_sees_instruction
+    sees = config.sees_instruction if cfg.agent_sees_instruction is None else cfg.agent_sees_instruction
     stacks = wrappers["VecFrameStack"].stacked_obs.n_stack if "VecFrameStack" in wrappers else 1
-    frames = cfg.agent_frame_stack or known.frame_stack or stacks
+    frames = cfg.agent_frame_stack or config.frame_stack or stacks
     if cfg.agent_vec_normalize is not None:
         return Reading(sees, frames, load_statistics(cfg.agent_vec_normalize), cfg.agent_vec_normalize)
     if "VecNormalize" in wrappers:
         return Reading(sees, frames, statistics_of(wrappers["VecNormalize"]), "its own VecNormalize")
-    if known.vec_normalize is not None:
+    if config.vec_normalize is not None:
         raise ConfigError(
             f"agent_vec_normalize=null: this folder's agent read observations that were normalised by "
-            f"{known.vec_normalize}; allowed is the file of VecNormalize, which you trust"
+            f"{config.vec_normalize}; allowed is the file of VecNormalize, which you trust"
         )
     return Reading(sees, frames)
 
