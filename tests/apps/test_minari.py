@@ -111,7 +111,7 @@ def test_an_export_that_fails_leaves_nothing_and_is_not_refused_again(
 
     with monkeypatch.context() as patch:
         patch.setattr(minari.utils, "MinariDataset", full)  # what is made last
-        with pytest.raises(ConfigError, match="^dataset=mine/\\S+: no space left"):
+        with pytest.raises(ConfigError, match=r"^dataset=mine/\S+: no space left"):
             export_log(run, "mine/log-v0")
     assert export_log(run, "mine/log-v0").total_episodes == 30
     with pytest.raises(ConfigError, match=r"dataset=mine/log-v0: .*already exists"):

@@ -52,7 +52,7 @@ def test_what_cannot_work_in_a_sweep_is_refused_by_name() -> None:
     with pytest.raises(ConfigError, match=r"^resume=runs/old in a sweep: allowed is .* with run_dir=DIR"):
         refuse([], replace(CFG, resume="runs/old"), place)
     for given in ("viewer=live", "viewer.mode=live"):
-        with pytest.raises(ConfigError, match=r"^viewer=live in a sweep: .*-m ibe_rl.viewer /\S+/runs/sweep` shows all"):
+        with pytest.raises(ConfigError, match=r"^viewer=live in a sweep: .*ibe_rl.viewer /\S+/runs/sweep` shows all"):
             refuse([given], CFG, place)
     refuse(["viewer=file"], replace(CFG, viewer=ViewerConfig("file")), place)
     with pytest.raises(ConfigError, match=r"^instructor=human in a sweep: .*hydra/launcher=basic"):
