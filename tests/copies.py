@@ -53,14 +53,14 @@ class Script:
             raise subprocess.TimeoutExpired("a script", timeout or 0)
         return self.poll() or 0
 
-    def communicate(self, timeout: float) -> tuple[str, None]:
+    def communicate(self, timeout: float | None = None) -> tuple[str, None]:
         """The rest of what it prints, once it has ended and closed its output."""
         rest: list[str] = []
         reader = Thread(target=lambda: rest.append(self.stdout.read()), daemon=True)
         reader.start()
         reader.join(timeout)
         if reader.is_alive():
-            raise subprocess.TimeoutExpired("a script", timeout)
+            raise subprocess.TimeoutExpired("a script", timeout or 0)
         self.wait(timeout)
         return rest[0], None
 

@@ -108,10 +108,11 @@ def test_a_training_with_a_vocabulary_of_one_s_own_and_what_it_says_to_type(prog
     said = said_by(programs, place, f"ibe-rl train mapping=mine {small}")
     folder = next((place / "runs").glob("2*"))
     assert "n_clusters: 3" in (folder / ".hydra" / "config.yaml").read_text()
-    assert f"look at it again:     ibe-rl view runs/{folder.name}\n" in said
-    told = re.search(r"one episode in words: (ibe-rl explain .+)", said)
+    assert re.search(rf"look at it again:     (cd \S+ && )?ibe-rl view /\S+/runs/{folder.name}\n", said)
+    told = re.search(r"one episode in words: (.*ibe-rl explain .+)", said)
     assert told
-    assert "vocabulary of frame" in said_by(programs, place, f"{told[1]} viewer=off predictor.processes=1")
+    elsewhere = f"{told[1]} viewer=off predictor.processes=1"
+    assert "vocabulary of frame" in said_by(programs, place.parent, elsewhere)
 
 
 def test_from_python_it_finds_the_settings(programs: Path, place: Path) -> None:

@@ -42,7 +42,7 @@ def test_the_files_and_the_commands_do_what_they_say(
     monkeypatch.setattr(sys, "path", [*sys.path])
     train, explain, evaluate = commands()
     call(*train, *SMALL, *FEWER)
-    assert re.search(r"explain\.py --config-dir \S*my_configs run=runs/my_cart", capsys.readouterr().out)
+    assert re.search(r"explain\.py --config-dir=\S*my_configs run=/\S+/runs/my_cart\n", capsys.readouterr().out)
     call(*explain, "viewer=off")
     said = capsys.readouterr().out
     assert "Cart-pole: any" in said

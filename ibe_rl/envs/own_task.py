@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium
+from gymnasium.wrappers import TimeLimit
 
 from ibe_rl.envs.functions import with_checks
 from ibe_rl.envs.gate import Gate
@@ -21,7 +22,7 @@ def with_own_task(env: gymnasium.Env[Any, Any], label: str) -> gymnasium.Env[Any
         label: what the user calls it.
 
     Raises:
-        ConfigError: if it has no task, or no time limit within the task's.
+        ConfigError: if it has no task or no time limit.
     """
     task = env.get_wrapper_attr("task") if env.has_wrapper_attr("task") else None
     if not isinstance(task, Task):
@@ -30,11 +31,13 @@ def with_own_task(env: gymnasium.Env[Any, Any], label: str) -> gymnasium.Env[Any
             "ibe_rl.task.Task, or to declare it in env.task (docs/OWN_ENVIRONMENT.md)"
         )
     limit = None if env.spec is None else env.spec.max_episode_steps
-    if limit is None or limit > task.max_episode_steps:
+    if limit is None:
         raise ConfigError(
-            f"{label}: it is registered with max_episode_steps={limit}; allowed is at most "
-            f"{task.max_episode_steps}, as its task says, so that every episode ends"
+            f"{label}: it is registered without a time limit; allowed is max_episode_steps={task.max_episode_steps}, "
+            "as its task says, so that every episode ends"
         )
+    if limit > task.max_episode_steps:
+        env = TimeLimit(env, task.max_episode_steps)
     checked = with_checks(task, {}, "task")
     names = () if task.state else task.state_names
     declared = Declared(Gate(env, label, task.success_key, names), checked)

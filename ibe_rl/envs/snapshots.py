@@ -147,12 +147,12 @@ def stoppable(env: gymnasium.Env[Any, Any]) -> Stoppable | None:
     Its own ``snapshot`` and ``restore`` are trusted, unless a wrapper changes its steps. The other methods are checked
     (``repeats``) once per kind of environment.
     """
-    inner = _below_gate(env)
+    inner: Any = _below_gate(env) if gate_of(env) else env.unwrapped
     if _has_snapshots(inner):
         own: Stoppable = inner
         return own
     method = _method(env)
-    return None if method is None else method(inner)
+    return None if method is None else method(_below_gate(env))
 
 
 def _has_snapshots(game: Any) -> bool:

@@ -61,25 +61,25 @@ def resumable(run: Any) -> Iterator[None]:
         LostWorkerError: with the command that resumes the run.
         GateError: with the same; summary.json has it as ``failure``.
     """
-    command = command_on(run.folder, "train", "resume")
     try:
         yield
     except LostWorkerError as error:
         if not run.log.frames:
             raise LostWorkerError(f"{error}; nothing had been collected yet, start the run again") from None
-        save_state(run.folder, run.state_dict())
-        raise LostWorkerError(
-            f"{error}; the run is saved as of {run.log.frames:,} frames, to go on: {command}"
-        ) from None
+        raise LostWorkerError(f"{error}; {_saved(run, 'to go on')}") from None
     except GateError as error:
         if not run.log.frames:
             raise
-        save_state(run.folder, run.state_dict())
+        told = _saved(run, "to go on once this is mended")
         ended = {"stopped_early": True, "failure": str(error)}
         write_json(run.folder / SUMMARY, summarise(run, {}) | ended)
-        raise GateError(
-            f"{error}; the run is saved as of {run.log.frames:,} frames, to go on once this is mended: {command}"
-        ) from None
+        raise GateError(f"{error}; {told}") from None
+
+
+def _saved(run: Any, so: str) -> str:
+    """Save the current state; returns how to resume it."""
+    save_state(run.folder, run.state_dict())
+    return f"the run is saved as of {run.log.frames:,} frames, {so}: {command_on(run.folder, 'train', 'resume')}"
 
 
 def how_to_go_on(folder: Path) -> str:

@@ -96,11 +96,19 @@ def test_an_environment_that_breaks_is_not_taken_for_one_that_cannot_be_copied()
         make_snapshot_env(lift("Breaks"))
 
 
-@pytest.mark.parametrize("limit", [None, 50])
-def test_a_task_of_its_own_needs_a_time_limit(limit: int | None):
-    class Own(awkward.Lift):
-        task = awkward.lift_task()
+class Own(awkward.Lift):
+    task = awkward.lift_task()
 
-    gymnasium.register("tests/Own-v0", Own, max_episode_steps=limit)
-    with pytest.raises(ConfigError, match=rf"registered with max_episode_steps={limit}; allowed is at most 12"):
-        make_env(EnvConfig(id="tests/Own-v0"))
+
+def test_a_task_of_its_own_needs_a_time_limit():
+    gymnasium.register("tests/Endless-v0", Own)
+    with pytest.raises(ConfigError, match=r"registered without a time limit; allowed is max_episode_steps=12"):
+        make_env(EnvConfig(id="tests/Endless-v0"))
+
+
+def test_an_episode_ends_when_its_task_says():
+    gymnasium.register("tests/Long-v0", Own, max_episode_steps=50)
+    env = make_env(EnvConfig(id="tests/Long-v0"))
+    env.reset(seed=0)
+    steps = [env.step(1) for _ in range(12)]
+    assert [truncated for _, _, _, truncated, _ in steps] == [False] * 11 + [True]

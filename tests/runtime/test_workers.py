@@ -26,7 +26,7 @@ from ibe_rl.collect.collector import make_collector
 from ibe_rl.config.settings import InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.runtime import workers
-from ibe_rl.runtime.installation import typed
+from ibe_rl.runtime.installation import pasted
 from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
@@ -80,7 +80,7 @@ def test_a_worker_that_dies_or_hangs(
     printed = capfd.readouterr()
     assert "Traceback" not in printed.out + printed.err
     name = rf"worker {len(crew) - 1} of {len(crew)} \(process {crew[-1]}\)"
-    again = re.escape(typed("train"))
+    again = re.escape(pasted("train"))
     line = rf"error: {name} {what}; the run is saved as of ([\d,]+) frames, to go on: {again} (.+)"
     found = re.fullmatch(line, str(ended.value.code))
     assert found, ended.value.code
