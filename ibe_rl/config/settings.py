@@ -285,7 +285,7 @@ class ExplainConfig:
     run_dir: str = MISSING  # run folder to create for the external agent
     guest_settings: list[str] = field(default_factory=list, metadata={"typed": None})  # env and mapping, as for train
     sweep_dir: str | None = field(default=None, metadata={"typed": "sweep"})  # folder of a sweep to report on instead
-    task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))
+    task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))  # what to do
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # of the episode; None: drawn
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know

@@ -147,8 +147,9 @@ def stoppable(env: gymnasium.Env[Any, Any]) -> Stoppable | None:
     Its own ``snapshot`` and ``restore`` are trusted, unless a wrapper changes its steps. The other methods are checked
     (``repeats``) once per kind of environment.
     """
-    inner: Any = _below_gate(env) if gate_of(env) else env.unwrapped
-    if _has_snapshots(inner):
+    gate = gate_of(env)
+    inner: Any = _below_gate(env) if gate else env.unwrapped
+    if _has_snapshots(inner) or (gate is None and hasattr(inner, "snapshot")):
         own: Stoppable = inner
         return own
     method = _method(env)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.make import make_env, make_snapshot_env
+from ibe_rl.envs.masks import sampled_action
 from ibe_rl.envs.snapshots import step_games, stoppable
 from ibe_rl.envs.wrappers import drawn, task_of
 from ibe_rl.task import Task
@@ -80,18 +81,19 @@ def play_briefly(
     """
     env.action_space.seed(seed)
     states, rewards, done = [env.reset(seed=seed)[0]], list[float](), False
-    asked = [env.action_space.sample() for _ in range(TRIAL_STEPS)] if actions is None else actions
-    snapshot, cut = None, 0
-    for action in asked:
-        if snapshot_of is not None and len(rewards) <= len(asked) // 3:
-            snapshot, cut = snapshot_of.snapshot(), len(rewards)
+    snapshot, cut, played = None, 0, list[Any]()
+    for step in range(TRIAL_STEPS if actions is None else len(actions)):
+        if snapshot_of is not None and step <= TRIAL_STEPS // 3:
+            snapshot, cut = snapshot_of.snapshot(), step
+        action = sampled_action(env.action_space, env) if actions is None else actions[step]
+        played.append(action)
         state, reward, terminated, truncated, _ = env.step(_plain(action))
         states.append(state)
         rewards.append(float(reward))
         done = terminated or truncated
         if done:
             break
-    return Played(asked[: len(rewards)], np.array(states), rewards, cut, snapshot)
+    return Played(played, np.array(states), rewards, cut, snapshot)
 
 
 def _plain(action: Any) -> Any:

@@ -71,8 +71,8 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     if not is_sweep() and (cfg.runs_at_once or cfg.runs_on):
         raise ConfigError(f"runs_at_once={cfg.runs_at_once}, runs_on={cfg.runs_on}: allowed only in a sweep (-m)")
     check_collect(cfg.collect)
-    _check_log(cfg, task)
     _check_memory(cfg, task)
+    _check_log(cfg, task)
     check_agent(cfg.agent, task.state_names, task.parts)
     check_actions(cfg.agent, env.action_space)
     check_instructor(cfg.instructor, cfg.collect, task)

@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
+from ibe_rl.envs.masks import sampled_action
 from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import rule_axes
 from ibe_rl.task import Task
@@ -73,7 +74,7 @@ def random_states(env: gymnasium.Env[Any, Any]) -> Array:
         state, _ = env.reset(seed=seed)
         states.append(state)
         for _ in range(STEPS_EACH):
-            state, _, terminated, truncated, _ = env.step(env.action_space.sample())
+            state, _, terminated, truncated, _ = env.step(sampled_action(env.action_space, env))
             states.append(state)
             if terminated or truncated or len(states) >= RANDOM_STEPS:
                 break

@@ -5,10 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 from walker import SIZES, walker
 
+from ibe_rl.apps.datasets.exporting import _buffer
+from ibe_rl.apps.datasets.hearing import Hearing
+from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.apps.external.policy import as_policy
-from ibe_rl.apps.minari import _buffer, _check_observations, _episode
+from ibe_rl.apps.external.reading import Reading
 from ibe_rl.apps.teach.lesson import Stage
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig
@@ -41,13 +45,13 @@ def test_an_agent_trained_elsewhere_reads_the_observation_as_a_row(sees: bool, n
         return stay(observations)
 
     task = task_of(env)
-    policy = as_policy(agent, task, env.action_space, sees, np.zeros((3, task.observation_size), np.float32))
+    policy = as_policy(agent, task, env.action_space, Reading(sees), np.zeros((5, task.observation_size), np.float32))
     assert policy.seen == numbers
     assert {*read} == {numbers}
     allowed = r"allowed is one that reads the observation as one row, 5 numbers, or with the instruction .* given 7"
-    spaced: Any = SimpleNamespace(observation_space=SimpleNamespace(shape=(3,)), predict=stay)
+    spaced: Any = SimpleNamespace(observation_space=Box(-1, 1, (3,)), predict=stay)
     with pytest.raises(ConfigError, match=allowed):
-        as_policy(spaced, task, env.action_space, None, np.zeros((3, 7), np.float32))
+        as_policy(spaced, task, env.action_space, Reading(), np.zeros((5, 7), np.float32))
 
 
 @pytest.mark.parametrize("obs", ["image", "dict", "box"])
@@ -56,9 +60,10 @@ def test_a_dataset_keeps_percepts(obs: str):
     task = task_of(env)
     episode = record_rollout(env, stay, make_instructor(InstructorConfig("oracle"), task), 0).episode
     minari = SimpleNamespace(data_collector=SimpleNamespace(EpisodeBuffer=SimpleNamespace))
-    buffer = _buffer(minari, episode)
-    _check_observations("a/b-v0", SimpleNamespace(shape=buffer.observations.shape[1:]), task)
-    again = _episode(buffer, task, None)
+    buffer = _buffer(minari, episode, task, None)
+    columns = ("observations", "actions", "rewards", "terminations", "truncations", "infos")
+    recorded = RawEpisode("a/b-v0", *(getattr(buffer, name) for name in columns))
+    again = Conversion(task, env.action_space, Hearing.found(task, None, recorded, True))(recorded)
     np.testing.assert_array_equal(again.states, episode.states)
     np.testing.assert_array_equal(again.instructions, episode.instructions)
     if episode.percepts is None:

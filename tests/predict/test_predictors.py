@@ -132,7 +132,7 @@ def refused(config: PredictorConfig, instructor: InstructorConfig, actions: spac
 def test_settings_that_cannot_work_are_refused():
     oracle, four = InstructorConfig(), spaces.Discrete(4)
     assert refused(EnsembleConfig(), HumanConfig(), four).endswith("allowed is predictor=simulator")
-    assert "actions MultiBinary(3)" in refused(EnsembleConfig(), oracle, spaces.MultiBinary(3))
+    assert "actions Dict(" in refused(EnsembleConfig(), oracle, spaces.Dict(a=four))
     for hidden in ([], [8, 0]):
         assert refused(EnsembleConfig(hidden=hidden), oracle, four).startswith(f"predictor.hidden={hidden}: allowed")
     config = RegressionConfig(spans_steps=[20, 0])

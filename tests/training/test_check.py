@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from ibe_rl.config.command_line import composed
-from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.make import make_env
+from ibe_rl.envs.wrappers import task_of
 from ibe_rl.training.check import check_run
 from ibe_rl.types import ConfigError
 
@@ -30,7 +30,7 @@ def test_a_log_holds_the_longest_episode_and_a_batch(
 ) -> None:
     cfg = composed("train", ["viewer=off", *settings])
     env = make_env(cfg.env)
-    monkeypatch.setattr(env.unwrapped, "task", replace(LANDER_TASK, max_episode_steps=episode_steps), raising=False)
+    monkeypatch.setattr(env, "task", replace(task_of(env), max_episode_steps=episode_steps))
     if refusal is None:
         check_run(cfg, env)
         return

@@ -22,12 +22,13 @@ from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.training.build import LiveView
 from ibe_rl.training.listeners import Checkpoints, Listeners, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress
+from ibe_rl.training.success_note import SuccessNote
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 
 ROW = {"frames": 10, "train/return_mean": 1.0, "train/success_rate": 0.5}
 EVENTS = [name for name, member in vars(Listener).items() if inspect.isfunction(member) and name != "news"]
-OURS = [Checkpoints, Classroom, Listeners, LiveView, RunRecorder, Standardised, Table, TrainingProgress]
+OURS = [Checkpoints, Classroom, Listeners, LiveView, RunRecorder, Standardised, SuccessNote, Table, TrainingProgress]
 LOGGERS = [RunLogger, Csv, Mlflow, Tensorboard, Wandb]
 
 

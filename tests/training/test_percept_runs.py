@@ -83,7 +83,9 @@ def test_a_run_taken_up_is_the_uninterrupted_one(obs: str, monkeypatch: pytest.M
     for path in sorted(Path("whole", REFRESHES).glob("*.json")):
         assert path.read_text() == Path("run", REFRESHES, path.name).read_text()
     summary = json.loads(Path("run/summary.json").read_text())
-    assert summary["standardised"] == {"mixed": ["observations"], "image": ["rewards"], "tuple": []}[obs]
+    assert (
+        summary["standardised"] == {"mixed": ["observations"], "image": ["observations", "rewards"], "tuple": []}[obs]
+    )
     call("explain", "--config-dir", "mine", "run=run", "viewer=off")
 
 

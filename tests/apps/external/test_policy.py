@@ -179,7 +179,7 @@ def test_wandering_does_a_share_of_the_actions_at_random_and_the_same_with_the_s
 
 def test_a_function_of_one_state_is_no_function_of_as_many_states_as_it_has_numbers() -> None:
     """Two numbers, and two or five examples: what it makes of five states is not five actions."""
-    task: Any = SimpleNamespace(state_names=("x", "v"), observation_size=4)
+    task: Any = SimpleNamespace(state_names=("x", "v"), parts=(), percept_size=2, observation_size=4)
     examples = OBSERVATIONS[:5, :4]
 
     def wrapped(function: Any, actions: Any = WIDE) -> ExternalPolicy:
@@ -190,7 +190,7 @@ def test_a_function_of_one_state_is_no_function_of_as_many_states_as_it_has_numb
     np.testing.assert_allclose(single(examples[:2]), 0.1 * examples[:2, :2])
     mean = wrapped(lambda state: state[..., :2] - state.mean())  # answers a batch, but with the mean of all its states
     np.testing.assert_allclose(mean(examples), examples[:, :2] - examples[:, :2].mean(axis=1, keepdims=True), rtol=1e-5)
-    five: Any = SimpleNamespace(state_names=tuple("abcde"), observation_size=7)
+    five: Any = SimpleNamespace(state_names=tuple("abcde"), parts=(), percept_size=5, observation_size=7)
     first = as_policy(lambda state: np.asarray(state[0] > 0, int), five, FOUR, Reading(False), OBSERVATIONS[:5, :7])
     np.testing.assert_array_equal(first(OBSERVATIONS[:5, :7]), OBSERVATIONS[:5, 0] > 0)
 
