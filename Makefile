@@ -7,6 +7,8 @@ BENCH := $(VENV)/installed-bench
 SOAK := $(VENV)/installed-soak
 PLATFORMS := $(VENV)/installed-platforms
 export OMP_NUM_THREADS := 1
+# one test process more than processors: some wait for the processes that they start
+TESTERS = $(shell $(PYTHON) -c 'import os; print(os.cpu_count() + 1)')
 unexport PYTHONDONTWRITEBYTECODE  # each start would compile the package again, each test process all tests
 
 .DEFAULT_GOAL := help
@@ -39,7 +41,7 @@ check: lint ## for every edit: format, lint, types and the fast tests, in a minu
 	$(BIN)/pytest --numprocesses auto --dist loadfile -m 'not slow and not soak'
 
 test: lint ## everything: format, lint, types, all tests, in ten minutes
-	$(BIN)/pytest --numprocesses auto --dist loadfile --durations 20
+	$(BIN)/pytest --numprocesses $(TESTERS) --dist loadfile --durations 20
 
 $(SOAK): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ray]'
