@@ -74,5 +74,5 @@ if __name__ == "__main__":
     torch.set_num_threads(1)
     seconds = measure(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
     low, added, high = np.quantile(seconds[:, 0] / seconds[:, 1] - 1, [0.25, 0.5, 0.75])
-    print(f"the gate adds {added:+.1%} to collection (quartiles of the pairs {low:+.1%} to {high:+.1%})")  # noqa: T201
+    print(f"the gate adds {added:+.1%} to collection (quartiles of the pairs {low:+.1%} to {high:+.1%})")  # noqa: T201 - talks to a person
     sys.exit(int(added > MOST))

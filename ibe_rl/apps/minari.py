@@ -12,8 +12,8 @@ import sys
 from collections.abc import Sequence
 
 from ibe_rl.apps.datasets.exporting import export_log
-from ibe_rl.apps.datasets.hearing import RULE
 from ibe_rl.apps.datasets.importing import import_log
+from ibe_rl.apps.datasets.instruction_source import RULE
 from ibe_rl.config.command_line import command_on
 from ibe_rl.runtime.installation import typed
 from ibe_rl.runtime.printed import prepare_output, visible

@@ -19,7 +19,7 @@ from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
 from ibe_rl.agents import Agent
-from ibe_rl.collect.worker_envs import WorkerEnvs, raise_last_words
+from ibe_rl.collect.worker_envs import WorkerEnvs, raise_child_error
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.instructed_envs import InstructedEnvs, make_vector_env
@@ -27,7 +27,7 @@ from ibe_rl.envs.make import make_env
 from ibe_rl.envs.trial import play_briefly
 from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.apps import load_app
-from ibe_rl.runtime.last_words import LastWords
+from ibe_rl.runtime.child_errors import ChildErrors
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.runtime.workers import (
     LostWorkerError,
@@ -44,7 +44,7 @@ from ibe_rl.types import Array, Instructor
 
 SEEDS_PER_RUN = 100_000
 """A run's environments are seeded from ``seed * SEEDS_PER_RUN`` upwards; their episodes by ``episode_seed``."""
-OUTLIVES_TRAINER_S = 5.0
+OUTLIVES_TRAINER_S = 15.0
 """Seconds that a lesson outlives its trainer, to report the loss."""
 OpenLesson = Callable[[MutableSequence[gymnasium.Env[Any, Any]]], Instructor]
 """Opens the first environment to a human; returns its instructor."""
@@ -59,7 +59,7 @@ def env_of_worker(
     seed: int,
     lesson: OpenLesson | None = None,
     partial_episodes: Sequence[PartialEpisode] = (),
-    last_words: Path | None = None,
+    child_errors: Path | None = None,
 ) -> EnvBase:
     """Make a worker's environments in its own process; ``partial_episodes`` are those of all workers."""
     torch.set_num_threads(1)
@@ -70,7 +70,7 @@ def env_of_worker(
     envs = [make_env(env) for _ in range(collect.envs_per_process)]
     person = lesson(envs) if lesson else None
     mine = partial_episodes[worker * collect.envs_per_process :][: collect.envs_per_process]
-    kind = partial(WorkerEnvs, last_words=last_words) if last_words else InstructedEnvs
+    kind = partial(WorkerEnvs, child_errors=child_errors) if child_errors else InstructedEnvs
     made = make_vector_env(envs, make_instructor(instructor, task, first, person), first, mine, kind)
     torch.manual_seed(_exploration_seed(first, mine))  # last: construction draws numbers
     return made
@@ -113,7 +113,7 @@ def make_collector(
         LostWorkerError: if a process dies or hangs before it is ready.
     """
     rows = collect.processes * collect.envs_per_process
-    last_words = LastWords() if apart(collect) and collect.engine != "ray" else None  # Ray sends its own
+    child_errors = ChildErrors() if apart(collect) and collect.engine != "ray" else None  # Ray sends its own
     make = partial(
         env_of_worker,
         env=env,
@@ -123,7 +123,7 @@ def make_collector(
         seed=seed,
         lesson=lesson,
         partial_episodes=partial_episodes,
-        last_words=last_words.folder if last_words else None,
+        child_errors=child_errors.folder if child_errors else None,
     )
     factories = [partial(make, worker) for worker in range(collect.processes)]
     many: dict[str, Any] = {"num_collectors": collect.processes, "sync": True, "cat_results": "stack"}
@@ -141,7 +141,7 @@ def make_collector(
             auto_register_policy_transforms=False,  # they are for recurrent policies
             **(many if apart(collect) else {}),
         )
-    collector.last_words = last_words
+    collector.child_errors = child_errors
     return collector
 
 
@@ -186,7 +186,7 @@ def batches(
             try:
                 batch = next_of(coming, workers, timeout_s if apart else None)
             except LostWorkerError:
-                raise_last_words(collector)
+                raise_child_error(collector)
                 raise
             if overlap:
                 ask()

@@ -13,7 +13,7 @@ from torchrl.collectors import BaseCollector
 
 from ibe_rl.envs.errors import GateError
 from ibe_rl.envs.instructed_envs import InstructedEnvs
-from ibe_rl.runtime.last_words import LastWords, leave
+from ibe_rl.runtime.child_errors import ChildErrors, report_error
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.types import Instructor
 
@@ -22,7 +22,7 @@ class WorkerEnvs(InstructedEnvs):
     """Environments of a worker process: an error of theirs is left to the trainer, and the process ends.
 
     Args:
-        last_words: the trainer's folder for it.
+        child_errors: the trainer's folder for it.
     """
 
     def __init__(
@@ -30,10 +30,10 @@ class WorkerEnvs(InstructedEnvs):
         envs: Sequence[gymnasium.Env[Any, Any]],
         instructor: Instructor,
         partial_episodes: Sequence[PartialEpisode],
-        last_words: Path,
+        child_errors: Path,
     ):
         super().__init__(envs, instructor, partial_episodes)
-        self._last_words = last_words
+        self._child_errors = child_errors
 
     def _reset(self, tensordict: TensorDictBase | None, **others: Any) -> TensorDictBase:
         with self._leaving():
@@ -48,16 +48,16 @@ class WorkerEnvs(InstructedEnvs):
         try:
             yield
         except GateError as error:
-            leave(self._last_words, str(error))
+            report_error(self._child_errors, str(error))
             raise SystemExit(1) from None  # TorchRL's worker would print a traceback
 
 
-def raise_last_words(collector: BaseCollector) -> None:
+def raise_child_error(collector: BaseCollector) -> None:
     """Raise the error that a worker of the collector has left.
 
     Raises:
         GateError: if there is one.
     """
-    last_words: LastWords | None = getattr(collector, "last_words", None)
-    if last_words and (said := last_words.heard()):
+    child_errors: ChildErrors | None = getattr(collector, "child_errors", None)
+    if child_errors and (said := child_errors.first()):
         raise GateError(said)

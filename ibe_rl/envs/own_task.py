@@ -9,6 +9,7 @@ from gymnasium.wrappers import TimeLimit
 
 from ibe_rl.envs.functions import with_checks
 from ibe_rl.envs.gate import Gate
+from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
@@ -40,5 +41,6 @@ def with_own_task(env: gymnasium.Env[Any, Any], label: str) -> gymnasium.Env[Any
         env = TimeLimit(env, task.max_episode_steps)
     checked = with_checks(task, {}, "task")
     names = () if task.state else task.state_names
-    declared = Declared(Gate(env, label, task.success_key, names), checked)
-    return Gate(env, label, task.success_key, names, checked) if declared.sense.as_it_is else declared
+    plain = Sense(env, task.state, task.observes).as_it_is
+    gate = Gate(env, label, task.success_key, names, checked if plain else None)
+    return gate if plain else Declared(gate, checked)

@@ -76,10 +76,10 @@ def resumable(run: Any) -> Iterator[None]:
         raise GateError(f"{error}; {told}") from None
 
 
-def _saved(run: Any, so: str) -> str:
+def _saved(run: Any, purpose: str) -> str:
     """Save the current state; returns how to resume it."""
     save_state(run.folder, run.state_dict())
-    return f"the run is saved as of {run.log.frames:,} frames, {so}: {command_on(run.folder, 'train', 'resume')}"
+    return f"the run is saved as of {run.log.frames:,} frames, {purpose}: {command_on(run.folder, 'train', 'resume')}"
 
 
 def how_to_go_on(folder: Path) -> str:

@@ -19,7 +19,7 @@ from torch.utils import _pytree
 from typer.testing import CliRunner
 
 from ibe_rl.api.explained import explain_agent, open_run
-from ibe_rl.apps.datasets.hearing import values_of_words
+from ibe_rl.apps.datasets.instruction_source import values_of_words
 from ibe_rl.apps.external.folder import external_run_config, keep_run
 from ibe_rl.apps.minari import export_log, import_log, minari_command
 from ibe_rl.config.command_line import composed

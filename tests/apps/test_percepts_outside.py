@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 from walker import SIZES, walker
 
 from ibe_rl.apps.datasets.exporting import _buffer
-from ibe_rl.apps.datasets.hearing import Hearing
+from ibe_rl.apps.datasets.instruction_source import InstructionSource
 from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.apps.external.policy import as_policy
 from ibe_rl.apps.external.reading import Reading
@@ -63,7 +63,7 @@ def test_a_dataset_keeps_percepts(obs: str):
     buffer = _buffer(minari, episode, task, None)
     columns = ("observations", "actions", "rewards", "terminations", "truncations", "infos")
     recorded = RawEpisode("a/b-v0", *(getattr(buffer, name) for name in columns))
-    again = Conversion(task, env.action_space, Hearing.found(task, None, recorded, True))(recorded)
+    again = Conversion(task, env.action_space, InstructionSource.found(task, None, recorded, True))(recorded)
     np.testing.assert_array_equal(again.states, episode.states)
     np.testing.assert_array_equal(again.instructions, episode.instructions)
     if episode.percepts is None:

@@ -46,7 +46,7 @@ def test_an_error_names_the_function_the_line_and_the_state():
 
 def test_an_error_only_of_all_states_together_has_the_first():
     def together(states: np.ndarray) -> np.ndarray:
-        return up_or_down(states) if len(states) == 1 else 1 / 0  # type: ignore[return-value]
+        return up_or_down(states) if len(states) == 1 else 1 / 0
 
     with pytest.raises(GateError, match="ZeroDivisionError") as caught:
         checked(rule=together).rule(STATES)
@@ -113,7 +113,7 @@ def test_a_success_that_is_none_is_refused_with_its_place():
 def test_a_checked_task_can_be_sent_and_is_not_checked_twice():
     task = with_checks(lift_task(context=context), {"rule": "rules:mine"}, "env.task")
     assert pickle.loads(pickle.dumps(task)).rule(STATES).ravel().tolist() == [-1, 1, 0]  # noqa: S301 - our own
-    assert task.rule.label == "env.task.rule=rules:mine"  # type: ignore[attr-defined]
+    assert task.rule.label == "env.task.rule=rules:mine"
     assert with_checks(task, {}, "task").rule is task.rule
 
 

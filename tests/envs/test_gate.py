@@ -164,7 +164,7 @@ def test_an_unknown_context_is_refused_where_the_episode_begins():
 
 def test_a_drawing_that_raises_is_the_users_own():
     env = behind_gate()
-    env.unwrapped.figure = lambda: 1 / 0  # type: ignore[attr-defined]
+    env.unwrapped.figure = lambda: 1 / 0
     with pytest.raises(GateError, match=r"its figure\(\) raised ZeroDivisionError"):
         drawn(env, "figure")
 

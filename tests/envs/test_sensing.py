@@ -193,5 +193,5 @@ def test_spaces_that_nobody_knows_are_named_where_no_key_helps():
 
 def test_a_row_needs_no_function():
     env = make_gym("CartPole-v1", {}, walker_config("box", state_names=["x", "v", "a", "w"]).task)
-    assert env.sense.as_it_is  # type: ignore[attr-defined]
+    assert env.sense.as_it_is
     assert task_of(env).parts == ()

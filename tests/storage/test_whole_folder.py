@@ -60,9 +60,9 @@ def test_what_is_there_stays(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_made_is_called_by_its_own_name(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(ConfigError, match=r"run_dir=.*/file/run: allowed is a folder that can be written to"):  # noqa: SIM117
-        with whole_folder(tmp_path / "file" / "run"):
-            pass
+    refusal = r"run_dir=.*/file/run: allowed is a folder that can be written to"
+    with pytest.raises(ConfigError, match=refusal), whole_folder(tmp_path / "file" / "run"):
+        pass
     (tmp_path / "run" / "checkpoints").mkdir(parents=True)
     (tmp_path / "run" / "checkpoints" / "mine").touch()
     with pytest.raises(ConfigError, match=r"run_dir=.*/run: allowed is a new folder"), whole_folder(tmp_path / "run"):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.datasets.hearing import GIVEN, INSTRUCTION
+from ibe_rl.apps.datasets.instruction_source import GIVEN, INSTRUCTION
 from ibe_rl.apps.datasets.optional import load_minari
 from ibe_rl.apps.datasets.recorded import DATASET_PERCEPT, DATASET_SUCCESS
 from ibe_rl.apps.external.folder import SEEDS
@@ -25,7 +25,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode
 
 _CONTEXT, _WORDS = "context", "instruction_words"
-"""Keys of the infos beside those of ``hearing``, of ``T + 1`` rows as in Minari; the final state has no instruction."""
+"""Keys of the infos beside those of ``instruction_source``, of ``T + 1`` rows; the final state has no instruction."""
 
 
 def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.apps.datasets.arrays import SUFFIXES, Arrays
-from ibe_rl.apps.datasets.hearing import Hearing, instructed_size
+from ibe_rl.apps.datasets.instruction_source import InstructionSource, instructed_size
 from ibe_rl.apps.datasets.optional import load_minari
 from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.apps.external.actions import check_same_actions
@@ -91,10 +91,10 @@ def _conversion(
         raise ConfigError(f"{source.where}: it has no episode; allowed are at least {FEWEST_EPISODES}")
     if source.count < FEWEST_EPISODES:
         raise ConfigError(f"{source.where}: it has {source.count} episode; allowed are at least {FEWEST_EPISODES}")
-    hearing = Hearing.found(task, key, first, state is None)
+    instruction_source = InstructionSource.found(task, key, first, state is None)
     declared = config.task.success if config.task is not None else None
     succeeded = load_function("env.task.success", declared) if declared else None
-    convert = Conversion(task, env.action_space, hearing, state, succeeded)
+    convert = Conversion(task, env.action_space, instruction_source, state, succeeded)
     replace(convert, seeds=[])(first)
     return convert
 

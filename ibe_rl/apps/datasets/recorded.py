@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from ibe_rl.apps.datasets.hearing import Hearing, instructed_size
+from ibe_rl.apps.datasets.instruction_source import InstructionSource, instructed_size
 from ibe_rl.apps.external.actions import bounded, fits, shaped
 from ibe_rl.runtime.printed import raised
 from ibe_rl.task import Task
@@ -57,7 +57,7 @@ class Conversion:
     Args:
         task: of the environment.
         actions: its action space.
-        hearing: where the instruction is from.
+        instruction_source: where the instruction is from.
         state: one observation to its state ``(S,)``; None: the observation is the state, perhaps with the instruction.
         succeeded: (last state, terminated, truncated) to success, where no info says it; None: then it is no success.
 
@@ -69,7 +69,7 @@ class Conversion:
 
     task: Task
     actions: gymnasium.Space[Any]
-    hearing: Hearing
+    instruction_source: InstructionSource
     state: Callable[[Any], Any] | None = None
     succeeded: Callable[[Array, bool, bool], bool] | None = None
     seeds: list[int | None] = field(default_factory=list)
@@ -87,7 +87,7 @@ class Conversion:
         states = rows[:, : len(self.task.state_names)]
         terminated, truncated = _end(recorded, len(rewards))
         self.without_end += not (terminated or truncated)
-        instructions, given = self.hearing.of(recorded, rows, len(rewards))
+        instructions, given = self.instruction_source.of(recorded, rows, len(rewards))
         episode = Episode(
             states=states,
             actions=self._actions(recorded, len(rewards)),

@@ -11,7 +11,7 @@ from bead import BEAD_TASK, to_zero
 from gymnasium.spaces import Box, Discrete
 from numpy.testing import assert_array_equal
 
-from ibe_rl.apps.datasets.hearing import Hearing, values_of_words
+from ibe_rl.apps.datasets.instruction_source import InstructionSource, values_of_words
 from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.types import ConfigError
@@ -28,7 +28,7 @@ def recorded(**changes: Any) -> RawEpisode:
 
 
 def converted(one: RawEpisode, source: str | None = "rule", actions: Any = THREE, **more: Any) -> Any:
-    return Conversion(BEAD_TASK, actions, Hearing(BEAD_TASK, source), **more)(one)
+    return Conversion(BEAD_TASK, actions, InstructionSource(BEAD_TASK, source), **more)(one)
 
 
 def test_an_episode_comes_in_as_it_was() -> None:
@@ -97,14 +97,14 @@ def test_episodes_longer_than_the_environments_and_unknown_contexts_are_refused(
         converted(recorded(**long, terminations=flags, truncations=flags))
     elsewhere = replace(BEAD_TASK, context=lambda _: "moon")
     with pytest.raises(ConfigError, match="its context is 'moon'; allowed is one of any"):
-        Conversion(elsewhere, THREE, Hearing(elsewhere, "rule"))(recorded())
+        Conversion(elsewhere, THREE, InstructionSource(elsewhere, "rule"))(recorded())
 
 
 def test_success_is_that_of_the_infos_or_of_the_tasks_own_function() -> None:
     assert converted(recorded(infos={"success": np.arange(7) == 6})).success
     assert converted(recorded(infos={"success": np.array([[1.0]])})).success
     assert converted(recorded(), succeeded=lambda state, *ends: state[0] < 0.2 and ends == (True, False)).success
-    counting = Conversion(BEAD_TASK, THREE, Hearing(BEAD_TASK, "rule"))
+    counting = Conversion(BEAD_TASK, THREE, InstructionSource(BEAD_TASK, "rule"))
     assert not counting(recorded(terminations=LAST & False, seed=8)).success
     assert (counting.without_success, counting.without_end, counting.seeds) == (1, 1, [8])
 
@@ -164,7 +164,7 @@ def test_two_instructors_are_not_mixed() -> None:
             ConfigError, match=r"it has infos\['instruction'\] and the first episode has none; allowed is"
         ):
             heard([0] * 6, source)
-    asked = Hearing(BEAD_TASK, "rule", asked=True)
+    asked = InstructionSource(BEAD_TASK, "rule", asked=True)
     one = Conversion(BEAD_TASK, THREE, asked)(recorded(infos={"instruction": np.zeros(6)}))
     assert_array_equal(one.instructions, to_zero(STATES[:-1].astype(np.float32)))
     with pytest.raises(
@@ -183,8 +183,8 @@ def test_the_first_episode_tells_where_the_instruction_is() -> None:
         ("command", recorded(infos={"command": np.zeros(6)}), "command"),
         ("rule", recorded(observations=whole), "rule"),
     ):
-        assert Hearing.found(BEAD_TASK, key, one, whole=True).source == expected
+        assert InstructionSource.found(BEAD_TASK, key, one, whole=True).source == expected
     episode = converted(recorded(observations=whole), None)
     assert_array_equal(episode.instructions, np.ones((6, 1)))
     with pytest.raises(ConfigError, match="instruction=other: allowed are no keys of its infos, or rule"):
-        Hearing.found(BEAD_TASK, "other", recorded(), whole=True)
+        InstructionSource.found(BEAD_TASK, "other", recorded(), whole=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,7 @@ def test_a_future_begins_with_the_memory_of_its_moment(name: str) -> None:
 
 
 def contrib(kind: str, *args: Any, **kwargs: Any) -> Any:
-    library = pytest.importorskip("sb3_contrib")
+    library = import_module("sb3_contrib")
     return getattr(library, kind)(*args, bead(masked=kind == "MaskablePPO"), seed=0, device="cpu", **kwargs)
 
 

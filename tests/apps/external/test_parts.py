@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import stable_baselines3 as sb3
 from walker import walker
 
 from ibe_rl.apps.external.policy import as_policy
@@ -11,8 +12,6 @@ from ibe_rl.apps.external.reading import Reading
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import ConfigError, observe
-
-sb3 = pytest.importorskip("stable_baselines3")
 
 
 def trained(env: Any, policy: str) -> Any:

@@ -118,7 +118,7 @@ def test_statistics_beside_a_model_are_pointed_out(tmp_path: Path) -> None:
 def test_returns_far_below_those_of_its_own_training_are_pointed_out() -> None:
     def lines(here: list[float], there: list[float]) -> list[str]:
         agent = SimpleNamespace(ep_info_buffer=[{"r": one} for one in there])
-        return compared_returns(agent, [SimpleNamespace(total_reward=one) for one in here])  # type: ignore[misc]
+        return compared_returns(agent, [SimpleNamespace(total_reward=one) for one in here])
 
     assert lines([100, 120], [110.0] * 5 + [130.0] * 5) == []
     assert lines([-50], [110.0] * 4) == []

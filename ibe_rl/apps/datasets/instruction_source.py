@@ -24,7 +24,7 @@ def instructed_size(task: Task) -> int:
 
 
 @dataclass(frozen=True)
-class Hearing:
+class InstructionSource:
     """Where the instruction of all episodes of a data set is from.
 
     Attributes:
@@ -38,7 +38,7 @@ class Hearing:
     asked: bool = False
 
     @classmethod
-    def found(cls, task: Task, key: str | None, first: Any, whole: bool) -> Hearing:
+    def found(cls, task: Task, key: str | None, first: Any, whole: bool) -> InstructionSource:
         """Choose the source by the first episode.
 
         Args:
