@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ibe_rl.storage.run_folder import CONFIG, METRICS, create_run_folder, find_run, write_json
-from ibe_rl.storage.whole_folder import begun_folder, whole_folder
+from ibe_rl.storage.whole_folder import begun_folder, whole_file, whole_folder
 from ibe_rl.types import ConfigError
 
 
@@ -84,3 +84,29 @@ def test_a_training_that_has_logged_something_keeps_it(tmp_path: Path, logged: s
     with pytest.raises(KeyboardInterrupt), begun_folder(tmp_path / "run") as folder:
         fail(folder / logged, KeyboardInterrupt, frames=64)
     assert files_in(tmp_path) == ["run/.hydra/config.yaml", f"run/{logged}"]
+
+
+def test_a_file_takes_its_name_once_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "film.rrd"
+    with whole_file(path, "output") as partial:
+        partial.write_text("whole")
+        assert not path.exists()
+    assert path.read_text() == "whole"
+    assert [*path.parent.iterdir()] == [path]
+
+
+def test_a_file_that_fails_leaves_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "film.rrd"
+    path.write_text("before")
+    with pytest.raises(KeyboardInterrupt), whole_file(path, "output") as partial:
+        partial.write_text("half")
+        raise KeyboardInterrupt
+    assert path.read_text() == "before"
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_a_file_that_cannot_be_written_is_named_by_its_setting(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    refusal = r"output=.*/file/film.rrd: allowed is a file that can be written"
+    with pytest.raises(ConfigError, match=refusal), whole_file(tmp_path / "file" / "film.rrd", "output"):
+        pass
