@@ -26,7 +26,7 @@ _REPLACED = re.compile(r"(\\*)\$\{")
 """What would be replaced by the value of another setting."""
 PATHS = {
     "train": ("run_dir", "resume", "instructor.recording"),
-    "explain": ("run", "run_dir", "output", "clip", "sweep", "agent"),
+    "explain": ("run", "run_dir", "output", "clip", "sweep", "agent", "agent_vec_normalize"),
 }
 """Settings whose values are read as they are, not by hydra's grammar."""
 

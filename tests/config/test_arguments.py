@@ -36,8 +36,10 @@ PATHS += ["007", "1e5", "true", "sw/3_agent.ignores=-v-_seed=1", "a\\", "a\nb", 
 @pytest.mark.parametrize("path", PATHS)
 def test_a_path_is_read_as_it_is(path: str) -> None:
     assert composed("train", [f"run_dir={path}"]).run_dir == path
-    read = composed("explain", [f"{key}={path}" for key in ("run", "agent", "output", "clip", "run_dir")])
-    assert [read.run, read.agent_file, read.output, read.clip, read.run_dir] == [path] * 5
+    keys = ("run", "agent", "output", "clip", "run_dir", "agent_vec_normalize")
+    read = composed("explain", [f"{key}={path}" for key in keys])
+    found = [read.run, read.agent_file, read.output, read.clip, read.run_dir, read.agent_vec_normalize]
+    assert found == [path] * len(keys)
 
 
 @pytest.mark.parametrize("path", [*PATHS, "'quoted'", "${env.id}", "\\${x}", "~"])

@@ -99,8 +99,7 @@ def test_a_file_that_fails_leaves_the_one_before(tmp_path: Path) -> None:
     path = tmp_path / "film.rrd"
     path.write_text("before")
     with pytest.raises(KeyboardInterrupt), whole_file(path, "output") as partial:
-        partial.write_text("half")
-        raise KeyboardInterrupt
+        fail(partial, KeyboardInterrupt)
     assert path.read_text() == "before"
     assert [*tmp_path.iterdir()] == [path]
 
