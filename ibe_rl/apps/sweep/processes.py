@@ -112,6 +112,7 @@ def _start(job: Job, command: CommandOf, running: list[Running], board: Board) -
             make_way(job.folder)
         job.folder.mkdir(parents=True, exist_ok=True)
         with (job.folder / OUTPUT).open("ab") as output:
+            begins = output.tell()  # before the run writes: it has the same place in the file
             process = subprocess.Popen(  # noqa: S603 - our own
                 command(job, goes_on),
                 stdin=subprocess.DEVNULL,
@@ -121,7 +122,7 @@ def _start(job: Job, command: CommandOf, running: list[Running], board: Board) -
                 start_new_session=True,
                 preexec_fn=killed_with_parent(),  # no run outlives a killed sweep
             )
-            running.append(Running(job, process, job.folder / OUTPUT, output.tell()))
+            running.append(Running(job, process, job.folder / OUTPUT, begins))
     except (ConfigError, OSError) as error:
         failed = Outcome(job, FAILED, str(error))
         board.ended(failed)

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from processes import gone
@@ -92,6 +93,17 @@ def interrupt(when: Callable[[], bool], number: signal.Signals = signal.SIGINT, 
     thread = threading.Thread(target=wait)
     thread.start()
     return thread
+
+
+def test_a_run_that_ends_at_once_says_why_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Ended(subprocess.Popen[bytes]):
+        def __init__(self, *arguments: Any, **settings: Any):
+            super().__init__(*arguments, **settings)
+            self.wait()
+
+    monkeypatch.setattr(processes.subprocess, "Popen", Ended)
+    [outcome] = run_all([job(tmp_path / "fails")], going(fails=FAILS), 1, board()[0])
+    assert outcome.why == "ValueError: no such luck"
 
 
 def test_a_failed_run_does_not_end_the_others_and_says_why(tmp_path: Path) -> None:
