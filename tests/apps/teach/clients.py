@@ -108,9 +108,10 @@ class Client:
     def kill(self, reset: bool = False) -> None:
         """Go without a word, as a process does that is killed; with a ``reset`` if it has left something unread."""
         plain = self.socket.socket
-        if reset:
-            plain.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        plain.shutdown(socket.SHUT_RD if reset else socket.SHUT_RDWR)
+        with suppress(OSError):  # the server may have ended the connection before
+            if reset:
+                plain.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            plain.shutdown(socket.SHUT_RD if reset else socket.SHUT_RDWR)
         plain.close()
 
 
