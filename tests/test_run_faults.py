@@ -103,7 +103,7 @@ def test_the_disk_is_full_when_the_state_is_written(tmp_path: Path, monkeypatch:
     at_frames(monkeypatch, 4096, lambda _: limit(ROOM))
     with full_disk(resource.RLIM_INFINITY):
         said = failing(*RUN, f"run_dir={folder}")
-    assert f"{folder}/checkpoints/latest.pt cannot be written (File too large)" in said
+    assert f"{folder}/checkpoints/policy_000000002048.pt cannot be written (File too large)" in said
     assert "the training has ended at 4,096 frames; make room, then resume its saved state of 3,072 frames" in said
     assert said.endswith(f": {pasted('train', f'resume={folder}')}")
     assert state_frames(folder) == 3072
@@ -138,6 +138,23 @@ def test_the_disk_has_no_room_for_the_log(tmp_path: Path) -> None:
     assert not (folder / "trajectories" / "state.npy").exists()
     call("train", f"resume={folder}")
     assert_all_there(folder)
+
+
+def test_a_run_folder_that_is_deleted(tmp_path: Path, monkeypatch: Setter) -> None:
+    folder = tmp_path / "run"
+    at_frames(monkeypatch, 2048, lambda _: shutil.rmtree(folder))
+    said = failing(*RUN, "total_frames=4000", f"run_dir={folder}")
+    assert f"run_dir={folder}: it was moved or deleted, the training has ended at 2,048 frames; allowed is" in said
+    assert not folder.exists()
+
+
+def test_a_part_of_a_run_folder_that_is_deleted(tmp_path: Path, monkeypatch: Setter) -> None:
+    folder = tmp_path / "run"
+    at_frames(monkeypatch, 2048, lambda _: shutil.rmtree(folder / "checkpoints"))
+    said = failing(*RUN, "total_frames=4000", "refresh_every_frames=null", f"run_dir={folder}")
+    assert f"{folder}/checkpoints/policy_000000002048.pt cannot be written (No such file or directory)" in said
+    assert said.endswith("at 2,048 frames; let it be written, then train again: no state was saved")
+    assert TrajectoryLog.open(folder / "trajectories").frames == 2048
 
 
 @pytest.fixture(scope="module")

@@ -83,7 +83,7 @@ def begun_folder(path: Path) -> Iterator[Path]:
     try:
         yield path
     except BaseException:
-        if not _has_logged(path):
+        if path.is_dir() and not _has_logged(path):
             _remove({*path.iterdir()} - (before or set()))
             if before is None:
                 path.rmdir()
