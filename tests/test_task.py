@@ -59,7 +59,7 @@ def test_all_other_signs_are_said_as_they_are(words: str):
 
 @pytest.mark.parametrize("which", ["zero", "negative", "positive"])
 def test_a_phrase_is_a_text(which: str):
-    with pytest.raises(ValueError, match="^phrase None: allowed is a text$"):
+    with pytest.raises(ValueError, match=r"^phrase None: allowed is a text$"):
         replace(WORDS, **{which: None})
 
 

@@ -103,6 +103,24 @@ def test_an_import_that_fails_leaves_nothing_and_is_not_refused_again(run: Path,
     assert import_log("mine/log-v0", asked) == tmp_path / "back"
 
 
+def test_an_export_that_is_killed_leaves_no_dataset(run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A dataset that is being made lies where Minari does not look; then it has its name as a whole."""
+    real = minari.create_dataset_from_buffers
+
+    def create(*arguments: Any, **about: Any) -> Any:
+        made = real(*arguments, **about)
+        with monkeypatch.context() as patch:
+            patch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+            assert minari.list_local_datasets() == {}
+        return made
+
+    monkeypatch.setattr(minari, "create_dataset_from_buffers", create)
+    assert export_log(run, "mine/log-v0").total_episodes == 30
+    assert [*minari.list_local_datasets()] == ["mine/log-v0"]
+    assert sorted(path.name for path in (tmp_path / "datasets").iterdir()) == ["mine"]
+    assert minari.namespace.list_local_namespaces() == ["mine"]
+
+
 def test_an_export_that_fails_leaves_nothing_and_is_not_refused_again(
     run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,7 +6,7 @@ Each is called with observations ``(N, seen)``, a memory for each of the ``N`` e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -206,6 +206,17 @@ class Statistics:
 
 
 @dataclass(frozen=True)
+class KeyStatistics:
+    """The same of some keys of a dict; the others are read as they are."""
+
+    by_key: Mapping[str, Statistics]
+
+    def __call__(self, observations: Mapping[str, Array]) -> dict[str, Array]:
+        """Observations, each key ``(N, ·)``, as the model reads them."""
+        return {key: self.by_key[key](part) if key in self.by_key else part for key, part in dict(observations).items()}
+
+
+@dataclass(frozen=True)
 class InParts:
     """An agent that reads observations as the environment has them, such as a dict or an image, not in a row."""
 
@@ -227,11 +238,13 @@ class Normalised:
     """An agent that reads normalised observations, as behind ``VecNormalize``."""
 
     agent: Adapter
-    statistics: Statistics
+    statistics: Statistics | KeyStatistics
 
     def __call__(self, observations: Array, memories: Memories, envs: Sequence[Any] | None) -> tuple[Any, Memories]:
         """See the module."""
-        return self.agent(self.statistics(observations), memories, envs)
+        read: Any = observations  # a row, or a dict where the agent reads parts
+        scaled: Any = self.statistics(read)
+        return self.agent(scaled, memories, envs)
 
 
 def reads_masks(agent: Adapter) -> bool:

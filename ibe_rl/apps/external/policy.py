@@ -13,7 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete
 from gymnasium.spaces.utils import flatdim
 from tensordict.nn import TensorDictModuleBase
 
@@ -22,6 +22,7 @@ from ibe_rl.apps.external.adapters import (
     Adapter,
     Batched,
     InParts,
+    KeyStatistics,
     Memories,
     Normalised,
     OneByOne,
@@ -30,6 +31,7 @@ from ibe_rl.apps.external.adapters import (
     PredictsRecurrently,
     ReadsTensorDicts,
     Stacked,
+    Statistics,
     plain_array,
 )
 from ibe_rl.apps.external.reading import Reading
@@ -122,8 +124,8 @@ def as_policy(
     check_same_actions("agent", agent, actions)
     tried = np.tile(examples[:, :seen], (1, reading.frames))
     called = _adapted(agent, actions, tried)
-    called = called if space is None else InParts(called, space)
-    policy = ExternalPolicy(_behind(called, reading, seen), seen, actions)
+    called = _behind(called, reading, seen) if space is None else _of_parts(called, reading, space)
+    policy = ExternalPolicy(called, seen, actions)
     try:
         first = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
         again = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
@@ -144,6 +146,11 @@ def _behind(agent: Adapter, reading: Reading, seen: int) -> Adapter:
     stacked = Stacked(agent, reading.frames) if reading.frames > 1 else agent
     if reading.statistics is None:
         return stacked
+    if isinstance(reading.statistics, KeyStatistics):
+        raise ConfigError(
+            f"agent_vec_normalize: its statistics are of the keys {', '.join(reading.statistics.by_key)}; allowed is "
+            f"({seen},), as the agent reads them"
+        )
     sizes = reading.statistics.mean.shape
     if sizes == (seen,):
         return Normalised(stacked, reading.statistics)
@@ -166,10 +173,30 @@ def _own_space(agent: Any, reading: Reading, envs: Sequence[Any] | None) -> gymn
         raise ConfigError(
             f"agent: it reads observations {declared!s:.200}; allowed are the environment's, {space!s:.200}"
         )
-    if reading.frames > 1 or reading.statistics is not None:
-        key = "agent_frame_stack" if reading.frames > 1 else "agent_vec_normalize"
-        raise ConfigError(f"{key}: its observations are {space!s:.200}; allowed is null, or observations in a row")
+    if reading.frames > 1:
+        raise ConfigError(
+            f"agent_frame_stack: its observations are {space!s:.200}; allowed is null, or observations in a row"
+        )
     return space
+
+
+def _of_parts(agent: Adapter, reading: Reading, space: gymnasium.Space[Any]) -> Adapter:
+    """Put the statistics before an agent that reads observations as the environment has them."""
+    if reading.statistics is None:
+        return InParts(agent, space)
+    if not _are_of(reading.statistics, space):
+        raise ConfigError(
+            "agent_vec_normalize: its statistics are of observations of other shapes or keys; allowed are those of "
+            f"{space!s:.200}"
+        )
+    return InParts(Normalised(agent, reading.statistics), space)
+
+
+def _are_of(statistics: Statistics | KeyStatistics, space: gymnasium.Space[Any]) -> bool:
+    if isinstance(statistics, Statistics):
+        return statistics.mean.shape == space.shape
+    known = space.spaces if isinstance(space, Dict) else {}
+    return all(key in known and one.mean.shape == known[key].shape for key, one in statistics.by_key.items())
 
 
 def _sizes(task: Task) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.apps.external.adapters import Statistics
+from ibe_rl.apps.external.adapters import KeyStatistics, Statistics
 from ibe_rl.apps.external.finding import load_statistics, statistics_of
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.types import ConfigError, Episode
@@ -33,7 +33,7 @@ class Reading:
 
     sees_instruction: bool | None = None
     frames: int = 1
-    statistics: Statistics | None = None
+    statistics: Statistics | KeyStatistics | None = None
     normalised_by: str | None = None
 
 
