@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -232,13 +233,15 @@ def test_nothing_of_a_failed_import_or_export_stays(run: Path, tmp_path: Path, m
     assert not (tmp_path / "datasets" / "no name").exists()
 
     def breaks(name: str, *_: Any, **__: Any) -> None:
-        (tmp_path / "datasets" / name / "data").mkdir(parents=True)
+        Path(os.environ["MINARI_DATASETS_PATH"], name, "data").mkdir(parents=True)
         raise ValueError("no space")
+
+    before = set(tmp_path.rglob("*"))
 
     monkeypatch.setattr(minari, "create_dataset_from_buffers", breaks)
     with pytest.raises(ConfigError, match="dataset=mine/broken-v0: no space"):
         export_log(run, "mine/broken-v0")
-    assert not (tmp_path / "datasets" / "mine" / "broken-v0").exists()
+    assert set(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
