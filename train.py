@@ -31,6 +31,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from torchrl import timeit
+
 from ibe_rl.collect.collector import steps_of
 from ibe_rl.collect.rollout import EVALUATION_SEED, play, record_rollout
 from ibe_rl.config.command_line import is_sweep, run_script
@@ -38,7 +40,6 @@ from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.runtime.apps import load_app
-from ibe_rl.runtime.stopwatch import Stopwatch
 from ibe_rl.training.build import build
 from ibe_rl.training.progress import closing_table, how_to_open
 from ibe_rl.training.refreshing import judge_and_tell, learn, skip
@@ -52,10 +53,10 @@ def train(run: Run) -> dict[str, Any]:
     """Run the loop; returns the summary."""
     log, agent = run.log, run.agent
     for batch in run.batches:  # environment → batch
-        with Stopwatch("learn"):
+        with timeit("learn"):
             losses = run.reward.add(batch, log.frames)  # did it follow the instruction?
             losses |= agent.update(batch)  # batch → weights
-        with Stopwatch("log"):
+        with timeit("log"):
             log.add(steps_of(batch), run.task.context)  # batch → episodes
         last, row = run.ends(), training_row(log, losses)
         if run.refresh_due(log.frames, last):
@@ -79,7 +80,7 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
         raise  # of the disk, which everything else writes to as well
     except Exception as error:
         return skip(run, error)
-    with Stopwatch("explain"):
+    with timeit("explain"):
         rollout = record_rollout(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
         explainer = run.vocabulary.explainer_state(cfg.predictor.futures, cfg.min_confidence)
         every = cfg.explain_every_steps
@@ -89,7 +90,7 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
 
 def evaluate(run: Run) -> dict[str, float]:
     """Roll out the greedy policy on held-out seeds."""
-    with Stopwatch("eval"):
+    with timeit("eval"):
         seeds = range(EVALUATION_SEED, EVALUATION_SEED + run.cfg.eval_episodes)
         row = evaluation_row(play(run.evaluation_envs, run.agent.greedy, run.instructor, seeds))
     success_rate, return_mean = row["eval/success_rate"], row["eval/return_mean"]

@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
+from torchrl import timeit
 from torchrl.collectors import BaseCollector, Collector
 from torchrl.envs import EnvBase
 
@@ -28,7 +29,6 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.child_errors import ChildErrors
 from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
-from ibe_rl.runtime.stopwatch import Stopwatch
 from ibe_rl.runtime.workers import (
     LostWorkerError,
     Processes,
@@ -237,6 +237,6 @@ def steps_of(batch: TensorDictBase) -> dict[str, Array]:
 def timed(name: str, endless: Iterator[TensorDictBase]) -> Iterator[TensorDictBase]:
     """Count the time spent waiting for each batch under ``name``."""
     while True:
-        with Stopwatch(name):
+        with timeit(name):
             batch = next(endless)
         yield batch

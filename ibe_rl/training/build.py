@@ -12,6 +12,7 @@ from typing import Any
 
 import torch
 from threadpoolctl import threadpool_limits
+from torchrl import timeit
 
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
@@ -25,7 +26,6 @@ from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
-from ibe_rl.runtime.stopwatch import Stopwatch
 from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import (
@@ -129,8 +129,8 @@ def _begin(
     notes: list[str],
 ) -> Run:
     """Make all parts and notify the listeners of the start."""
-    Stopwatch.erase()
-    with Stopwatch("setup"):
+    timeit.erase()
+    with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
         run.metrics, run.notes = list(metrics), notes
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))

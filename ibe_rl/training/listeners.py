@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from torchrl import timeit
+
 from ibe_rl.collect.schedule import GeometricSchedule, Schedule
-from ibe_rl.runtime.stopwatch import Stopwatch
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, MetricsTable, write_json
 from ibe_rl.vocabulary.listener import Listener, Refreshed
@@ -64,7 +65,7 @@ class Listeners(Listener):
     def _tell(self, call: Callable[[Listener], None]) -> None:
         for listener in [*self._listeners]:
             try:
-                with Stopwatch(listener.timer):
+                with timeit(listener.timer):
                     call(listener)
                     lines = [*listener.news()]
             except Exception as error:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from traceback import format_exception
 
 import numpy as np
+from torchrl import timeit
 
 from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.envs.errors import GateError
@@ -16,7 +17,6 @@ from ibe_rl.instructors import speaks
 from ibe_rl.metrics.quality import outcomes
 from ibe_rl.predict import asks_policy, is_learnt
 from ibe_rl.runtime.printed import raised
-from ibe_rl.runtime.stopwatch import Stopwatch
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
 from ibe_rl.task import RecordedRollout
@@ -39,12 +39,12 @@ def learn(run: Run) -> Refresh:
     """
     vocabulary, counts = run.vocabulary, run.counts
     with vocabulary.all_or_nothing():
-        with Stopwatch("refresh"):
+        with timeit("refresh"):
             horizon_steps = vocabulary.settle(run.log)
-        with Stopwatch("explain"):
+        with timeit("explain"):
             learn_to_predict(run)
             reactions = ask_otherwise(run, horizon_steps)
-        with Stopwatch("refresh"):
+        with timeit("refresh"):
             refresh = vocabulary.refresh(run.log, run.agent.greedy, reactions)
             vocabulary.save(run.folder / REFRESHES, refresh)
     counts.refreshes += refresh.taken
@@ -105,7 +105,7 @@ def judge_and_tell(
     run: Run, refresh: Refresh, rollout: RecordedRollout, said: Sequence[Explanation], explainer: ExplainerState
 ) -> dict[str, float]:
     """Score the explanations of an episode and notify the listeners; returns columns of metrics.csv."""
-    with Stopwatch("explain"):
+    with timeit("explain"):
         row = figures(refresh) | run.vocabulary.judge(refresh, rollout.episode, said, run.cfg.explain_every_steps)
         real = outcomes(rollout.episode, explainer.horizon_steps, explainer.mapping, explainer.words)
     event = Refreshed(

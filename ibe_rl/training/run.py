@@ -11,6 +11,7 @@ from typing import Any
 
 import gymnasium
 from tensordict import TensorDictBase
+from torchrl import timeit
 from torchrl.checkpoint import GlobalRNGState
 
 from ibe_rl.agents import Agent
@@ -18,7 +19,6 @@ from ibe_rl.collect.schedule import RefreshSchedule, Schedule
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.predict import KeptPredictor
 from ibe_rl.runtime.signals import StopRequest
-from ibe_rl.runtime.stopwatch import Stopwatch
 from ibe_rl.storage.checkpoint import as_arrays, as_tensors
 from ibe_rl.storage.log import TrajectoryLog, UnreadableLogError
 from ibe_rl.storage.partial_episode import PartialEpisode
@@ -132,7 +132,7 @@ class Run:
 
     def times_s(self) -> dict[str, float]:
         """Seconds spent so far, by activity."""
-        seconds = Stopwatch.todict(percall=False)
+        seconds = timeit.todict(percall=False)
         return {name: seconds.get(name, 0.0) + self.counts.times_s.get(name, 0.0) for name in TIMES}
 
     def time_row(self) -> dict[str, float]:

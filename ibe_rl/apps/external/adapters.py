@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.spaces import Dict
 from gymnasium.spaces.utils import unflatten
 from gymnasium.vector.utils import concatenate, create_empty_array
 from tensordict import TensorDict
@@ -204,6 +205,10 @@ class Statistics:
         scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
         return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
 
+    def are_of(self, space: gymnasium.Space[Any]) -> bool:
+        """Whether they are of observations of a space."""
+        return self.mean.shape == space.shape
+
 
 @dataclass(frozen=True)
 class KeyStatistics:
@@ -214,6 +219,11 @@ class KeyStatistics:
     def __call__(self, observations: Mapping[str, Array]) -> dict[str, Array]:
         """Observations, each key ``(N, ·)``, as the model reads them."""
         return {key: self.by_key[key](part) if key in self.by_key else part for key, part in dict(observations).items()}
+
+    def are_of(self, space: gymnasium.Space[Any]) -> bool:
+        """See ``Statistics``."""
+        known = space.spaces if isinstance(space, Dict) else {}
+        return all(key in known and one.are_of(known[key]) for key, one in self.by_key.items())
 
 
 @dataclass(frozen=True)

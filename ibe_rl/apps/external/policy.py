@@ -13,7 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-from gymnasium.spaces import Box, Dict, Discrete
+from gymnasium.spaces import Box, Discrete
 from gymnasium.spaces.utils import flatdim
 from tensordict.nn import TensorDictModuleBase
 
@@ -21,7 +21,6 @@ from ibe_rl.apps.external.actions import bounded, check_action_space, check_same
 from ibe_rl.apps.external.adapters import (
     Adapter,
     Batched,
-    InParts,
     KeyStatistics,
     Memories,
     Normalised,
@@ -31,10 +30,9 @@ from ibe_rl.apps.external.adapters import (
     PredictsRecurrently,
     ReadsTensorDicts,
     Stacked,
-    Statistics,
     plain_array,
 )
-from ibe_rl.apps.external.reading import Reading
+from ibe_rl.apps.external.reading import Reading, of_parts
 from ibe_rl.envs.acting import Acting
 from ibe_rl.envs.masks import sampled_action
 from ibe_rl.runtime.printed import raised
@@ -124,7 +122,7 @@ def as_policy(
     check_same_actions("agent", agent, actions)
     tried = np.tile(examples[:, :seen], (1, reading.frames))
     called = _adapted(agent, actions, tried)
-    called = _behind(called, reading, seen) if space is None else _of_parts(called, reading, space)
+    called = _behind(called, reading, seen) if space is None else of_parts(called, reading, space)
     policy = ExternalPolicy(called, seen, actions)
     try:
         first = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
@@ -178,25 +176,6 @@ def _own_space(agent: Any, reading: Reading, envs: Sequence[Any] | None) -> gymn
             f"agent_frame_stack: its observations are {space!s:.200}; allowed is null, or observations in a row"
         )
     return space
-
-
-def _of_parts(agent: Adapter, reading: Reading, space: gymnasium.Space[Any]) -> Adapter:
-    """Put the statistics before an agent that reads observations as the environment has them."""
-    if reading.statistics is None:
-        return InParts(agent, space)
-    if not _are_of(reading.statistics, space):
-        raise ConfigError(
-            "agent_vec_normalize: its statistics are of observations of other shapes or keys; allowed are those of "
-            f"{space!s:.200}"
-        )
-    return InParts(Normalised(agent, reading.statistics), space)
-
-
-def _are_of(statistics: Statistics | KeyStatistics, space: gymnasium.Space[Any]) -> bool:
-    if isinstance(statistics, Statistics):
-        return statistics.mean.shape == space.shape
-    known = space.spaces if isinstance(space, Dict) else {}
-    return all(key in known and one.mean.shape == known[key].shape for key, one in statistics.by_key.items())
 
 
 def _sizes(task: Task) -> str:
