@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
+from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -25,12 +26,40 @@ class Phrases:
         negative: template with ``{degree}`` for the other expressions below 0.
         positive: the same above 0.
         degrees: pairs (lower limit of the magnitude, word for ``{degree}``), rising.
+
+    Raises:
+        ValueError: naming what is none of these.
     """
 
     zero: str
     negative: str
     positive: str
     degrees: Sequence[tuple[float, str]]
+
+    def __post_init__(self) -> None:
+        for words in (self.zero, self.negative, self.positive):
+            if not isinstance(words, str):
+                raise ValueError(f"phrase {words!r}: allowed is a text")
+        for words in (self.negative, self.positive):
+            if not _has_only_degree(words):
+                raise ValueError(f"phrase {words!r}: allowed in braces is {{degree}} only; {{{{ is a brace to be said")
+        try:
+            rises = [limit for limit, word in self.degrees] == sorted({float(limit) for limit, word in self.degrees})
+            fits = rises and all(isinstance(word, str) for _, word in self.degrees) and len(self.degrees) > 0
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise ValueError(
+                f"degrees={self.degrees}: allowed are pairs (lower limit, word) with rising limits, at least one"
+            )
+
+
+def _has_only_degree(template: str) -> bool:
+    try:
+        fields = [(name, spec, how) for _, name, spec, how in Formatter().parse(template) if name is not None]
+    except ValueError:
+        return False
+    return all(one == ("degree", "", None) for one in fields)
 
 
 PERCEPT = "ibe_rl/percept"

@@ -26,6 +26,8 @@ from ibe_rl.agents import dqn, ppo
 from ibe_rl.runtime.installation import pasted
 from ibe_rl.storage.checkpoint import load
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.run_folder import create_run_folder
+from ibe_rl.training import build
 from ibe_rl.training.failure import how_to_go_on
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 
@@ -103,7 +105,7 @@ def test_the_disk_is_full_when_the_state_is_written(tmp_path: Path, monkeypatch:
     at_frames(monkeypatch, 4096, lambda _: limit(ROOM))
     with full_disk(resource.RLIM_INFINITY):
         said = failing(*RUN, f"run_dir={folder}")
-    assert f"{folder}/checkpoints/latest.pt cannot be written (File too large)" in said
+    assert f"{folder}/checkpoints/policy_000000002048.pt cannot be written (File too large)" in said
     assert "the training has ended at 4,096 frames; make room, then resume its saved state of 3,072 frames" in said
     assert said.endswith(f": {pasted('train', f'resume={folder}')}")
     assert state_frames(folder) == 3072
@@ -138,6 +140,34 @@ def test_the_disk_has_no_room_for_the_log(tmp_path: Path) -> None:
     assert not (folder / "trajectories" / "state.npy").exists()
     call("train", f"resume={folder}")
     assert_all_there(folder)
+
+
+def test_a_run_folder_that_is_deleted(tmp_path: Path, monkeypatch: Setter) -> None:
+    folder = tmp_path / "run"
+    at_frames(monkeypatch, 2048, lambda _: shutil.rmtree(folder))
+    said = failing(*RUN, "total_frames=4000", f"run_dir={folder}")
+    assert f"run_dir={folder}: it was moved or deleted, the training has ended at 2,048 frames; allowed is" in said
+    assert not folder.exists()
+
+
+def test_a_training_without_a_name_goes_beside_one_of_the_same_second(tmp_path: Path, monkeypatch: Setter) -> None:
+    folder = create_run_folder(tmp_path / "now")
+    monkeypatch.setattr(build, "output_folder", lambda _: folder)
+    call("train", *RUN, "total_frames=1000", "refresh_every_frames=null", "eval_episodes=1")
+    config = yaml.safe_load((tmp_path / "now_2/.hydra/config.yaml").read_text())
+    assert config["run_dir"] == str(tmp_path / "now_2")
+    assert frames_of(tmp_path / "now_2") == FRAMES[:1]
+    monkeypatch.undo()
+    assert failing(*RUN, "run_dir=") == "error: run_dir=: allowed is the name of a folder, or a dot for this one"
+
+
+def test_a_part_of_a_run_folder_that_is_deleted(tmp_path: Path, monkeypatch: Setter) -> None:
+    folder = tmp_path / "run"
+    at_frames(monkeypatch, 2048, lambda _: shutil.rmtree(folder / "checkpoints"))
+    said = failing(*RUN, "total_frames=4000", "refresh_every_frames=null", f"run_dir={folder}")
+    assert f"{folder}/checkpoints/policy_000000002048.pt cannot be written (No such file or directory)" in said
+    assert said.endswith("at 2,048 frames; let it be written, then train again: no state was saved")
+    assert TrajectoryLog.open(folder / "trajectories").frames == 2048
 
 
 @pytest.fixture(scope="module")

@@ -579,13 +579,15 @@ def test_mappings_are_compared_on_the_same_log(judged: Path, capsys: pytest.Capt
     assert "mappings learnt from its log" in capsys.readouterr().out
 
 
-def test_ctrl_c_ends_a_live_run_in_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_a_terminal_or_a_batch_system_sends_ends_a_live_run_in_order(number: int, tmp_path: Path) -> None:
     folder = tmp_path / "stopped"
     many = ["collect.processes=2", "total_frames=100000000"]
     script = start("train.py", *SMALL, *many, f"run_dir={folder}", "viewer=live")
     assert eventually(lambda: list((folder / "refreshes").glob("*.json")) or script.poll() is not None)
     assert script.poll() is None, script.stdout.read() if script.stdout else ""
-    os.killpg(script.pid, signal.SIGINT)  # to the whole group, as a terminal does
+    script.send_signal(number)
+    os.killpg(script.pid, number)  # to the whole group, as a terminal does; `timeout` sends both
     output, _ = script.communicate(timeout=120)
     assert script.returncode == 0, output
     assert "live view: http://127.0.0.1" in output

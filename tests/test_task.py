@@ -1,10 +1,14 @@
 """What an environment declares has to fit together."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from by_hand import TASK, WORDS
+
+from ibe_rl.ibe.vocabulary import phrase
 
 
 def test_each_number_is_called_by_the_dimension_that_it_is_about():
@@ -31,3 +35,37 @@ def test_each_number_is_called_by_the_dimension_that_it_is_about():
 def test_what_does_not_fit_together_is_refused(wrong: dict[str, Any], expected: str):
     with pytest.raises(ValueError, match=expected):
         replace(TASK, **wrong)
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["{degree", "{", "a}", "{0}", "{}", "{much}", "{degree!r}", "{degree:>10}", "{degree.real}", "{degree[0]}", "{{}"],
+)
+def test_what_stands_in_braces_is_the_degree_alone(words: str):
+    for which in ("negative", "positive"):
+        with pytest.raises(
+            ValueError, match=rf"^phrase {re.escape(repr(words))}: allowed in braces is {{degree}} only"
+        ):
+            replace(WORDS, **{which: words})
+
+
+@pytest.mark.parametrize("words", ["100 % %s {degree}left", "{{{degree}left}}", "$x$ [left]"])
+def test_all_other_signs_are_said_as_they_are(words: str):
+    words_with_signs = replace(WORDS, zero=words, positive=words)
+    assert phrase(np.array([0.0]), [words_with_signs]) == words
+    said = words.replace("{degree}", WORDS.degrees[-1][1]).replace("{{", "{").replace("}}", "}")
+    assert phrase(np.array([1.0]), [words_with_signs]) == said
+
+
+@pytest.mark.parametrize("which", ["zero", "negative", "positive"])
+def test_a_phrase_is_a_text(which: str):
+    with pytest.raises(ValueError, match=r"^phrase None: allowed is a text$"):
+        replace(WORDS, **{which: None})
+
+
+@pytest.mark.parametrize(
+    "degrees", [(), ((0.5, "a"), (0.2, "b")), (("a", 0.2),), {"a": 0.2}, (0.2,), None, ((0.2, 1),)]
+)
+def test_degrees_are_pairs_with_rising_limits(degrees: Any):
+    with pytest.raises(ValueError, match=r"^degrees=.*: allowed are pairs \(lower limit, word\) with rising limits"):
+        replace(WORDS, degrees=degrees)

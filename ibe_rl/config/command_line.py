@@ -130,8 +130,20 @@ def is_sweep() -> bool:
     return HydraConfig.initialized() and bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
+def has_default_name() -> bool:
+    """Whether the folder of this run is called after the second in which it began, as others may be."""
+    asked = named_settings()
+    return HydraConfig.initialized() and not is_sweep() and not asked & {"run_dir", "resume"}
+
+
 def output_folder(run_dir: str) -> Path:
-    """The folder of this run: ``run_dir``, or in a sweep hydra's subfolder of it."""
+    """The folder of this run: ``run_dir``, or in a sweep hydra's subfolder of it.
+
+    Raises:
+        ConfigError: if ``run_dir`` is empty, as after ``run_dir=$NOT_SET``.
+    """
+    if not run_dir:
+        raise ConfigError("run_dir=: allowed is the name of a folder, or a dot for this one")
     return Path(HydraConfig.get().runtime.output_dir if is_sweep() else run_dir)
 
 

@@ -94,12 +94,17 @@ def settings_of(group: str, kind: str | None) -> type[Any]:
 
 def settings_of_env(env_id: str) -> type[Any] | None:
     """The dataclass ``settings`` of a registered environment's class; None if it has none."""
+    settings = getattr(maker_of_env(env_id), "settings", None)
+    return settings if inspect.isclass(settings) and is_dataclass(settings) else None
+
+
+def maker_of_env(env_id: str) -> Any:
+    """The class of a registered environment, or the function that makes it."""
     module, colon, name = env_id.rpartition(":")
     if colon:
         import_from_here(module)
     entry = gymnasium.registry[name].entry_point
-    settings = getattr(load_env_creator(entry) if isinstance(entry, str) else entry, "settings", None)
-    return settings if inspect.isclass(settings) and is_dataclass(settings) else None
+    return load_env_creator(entry) if isinstance(entry, str) else entry
 
 
 def made(group: str, config: Any, *args: Any, **kwargs: Any) -> Any:

@@ -124,16 +124,11 @@ def _names(key: str, names: Sequence[str], size: int, distinct: bool = True) -> 
 
 
 def _phrases(config: PhrasesConfig) -> Phrases:
-    limits = list(config.degrees.values())
-    if limits != sorted(limits) or not limits:
-        raise ConfigError(f"env.task.phrases: degrees={dict(config.degrees)}: allowed are rising limits, at least one")
     degrees = tuple((limit, f"{word} " if word else "") for word, limit in config.degrees.items())
     try:
-        for words in (config.negative, config.positive):
-            words.format(degree="")
-    except (KeyError, IndexError, ValueError):
-        raise ConfigError(f"env.task.phrases: {words!r}: allowed in braces is {{degree}} only") from None
-    return Phrases(config.zero, config.negative, config.positive, degrees)
+        return Phrases(config.zero, config.negative, config.positive, degrees)
+    except ValueError as error:
+        raise ConfigError(f"env.task.phrases: {error}") from None
 
 
 def _steps(env: gymnasium.Env[Any, Any], config: TaskConfig) -> int:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
 
-from ibe_rl.config.kinds import checked, settings_of_env
+from ibe_rl.config.kinds import checked, maker_of_env, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
 from ibe_rl.envs.gate import Gate
@@ -53,7 +54,22 @@ def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None
 def _checked(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Check the arguments and add defaults if the environment's class has a dataclass ``settings``."""
     settings = settings_of_env(env_id)
-    return dict(kwargs) if settings is None else dict(vars(checked(settings, kwargs, "env.kwargs")))
+    if settings is None:
+        _check_flags(env_id, kwargs)
+        return dict(kwargs)
+    return dict(vars(checked(settings, kwargs, "env.kwargs")))
+
+
+def _check_flags(env_id: str, kwargs: Mapping[str, Any]) -> None:
+    """Refuse what is no bool where the environment declares ``bool``: any text would count as true."""
+    try:
+        declared = inspect.signature(maker_of_env(env_id)).parameters
+    except (TypeError, ValueError):  # it has no signature
+        return
+    for key, value in kwargs.items():
+        one = declared.get(key)
+        if one and one.annotation in (bool, "bool") and value not in (False, True, one.default):
+            raise ConfigError(f"env.kwargs.{key}={value}: {env_id} declares a bool; allowed are true and false")
 
 
 def _check_registered(env_id: str) -> None:

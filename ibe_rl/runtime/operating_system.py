@@ -23,6 +23,8 @@ from typing import IO
 PR_SET_PDEATHSIG = 1  # from Linux's prctl.h
 CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 CANNOT_LOCK = (errno.EOPNOTSUPP, errno.ENOSYS, errno.ENOLCK)
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""A full disk, a quota, a limit."""
 BLOCK_BYTES = 512
 """Unit of ``st_blocks``."""
 COPIED_BYTES = 1 << 20

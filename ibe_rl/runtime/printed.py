@@ -12,6 +12,8 @@ from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
 from typing import Any, TextIO
 
+from ibe_rl.runtime.operating_system import NO_ROOM
+
 _ENDED_BY_PIPE = 128 + signal.SIGPIPE
 """Exit status, as a shell has it, of a program whose output nobody reads any more."""
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
@@ -67,9 +69,10 @@ def _lasting(stream: TextIO | None, number: int) -> TextIO:
 
 
 class _Lasting(FileIO):
-    """A standard stream that goes on into nothing when its reader or its terminal is gone.
+    """A standard stream that goes on into nothing when its reader or its terminal is gone, or its disk is full.
 
-    A training is then told as by a closed terminal, so that it stops in order; any other program ends.
+    A training is told of the first two as by a closed terminal, so that it stops in order, and goes on where there is
+    no room for its words; any other program ends.
     """
 
     def write(self, data: Any) -> int:
@@ -77,10 +80,14 @@ class _Lasting(FileIO):
         try:
             return super().write(data)
         except OSError as error:
-            if error.errno not in (errno.EPIPE, errno.EIO):
+            if error.errno not in (errno.EPIPE, errno.EIO, *NO_ROOM):
                 raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            full = error.errno in NO_ROOM
+            status = f"error: the output cannot be written ({error.strerror})" if full else _ENDED_BY_PIPE
         if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
-            raise SystemExit(_ENDED_BY_PIPE)
-        signal.raise_signal(signal.SIGHUP)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            raise SystemExit(status)
+        if not full:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            signal.raise_signal(signal.SIGHUP)
         return len(data)

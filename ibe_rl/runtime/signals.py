@@ -5,25 +5,29 @@ from __future__ import annotations
 import multiprocessing.resource_tracker
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 _ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_STAYING = {signal.SIGINT, signal.SIGHUP}
-"""What a terminal sends to all processes of a program."""
+"""What a terminal, ``timeout`` or a batch system sends to all processes of a program."""
+ONE_PRESS_S = 0.5
+"""Seconds in which a second Ctrl-C is the same one: ``timeout -s INT`` sends it to a program and to its group."""
 
 
 class StopRequest:
-    """False until Ctrl-C, SIGTERM or the end of the terminal (SIGHUP) arrives; a second signal ends at once.
+    """False until Ctrl-C, SIGTERM or the end of the terminal (SIGHUP) arrives; Ctrl-C after that ends at once.
 
-    A SIGHUP that is ignored, as under nohup, stays ignored; a further one, as shells send it, changes nothing.
+    A further SIGTERM or SIGHUP changes nothing: batch systems, ``timeout`` and shells send several.
+    A SIGHUP that is ignored, as under nohup, stays ignored.
 
     Use as a context manager in the main thread; leaving restores the previous handlers.
     """
 
     def __init__(self) -> None:
         self._asked = False
+        self._pressed_s: float | None = None
         self._called: list[Callable[[], None]] = []
 
     def when_asked(self, call: Callable[[], None]) -> None:
@@ -47,8 +51,12 @@ class StopRequest:
             signal.signal(number, handler)
 
     def _ask(self, number: int, _frame: FrameType | None) -> None:
-        if self._asked and number != signal.SIGHUP:
-            raise KeyboardInterrupt
+        if number == signal.SIGINT:
+            now = time.monotonic()
+            same = self._pressed_s is not None and now - self._pressed_s < ONE_PRESS_S
+            if self._asked and not same:
+                raise KeyboardInterrupt
+            self._pressed_s = now if self._pressed_s is None else self._pressed_s
         self._asked = True
         self._call()
 
@@ -59,14 +67,20 @@ class StopRequest:
 
 @contextmanager
 def interrupts_stay_here() -> Iterator[None]:
-    """Start processes that neither Ctrl-C nor the end of the terminal reaches; the parent stops them gracefully."""
+    """Start processes that no request to stop reaches; the parent stops them gracefully."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
-    multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock SIGINT again
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    multiprocessing.resource_tracker.ensure_running()  # starting it later would unblock the other two again
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ASKING)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _STAYING)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ASKING)
+
+
+def leave_sigterm_to_parent() -> None:
+    """In a process started so: do nothing at SIGTERM, but let what this process starts be ended by it."""
+    signal.signal(signal.SIGTERM, lambda *_: None)  # unlike a blocked signal, a handler is not inherited by programs
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
 
 @contextmanager

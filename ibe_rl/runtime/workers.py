@@ -15,6 +15,7 @@ from threading import Thread, Timer
 from typing import Any, Protocol
 
 from ibe_rl.runtime.operating_system import process_start_method
+from ibe_rl.runtime.signals import leave_sigterm_to_parent
 
 POLL_S = 0.2
 ANSWER_S = 3.0
@@ -48,13 +49,14 @@ def start_method_for_torchrl() -> Iterator[None]:
 
 
 def end_with_parent(farewell_s: float = 0.0) -> None:
-    """End this child process as soon as its parent is gone; call it in the child.
+    """End this child process as soon as its parent is gone, and not before; call it in the child.
 
     Args:
         farewell_s: seconds before it exits, to report the loss.
     """
     parent = multiprocessing.parent_process()
     if parent is not None:
+        leave_sigterm_to_parent()
         Thread(target=_end_after, args=(parent.sentinel, farewell_s), daemon=True).start()
 
 

@@ -8,19 +8,17 @@ import json
 import math
 import os
 import stat
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import yaml
 
-from ibe_rl.runtime.operating_system import lock_file
 from ibe_rl.types import ConfigError
 
 CONFIG = ".hydra/config.yaml"
-LOCK = ".hydra/lock"
 OVERRIDES = ".hydra/overrides.yaml"
 METRICS = "metrics.csv"
 SUMMARY = "summary.json"
@@ -122,6 +120,10 @@ def refuse_special_files(path: Path) -> None:
                 raise ConfigError(f"{found}: {kind}; allowed is a run folder of plain files")
 
 
+class TakenFolderError(ConfigError):
+    """A folder for a new run already holds one."""
+
+
 def create_run_folder(path: Path, named: Path | None = None) -> Path:
     """Make the folder of a new run and its subfolders.
 
@@ -130,14 +132,18 @@ def create_run_folder(path: Path, named: Path | None = None) -> Path:
         named: what errors call it; None: its path.
 
     Raises:
-        ConfigError: if it already holds a run or cannot be written to.
+        TakenFolderError: if it already holds a run, also one that another process has just begun.
+        ConfigError: if it cannot be written to.
     """
     refuse_used(path)
     try:
         for name in (CHECKPOINTS, TRAJECTORIES, REFRESHES, ".hydra"):
             (path / name).mkdir(parents=True, exist_ok=True)
-        write_atomically(path / CONFIG, lambda stream: stream.write(b""))
+        descriptor = os.open(path / CONFIG, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+        os.close(descriptor)
     except OSError as error:
+        if (path / CONFIG).is_file():
+            raise TakenFolderError(_taken(named or path)) from None
         allowed = f"allowed is a folder that can be written to ({error.strerror})"
         raise ConfigError(f"run_dir={named or path}: {allowed}") from None
     return path
@@ -147,36 +153,19 @@ def refuse_used(path: Path) -> None:
     """Refuse a folder that already holds a run, or cannot be looked into.
 
     Raises:
-        ConfigError: naming it.
+        TakenFolderError: if it holds a run.
+        ConfigError: if it cannot be looked into.
     """
     try:
         used = any((path / name).exists() for name in (METRICS, SUMMARY, RECORDING, CONFIG))
     except OSError as error:
         raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
     if used:
-        raise ConfigError(f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten")
+        raise TakenFolderError(_taken(path))
 
 
-@contextmanager
-def hold_folder(path: Path) -> Iterator[None]:
-    """Lock a run's folder against other trainings; the system releases it whenever the process ends.
-
-    Raises:
-        ConfigError: if another process holds it, or its disk has no locks.
-    """
-    try:
-        lock = (path / LOCK).open("w")
-    except OSError as error:
-        raise ConfigError(f"run_dir={path}: allowed is a folder that can be written to ({error.strerror})") from None
-    with lock:
-        try:
-            locked = lock_file(lock)
-        except OSError as error:
-            allowed = f"allowed is a folder on a disk that can lock files ({error.strerror})"
-            raise ConfigError(f"run_dir={path}: {allowed}") from None
-        if not locked:
-            raise ConfigError(f"resume={path}: it is training; allowed is a run that has ended")
-        yield
+def _taken(path: Path) -> str:
+    return f"run_dir={path}: holds a run already; allowed is a new folder, nothing is overwritten"
 
 
 def is_run(path: Path) -> bool:

@@ -5,10 +5,21 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import chain, count
 from pathlib import Path
 
+from ibe_rl.storage.folder_lock import LOCK, hold_folder
 from ibe_rl.storage.log import ABOUT_LOG, COLUMNS
-from ibe_rl.storage.run_folder import CONFIG, METRICS, PARTIAL, TRAJECTORIES, create_run_folder, read_json, refuse_used
+from ibe_rl.storage.run_folder import (
+    CONFIG,
+    METRICS,
+    PARTIAL,
+    TRAJECTORIES,
+    TakenFolderError,
+    create_run_folder,
+    read_json,
+    refuse_used,
+)
 from ibe_rl.types import ConfigError
 
 
@@ -24,14 +35,18 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """
     refuse_used(path)
     partial = path.with_name(path.name + PARTIAL)
-    if (partial / CONFIG).parent.is_dir():  # of a program that was killed
-        shutil.rmtree(partial)
+    held = f"run_dir={path}: another program is making it; allowed is a new folder"
+    if (partial / CONFIG).parent.is_dir():
+        with hold_folder(partial, held):
+            shutil.rmtree(partial)  # of a program that was killed
     create_run_folder(partial, named=path)
-    try:
-        yield partial
-        _move(partial, path)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    with hold_folder(partial, held):
+        try:
+            yield partial
+            (partial / LOCK).unlink()
+            _move(partial, path)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def _move(partial: Path, path: Path) -> None:
@@ -69,21 +84,30 @@ def whole_file(path: Path, key: str) -> Iterator[Path]:
 
 
 @contextmanager
-def begun_folder(path: Path) -> Iterator[Path]:
+def begun_folder(path: Path, numbered: bool = False) -> Iterator[Path]:
     """The folder of a new training; what it has made there is removed if it fails before anything is logged.
 
     Args:
         path: of the new folder; what it already holds stays.
+        numbered: if it holds a run, take the next of ``path_2``, ``path_3`` … that does not.
 
     Raises:
         ConfigError: if it already holds a run or cannot be written to.
     """
-    before = {*path.iterdir()} if path.is_dir() else None
-    create_run_folder(path)
+    for one in chain([path], (path.with_name(f"{path.name}_{number}") for number in count(2))):
+        before = {*one.iterdir()} if one.is_dir() else None
+        try:
+            create_run_folder(one)
+        except TakenFolderError:
+            if not numbered:
+                raise
+        else:
+            path = one
+            break
     try:
         yield path
     except BaseException:
-        if not _has_logged(path):
+        if path.is_dir() and not _has_logged(path):
             _remove({*path.iterdir()} - (before or set()))
             if before is None:
                 path.rmdir()

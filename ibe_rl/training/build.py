@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
+from dataclasses import replace
 from functools import partial
 from inspect import isclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from torchrl import timeit
 
 from ibe_rl.agents import make_agent
 from ibe_rl.collect.collector import batches, make_collector, timed
-from ibe_rl.config.command_line import output_folder, run_name
+from ibe_rl.config.command_line import has_default_name, output_folder, run_name
 from ibe_rl.config.kinds import make_several
 from ibe_rl.config.saved import save_config
 from ibe_rl.config.settings import TrainConfig
@@ -25,13 +26,13 @@ from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
+from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import (
     METRICS,
     RECORDING,
     TRAJECTORIES,
     MetricsTable,
-    hold_folder,
 )
 from ibe_rl.storage.whole_folder import begun_folder
 from ibe_rl.training.check import check_columns, check_run
@@ -84,10 +85,12 @@ def build(
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
-    opened = nullcontext(Path(cfg.run_dir)) if state else begun_folder(output_folder(cfg.run_dir))
+    opened = nullcontext(Path(cfg.run_dir)) if state else begun_folder(output_folder(cfg.run_dir), has_default_name())
     with opened as folder, threadpool_limits(1), StopRequest() as stop, hold_folder(folder):
         if state:
             _restore_folder(cfg, folder, state)
+        if has_default_name():
+            cfg = replace(cfg, run_dir=str(folder))
         save_config(cfg, folder / ".hydra", goes_on=bool(state))
         with ExitStack() as owned:
             browser = wants_browser(cfg.viewer.open)

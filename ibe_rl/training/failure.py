@@ -9,6 +9,7 @@ from typing import Any
 
 from ibe_rl.config.command_line import command_on
 from ibe_rl.envs.errors import GateError
+from ibe_rl.runtime.operating_system import NO_ROOM
 from ibe_rl.runtime.workers import LostWorkerError
 from ibe_rl.storage.checkpoint import LATEST, load, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, write_json
@@ -28,7 +29,7 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
         frames: frames logged so far.
 
     Raises:
-        ConfigError: if a loss or weight is NaN or infinite, or a file cannot be written.
+        ConfigError: if a loss or weight is NaN or infinite, a file cannot be written or the folder is gone.
     """
     try:
         yield
@@ -38,15 +39,21 @@ def nothing_lost(folder: Path, keep: Callable[[], None], frames: Callable[[], in
         with suppress(Exception):  # the disk may be full
             keep()
         go_on = how_to_go_on(folder) if frames() else "train again"
+        if not folder.is_dir():
+            raise ConfigError(
+                f"run_dir={folder}: it was moved or deleted, the training has ended at {frames():,} frames; allowed is "
+                "a folder that stays; one that was moved can be resumed where it is, with resume=DIR"
+            ) from None
         if isinstance(error, FloatingPointError):
             raise ConfigError(
                 f"learning from the frames after {frames():,} gave {error}, the training has ended; "
                 f"{go_on} with a smaller agent.learning_rate or agent.reward_scale"
             ) from None
         if isinstance(error, OSError) and _is_in(error.filename, folder):
+            remedy = "make room" if error.errno in NO_ROOM else "let it be written"
             raise ConfigError(
                 f"{error.filename} cannot be written ({error.strerror}), the training has ended at {frames():,} "
-                f"frames; make room, then {go_on}"
+                f"frames; {remedy}, then {go_on}"
             ) from None
         if frames():
             error.add_note(f"What was logged is in {folder}; {go_on}")

@@ -19,6 +19,9 @@ from ibe_rl.view import sentences
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.training_episodes import horizon_line
 
+CLOSING_WIDTH = 60
+"""Least columns of the closing table: a narrower terminal breaks its lines, and no number is lost."""
+
 
 class TrainingProgress(Listener):
     """Progress bar over frames with rate, return, success and the last phrase; a context manager.
@@ -107,9 +110,11 @@ def closing_table(summary: Mapping[str, Any], told: Sequence[str] = ()) -> None:
         table.add_row(key, f"{summary[key]:,}")
     for name, seconds in summary["time_s"].items():
         table.add_row(f"time: {name}", f"{seconds:.1f} s  {seconds / summary['wall_s']:5.1%}")
-    PlainConsole().print(table)
+    console = PlainConsole(soft_wrap=True)
+    console.width = max(console.width, CLOSING_WIDTH)
+    console.print(table)
     for line in [note for note in summary["notes"] if note not in told]:
-        PlainConsole(soft_wrap=True).print(f"note: {line}")
+        console.print(f"note: {line}")
 
 
 def how_to_open(folder: Path, in_sweep: bool) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -101,6 +102,24 @@ def test_an_import_that_fails_leaves_nothing_and_is_not_refused_again(run: Path,
             import_log("mine/log-v0", [*asked, "mapping.horizon_steps=900"])
         assert not list(tmp_path.glob("back*"))
     assert import_log("mine/log-v0", asked) == tmp_path / "back"
+
+
+def test_an_export_that_is_killed_leaves_no_dataset(run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A dataset that is being made lies where Minari does not look; then it has its name as a whole."""
+    real = minari.create_dataset_from_buffers
+
+    def create(*arguments: Any, **about: Any) -> Any:
+        made = real(*arguments, **about)
+        with monkeypatch.context() as patch:
+            patch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+            assert minari.list_local_datasets() == {}
+        return made
+
+    monkeypatch.setattr(minari, "create_dataset_from_buffers", create)
+    assert export_log(run, "mine/log-v0").total_episodes == 30
+    assert [*minari.list_local_datasets()] == ["mine/log-v0"]
+    assert sorted(path.name for path in (tmp_path / "datasets").iterdir()) == ["mine"]
+    assert minari.namespace.list_local_namespaces() == ["mine"]
 
 
 def test_an_export_that_fails_leaves_nothing_and_is_not_refused_again(
@@ -214,13 +233,15 @@ def test_nothing_of_a_failed_import_or_export_stays(run: Path, tmp_path: Path, m
     assert not (tmp_path / "datasets" / "no name").exists()
 
     def breaks(name: str, *_: Any, **__: Any) -> None:
-        (tmp_path / "datasets" / name / "data").mkdir(parents=True)
+        Path(os.environ["MINARI_DATASETS_PATH"], name, "data").mkdir(parents=True)
         raise ValueError("no space")
+
+    before = set(tmp_path.rglob("*"))
 
     monkeypatch.setattr(minari, "create_dataset_from_buffers", breaks)
     with pytest.raises(ConfigError, match="dataset=mine/broken-v0: no space"):
         export_log(run, "mine/broken-v0")
-    assert not (tmp_path / "datasets" / "mine" / "broken-v0").exists()
+    assert set(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -145,9 +145,9 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "degrees": (
         {"phrases": [PhrasesConfig("a", "b", "c", {"very": 0.5, "": 0.2})]},
-        r"phrases: degrees=\{'very': 0\.5, '': 0\.2\}: allowed are rising limits",
+        r"phrases: degrees=\(\(0\.5, 'very '\), \(0\.2, ''\)\): allowed are pairs .* with rising limits",
     ),
-    "braces": ({"phrases": [PhrasesConfig("a", "b {much}", "c")]}, r"phrases: 'b \{much\}': allowed in braces"),
+    "braces": ({"phrases": [PhrasesConfig("a", "b {much}", "c")]}, r"phrases: phrase 'b \{much\}': allowed in braces"),
 }
 
 

@@ -89,3 +89,20 @@ def test_a_program_that_hears_of_hangups_hears_of_it_and_goes_on(tmp_path: Path)
     code += "[print('x' * 1000, flush=True) for _ in range(10_000)]"
     done = ran(code, "| head -c 1; exit ${PIPESTATUS[0]}")
     assert (done.returncode, done.stderr, told.read_text()) == (0, b"", "!")
+
+
+FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device without room")
+
+
+@FULL
+def test_a_program_that_has_no_room_for_its_output_says_so() -> None:
+    done = ran("prepare_output(); print('x'); print('y', flush=True); print('never', file=sys.stderr)", ">/dev/full")
+    assert (done.returncode, done.stderr) == (1, b"error: the output cannot be written (No space left on device)\n")
+
+
+@FULL
+def test_a_program_that_hears_of_hangups_goes_on_where_there_is_no_room_for_its_output() -> None:
+    code = "prepare_output(); signal.signal(signal.SIGHUP, lambda *_: 1 / 0); "
+    code += "[print('x' * 1000, flush=True) for _ in range(100)]; print('all done', file=sys.stderr)"
+    done = ran(code, ">/dev/full")
+    assert (done.returncode, done.stderr) == (0, b"all done\n")

@@ -5,12 +5,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from ibe_rl.runtime import signals
 from ibe_rl.runtime.signals import StopRequest, interrupts_stay_here
 
-BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 ALL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -31,22 +32,43 @@ def test_the_first_signal_asks_to_stop(number: int):
     assert stop
 
 
-@BOTH
-def test_the_second_signal_ends_at_once(number: int):
-    with StopRequest() as stop:
-        signal.raise_signal(signal.SIGINT)
-        assert stop
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(number)
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """What the clock shows, in seconds; the last number counts."""
+    shown = [1000.0]
+    monkeypatch.setattr(signals, "time", SimpleNamespace(monotonic=lambda: shown[-1]))
+    return shown
 
 
-def test_a_terminal_that_is_closed_asks_once_however_often_a_shell_says_so() -> None:
+@pytest.mark.parametrize("number", ALL)
+def test_ctrl_c_ends_at_once_what_was_asked_to_stop(number: int, clock: list[float]):
     with StopRequest() as stop:
-        for _ in range(3):
-            signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(number)
         assert stop
+        clock.append(1001.0)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
+
+
+def test_two_interrupts_at_once_are_one(clock: list[float]):
+    """As ``timeout -s INT`` sends them; a key that is held down ends it all the same."""
+    with StopRequest() as stop:
+        for now in (1000.0, 1000.1, 1000.4):
+            clock.append(now)
+            signal.raise_signal(signal.SIGINT)
+        assert stop
+        clock.append(1000.6)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_shell_or_a_batch_system_asks_once_however_often_it_says_so(number: int, clock: list[float]) -> None:
+    with StopRequest() as stop:
+        for clock[-1] in (1000.0, 1000.1, 1002.0):
+            signal.raise_signal(number)
+        signal.raise_signal(signal.SIGTERM)
+        assert stop
 
 
 def test_under_nohup_a_closed_terminal_is_nothing() -> None:
@@ -59,8 +81,8 @@ def test_under_nohup_a_closed_terminal_is_nothing() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@BOTH
-def test_what_was_to_be_called_is_called_once_and_in_order(number: int):
+@pytest.mark.parametrize("number", ALL)
+def test_what_was_to_be_called_is_called_once_and_in_order(number: int, clock: list[float]):
     called: list[str] = []
     with StopRequest() as stop:
         stop.when_asked(lambda: called.append(f"one, {bool(stop)}"))
@@ -68,8 +90,9 @@ def test_what_was_to_be_called_is_called_once_and_in_order(number: int):
         assert called == []
         signal.raise_signal(number)
         assert called == ["one, True", "two"]
+        clock.append(1001.0)
         with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(number)
+            signal.raise_signal(signal.SIGINT)
     assert called == ["one, True", "two"]
 
 
@@ -110,8 +133,8 @@ def test_an_interrupt_while_processes_start_is_kept_for_afterwards():
         assert stop
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGHUP"])
-def test_processes_started_so_do_not_hear_what_a_terminal_sends(name: str):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGHUP", "SIGTERM"])
+def test_processes_started_so_do_not_hear_what_their_group_is_sent(name: str):
     code = f"import signal; print(signal.{name} in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
 
     def deaf() -> str:
@@ -120,6 +143,22 @@ def test_processes_started_so_do_not_hear_what_a_terminal_sends(name: str):
     with interrupts_stay_here():
         assert deaf() == "True"
     assert deaf() == "False"
+
+
+def test_what_a_process_started_so_starts_itself_is_ended_by_sigterm():
+    """A simulator of an environment, say, which its environment closes with ``terminate()``."""
+    code = """
+import signal, subprocess, sys
+from ibe_rl.runtime.signals import leave_sigterm_to_parent
+leave_sigterm_to_parent()
+signal.raise_signal(signal.SIGTERM)
+simulator = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+simulator.terminate()
+print(simulator.wait())
+"""
+    with interrupts_stay_here():
+        ended = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert ended.stdout.strip() == str(-signal.SIGTERM)
 
 
 def test_interrupts_come_back_also_after_an_error():

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
+from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.storage.run_folder import (
     CHECKPOINTS,
     CONFIG,
@@ -22,7 +23,6 @@ from ibe_rl.storage.run_folder import (
     MetricsTable,
     create_run_folder,
     find_run,
-    hold_folder,
     is_run,
     read_rows,
     write_atomically,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from ibe_rl.storage import run_folder
 from ibe_rl.storage.run_folder import CONFIG, METRICS, create_run_folder, find_run, write_json
 from ibe_rl.storage.whole_folder import begun_folder, whole_file, whole_folder
 from ibe_rl.types import ConfigError
@@ -47,6 +48,37 @@ def test_what_a_killed_program_left_is_not_in_the_way(tmp_path: Path) -> None:
     with whole_folder(tmp_path / "run"):
         pass
     assert files_in(tmp_path) == ["run/.hydra/config.yaml"]
+
+
+def test_what_another_program_is_making_is_left_to_it(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "run") as folder:
+        (folder / "mine").touch()
+        refusal = r"run_dir=.*/run: another program is making it; allowed is a new folder"
+        with pytest.raises(ConfigError, match=refusal), whole_folder(tmp_path / "run"):
+            pass
+        assert (folder / "mine").exists()
+    assert files_in(tmp_path) == ["run/.hydra/config.yaml", "run/mine"]
+
+
+def test_trainings_that_begin_in_the_same_second_have_folders_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "2026-11-28_10-00-00"
+    with begun_folder(path, numbered=True) as one, begun_folder(path, numbered=True) as other:
+        assert (one, other) == (path, tmp_path / "2026-11-28_10-00-00_2")
+        with begun_folder(path, numbered=True) as third:
+            assert third.name.endswith("_3")
+    with pytest.raises(ConfigError, match=r"run_dir=.*_10-00-00: holds a run already"), begun_folder(path):
+        pass
+
+
+def test_a_folder_that_another_training_begins_at_the_same_moment_is_refused_and_left_to_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create_run_folder(tmp_path / "run")
+    before = files_in(tmp_path)
+    monkeypatch.setattr(run_folder, "refuse_used", lambda _: None)  # it looked a moment too soon
+    with pytest.raises(ConfigError, match=r"run_dir=.*/run: holds a run already"), begun_folder(tmp_path / "run"):
+        pass
+    assert files_in(tmp_path) == before
 
 
 def test_what_is_there_stays(tmp_path: Path) -> None:

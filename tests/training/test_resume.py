@@ -19,8 +19,8 @@ from rerun.chunk import RrdReader
 
 from benchmarks.faults import SCRIPT
 from ibe_rl.storage.checkpoint import BEST, BETWEEN, EVALUATED, LATEST, PREDICTOR, load, policies
+from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.storage.run_folder import hold_folder
 from ibe_rl.training.resume import read_state, without_episodes
 from ibe_rl.training.state import PARTS
 from ibe_rl.types import ConfigError

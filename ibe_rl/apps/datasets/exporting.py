@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -24,6 +28,7 @@ from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, read_json,
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode
 
+DATASETS_PATH = "MINARI_DATASETS_PATH"
 _CONTEXT, _WORDS = "context", "instruction_words"
 """Keys of the infos beside those of ``instruction_source``, of ``T + 1`` rows; the final state has no instruction."""
 
@@ -65,22 +70,41 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
 
 
 def _created(minari: Any, dataset_id: str, buffers: list[Any], about: dict[str, Any]) -> Any:
-    """Create a dataset, or leave nothing of it."""
-    place = Path(import_module("minari.storage").get_dataset_path(dataset_id))
+    """Create a dataset; it gets its name once it is whole, also if this program is killed."""
+    path_of = import_module("minari.storage").get_dataset_path
+    place, every = Path(path_of(dataset_id)), Path(path_of())
     if place.exists():
         raise ConfigError(f"dataset={dataset_id}: {place} already exists; allowed is a new name")
-    complete = False
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about the missing code link and e-mail
-            made = minari.create_dataset_from_buffers(dataset_id, buffers, **about)
-        complete = True
-        return made
+        with TemporaryDirectory(prefix=".ibe_rl_", dir=every) as hidden:  # Minari lists no hidden folders
+            with _datasets_in(hidden), warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # about the missing code link and e-mail
+                minari.create_dataset_from_buffers(dataset_id, buffers, **about)
+            _move_to(place, Path(hidden, dataset_id))
+        return minari.load_dataset(dataset_id)
     except (ValueError, TypeError, OSError) as error:
         raise ConfigError(f"dataset={dataset_id}: {error}") from None
+
+
+def _move_to(place: Path, made: Path) -> None:
+    """Move a dataset, and copy what describes its namespace if that is new."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    for file in made.parent.iterdir():
+        if file.is_file() and not (place.parent / file.name).exists():
+            shutil.copy(file, place.parent)
+    made.rename(place)
+
+
+@contextmanager
+def _datasets_in(folder: str) -> Iterator[None]:
+    before = os.environ.get(DATASETS_PATH)
+    os.environ[DATASETS_PATH] = folder
+    try:
+        yield
     finally:
-        if not complete:
-            shutil.rmtree(place, ignore_errors=True)
+        del os.environ[DATASETS_PATH]
+        if before is not None:
+            os.environ[DATASETS_PATH] = before
 
 
 def _seeds(folder: Path, count: int) -> list[int | None]:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from ibe_rl.apps.datasets.arrays import SUFFIXES, Arrays
 from ibe_rl.apps.datasets.instruction_source import InstructionSource, instructed_size
 from ibe_rl.apps.datasets.optional import load_minari
-from ibe_rl.apps.datasets.recorded import Conversion, RawEpisode
+from ibe_rl.apps.datasets.recorded import DATASET_PERCEPT, Conversion, RawEpisode
 from ibe_rl.apps.external.actions import check_same_actions
 from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lines
 from ibe_rl.config.command_line import composed
@@ -27,6 +28,9 @@ from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 
 FEWEST_EPISODES = 2
+STEPS_ELSEWHERE = 10
+StateOf = Callable[[Any], Any]
+"""One observation to the state."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,8 @@ def import_log(
         settings: of ``explain.py``: ``env=…`` of its states, ``run_dir=…``, ``mapping=…``.
         instruction: the key of the infos that holds it; "rule" asks the environment's own rule in each state. None
             takes ``"instruction"`` of the infos, else that in the observations, else the rule.
-        state: ``module:name`` of a function of one observation to the state ``(S,)``; None: they are the same.
+        state: ``module:name`` of a function of one observation to the state ``(S,)``; None: that of the environment
+            (``env.task.state``), or they are the same.
 
     Returns:
         the folder; ``explain.py run=FOLDER agent=…`` explains an agent with its vocabulary.
@@ -72,9 +77,10 @@ def import_log(
     source = _of_file(Path(dataset_id)) if Path(dataset_id).suffix in SUFFIXES else _of_minari(dataset_id)
     config = external_run_config(cfg, f"the agent of the dataset {dataset_id}", seed=0)
     env = make_env(config.env)
-    function = None if state is None else load_function("--state", state)
+    first = next(source.episodes(), None)
+    function = declared_state(env, config.env, first) if state is None else load_function("--state", state)
     _check_spaces(source, env, task_of(env), function is None)
-    convert = _conversion(source, env, config.env, instruction, function)
+    convert = _conversion(source, first, env, config.env, instruction, function)
     with whole_folder(path) as folder:
         episodes = (convert(one) for one in source.episodes())
         keep_run(folder, config, episodes, source.rows, seeds=convert.seeds)
@@ -82,11 +88,58 @@ def import_log(
     return path
 
 
+def declared_state(env: gymnasium.Env[Any, Any], config: EnvConfig, first: RawEpisode | None) -> StateOf | None:
+    """The environment's own function of one observation; None if the recorded observations are its states."""
+    task, space = task_of(env), env.unwrapped.observation_space
+    if not task.parts or first is None or DATASET_PERCEPT in first.infos:
+        return None
+    shape = () if isinstance(first.observations, Mapping | tuple) else np.shape(first.observations)[1:]
+    if shape in ((len(task.state_names),), (instructed_size(task),)) and shape != space.shape:
+        return None
+    sense, other = env.get_wrapper_attr("sense"), _elsewhere(config)
+
+    def state(observation: Any) -> Any:
+        try:
+            found, again = (sense(one.unwrapped, observation)[0] for one in (env, other))
+        except ConfigError:
+            raise
+        except Exception as error:  # code of the user may raise anything
+            raise ConfigError(
+                f"env.task.state: it raised {raised(error)} for a recorded observation; allowed is an observation of "
+                "the environment, or --state=MODULE:NAME, one observation to the state"
+            ) from None
+        if not np.array_equal(found, again):
+            raise ConfigError(
+                "env.task.state: it reads the environment, which a dataset does not have; allowed is "
+                "--state=MODULE:NAME, one observation to the state"
+            )
+        return found
+
+    env.reset(seed=0)
+    return state
+
+
+def _elsewhere(config: EnvConfig) -> gymnasium.Env[Any, Any]:
+    """Another environment of the same kind, in the middle of another episode."""
+    env = make_env(config)
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    for _ in range(STEPS_ELSEWHERE):
+        if any(env.step(env.action_space.sample())[2:4]):
+            env.reset(seed=2)
+    return env
+
+
 def _conversion(
-    source: Source, env: gymnasium.Env[Any, Any], config: EnvConfig, key: str | None, state: Callable[..., Any] | None
+    source: Source,
+    first: RawEpisode | None,
+    env: gymnasium.Env[Any, Any],
+    config: EnvConfig,
+    key: str | None,
+    state: StateOf | None,
 ) -> Conversion:
     """How its episodes are converted, tried with the first one."""
-    task, first = task_of(env), next(source.episodes(), None)
+    task = task_of(env)
     if first is None:
         raise ConfigError(f"{source.where}: it has no episode; allowed are at least {FEWEST_EPISODES}")
     if source.count < FEWEST_EPISODES:

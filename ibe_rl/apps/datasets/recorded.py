@@ -127,6 +127,8 @@ class Conversion:
     def _states(self, recorded: RawEpisode, state: Callable[[Any], Any], steps: int) -> list[Any]:
         try:
             return [state(_at(recorded.observations, step)) for step in range(steps + 1)]
+        except ConfigError as error:
+            raise ConfigError(f"{recorded.where}: {error}") from None
         except Exception as error:  # code of the user may raise anything
             raise recorded.refuse(
                 f"the function of --state raised {raised(error)}", "is one observation to the state"

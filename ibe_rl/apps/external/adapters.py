@@ -6,13 +6,14 @@ Each is called with observations ``(N, seen)``, a memory for each of the ``N`` e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.spaces import Dict
 from gymnasium.spaces.utils import unflatten
 from gymnasium.vector.utils import concatenate, create_empty_array
 from tensordict import TensorDict
@@ -204,6 +205,26 @@ class Statistics:
         scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
         return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
 
+    def are_of(self, space: gymnasium.Space[Any]) -> bool:
+        """Whether they are of observations of a space."""
+        return self.mean.shape == space.shape
+
+
+@dataclass(frozen=True)
+class KeyStatistics:
+    """The same of some keys of a dict; the others are read as they are."""
+
+    by_key: Mapping[str, Statistics]
+
+    def __call__(self, observations: Mapping[str, Array]) -> dict[str, Array]:
+        """Observations, each key ``(N, ·)``, as the model reads them."""
+        return {key: self.by_key[key](part) if key in self.by_key else part for key, part in dict(observations).items()}
+
+    def are_of(self, space: gymnasium.Space[Any]) -> bool:
+        """See ``Statistics``."""
+        known = space.spaces if isinstance(space, Dict) else {}
+        return all(key in known and one.are_of(known[key]) for key, one in self.by_key.items())
+
 
 @dataclass(frozen=True)
 class InParts:
@@ -227,11 +248,13 @@ class Normalised:
     """An agent that reads normalised observations, as behind ``VecNormalize``."""
 
     agent: Adapter
-    statistics: Statistics
+    statistics: Statistics | KeyStatistics
 
     def __call__(self, observations: Array, memories: Memories, envs: Sequence[Any] | None) -> tuple[Any, Memories]:
         """See the module."""
-        return self.agent(self.statistics(observations), memories, envs)
+        read: Any = observations  # a row, or a dict where the agent reads parts
+        scaled: Any = self.statistics(read)
+        return self.agent(scaled, memories, envs)
 
 
 def reads_masks(agent: Adapter) -> bool:

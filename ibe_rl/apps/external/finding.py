@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
-from ibe_rl.apps.external.adapters import Statistics
+from ibe_rl.apps.external.adapters import KeyStatistics, Statistics
 from ibe_rl.runtime.import_string import import_named
 from ibe_rl.runtime.printed import raised
 from ibe_rl.types import ConfigError
@@ -102,7 +102,7 @@ def _marks(settings: Any) -> set[str]:
     return set(settings) | packages
 
 
-def load_statistics(path: str) -> Statistics | None:
+def load_statistics(path: str) -> Statistics | KeyStatistics | None:
     """What a file of ``VecNormalize`` has learnt about observations. Loading it runs code from it.
 
     Returns:
@@ -124,17 +124,13 @@ def load_statistics(path: str) -> Statistics | None:
     return statistics_of(saved)
 
 
-def statistics_of(wrapper: Any) -> Statistics | None:
-    """What a ``VecNormalize`` has learnt about observations; None if it does not normalise them.
+def statistics_of(wrapper: Any) -> Statistics | KeyStatistics | None:
+    """What a ``VecNormalize`` has learnt about observations; None if it does not normalise them."""
 
-    Raises:
-        ConfigError: if its observations are no row of numbers.
-    """
+    def of(seen: Any) -> Statistics:
+        return Statistics(seen.mean, seen.var, wrapper.epsilon, wrapper.clip_obs)
+
     if not wrapper.norm_obs:
         return None
-    if isinstance(wrapper.obs_rms, dict):
-        raise ConfigError(
-            f"agent_vec_normalize: its observations have the keys {', '.join(wrapper.obs_rms)}; allowed is a row of "
-            "numbers"
-        )
-    return Statistics(wrapper.obs_rms.mean, wrapper.obs_rms.var, wrapper.epsilon, wrapper.clip_obs)
+    seen = wrapper.obs_rms
+    return KeyStatistics({key: of(one) for key, one in seen.items()}) if isinstance(seen, dict) else of(seen)

@@ -21,7 +21,7 @@ from ibe_rl.apps.external.actions import bounded, check_action_space, check_same
 from ibe_rl.apps.external.adapters import (
     Adapter,
     Batched,
-    InParts,
+    KeyStatistics,
     Memories,
     Normalised,
     OneByOne,
@@ -32,7 +32,7 @@ from ibe_rl.apps.external.adapters import (
     Stacked,
     plain_array,
 )
-from ibe_rl.apps.external.reading import Reading
+from ibe_rl.apps.external.reading import Reading, of_parts
 from ibe_rl.envs.acting import Acting
 from ibe_rl.envs.masks import sampled_action
 from ibe_rl.runtime.printed import raised
@@ -122,8 +122,8 @@ def as_policy(
     check_same_actions("agent", agent, actions)
     tried = np.tile(examples[:, :seen], (1, reading.frames))
     called = _adapted(agent, actions, tried)
-    called = called if space is None else InParts(called, space)
-    policy = ExternalPolicy(_behind(called, reading, seen), seen, actions)
+    called = _behind(called, reading, seen) if space is None else of_parts(called, reading, space)
+    policy = ExternalPolicy(called, seen, actions)
     try:
         first = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
         again = policy.act_with_memory(examples, [None] * len(examples), envs)[0]
@@ -144,6 +144,11 @@ def _behind(agent: Adapter, reading: Reading, seen: int) -> Adapter:
     stacked = Stacked(agent, reading.frames) if reading.frames > 1 else agent
     if reading.statistics is None:
         return stacked
+    if isinstance(reading.statistics, KeyStatistics):
+        raise ConfigError(
+            f"agent_vec_normalize: its statistics are of the keys {', '.join(reading.statistics.by_key)}; allowed is "
+            f"({seen},), as the agent reads them"
+        )
     sizes = reading.statistics.mean.shape
     if sizes == (seen,):
         return Normalised(stacked, reading.statistics)
@@ -166,9 +171,10 @@ def _own_space(agent: Any, reading: Reading, envs: Sequence[Any] | None) -> gymn
         raise ConfigError(
             f"agent: it reads observations {declared!s:.200}; allowed are the environment's, {space!s:.200}"
         )
-    if reading.frames > 1 or reading.statistics is not None:
-        key = "agent_frame_stack" if reading.frames > 1 else "agent_vec_normalize"
-        raise ConfigError(f"{key}: its observations are {space!s:.200}; allowed is null, or observations in a row")
+    if reading.frames > 1:
+        raise ConfigError(
+            f"agent_frame_stack: its observations are {space!s:.200}; allowed is null, or observations in a row"
+        )
     return space
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from ibe_rl.agents.guest import ExternalPolicyConfig
-from ibe_rl.apps.external.adapters import Statistics
+from ibe_rl.apps.external.adapters import Adapter, InParts, KeyStatistics, Normalised, Statistics
 from ibe_rl.apps.external.finding import load_statistics, statistics_of
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.types import ConfigError, Episode
@@ -33,7 +34,7 @@ class Reading:
 
     sees_instruction: bool | None = None
     frames: int = 1
-    statistics: Statistics | None = None
+    statistics: Statistics | KeyStatistics | None = None
     normalised_by: str | None = None
 
 
@@ -63,6 +64,22 @@ def reading_of(agent: Any, cfg: ExplainConfig, config: ExternalPolicyConfig | No
             f"{config.vec_normalize}; allowed is the file of VecNormalize, which you trust"
         )
     return Reading(sees, frames)
+
+
+def of_parts(agent: Adapter, reading: Reading, space: gymnasium.Space[Any]) -> Adapter:
+    """Put the statistics before an agent that reads observations as the environment has them.
+
+    Raises:
+        ConfigError: if they are of other observations.
+    """
+    if reading.statistics is None:
+        return InParts(agent, space)
+    if not reading.statistics.are_of(space):
+        raise ConfigError(
+            "agent_vec_normalize: its statistics are of observations of other shapes or keys; allowed are those of "
+            f"{space!s:.200}"
+        )
+    return InParts(Normalised(agent, reading.statistics), space)
 
 
 def training_wrappers(model: Any) -> Iterator[Any]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from rich.progress import BarColumn, Progress, TaskID
-from rich.table import Table
+from rich.table import Column, Table
 
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, OUTPUT, Job, Outcome, read_summary
 from ibe_rl.runtime.console import PlainColumn, PlainConsole
@@ -117,7 +117,8 @@ def newest_row(path: Path) -> dict[str, float]:
 
 def outcomes_table(outcomes: Sequence[Outcome]) -> Table:
     """The outcome and score of every run."""
-    table = Table("run", "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
+    name = Column("run", overflow="fold")
+    table = Table(name, "", "frames", "success", "return", title="the sweep in numbers", title_justify="left")
     for outcome in outcomes:
         summary = read_summary(outcome.job.folder) if outcome.became in (DONE, DONE_BEFORE) else None
         scores = (

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.storage.checkpoint import LATEST
-from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, NOT_IN_NAMES, OVERRIDES, REPLACED, SUMMARY, hold_folder
+from ibe_rl.storage.folder_lock import hold_folder
+from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, NOT_IN_NAMES, OVERRIDES, REPLACED, SUMMARY
 from ibe_rl.types import ConfigError
 from ibe_rl.view.viewer import overrides_of
 

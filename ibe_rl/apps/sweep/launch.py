@@ -22,6 +22,8 @@ from ibe_rl.runtime.printed import for_shell
 from ibe_rl.types import ConfigError
 
 VIEWER = ("viewer", "viewer.mode")
+OUTCOMES_WIDTH = 100
+"""Least columns of the table of outcomes."""
 OF_THE_SWEEP = ("run_dir", "runs_at_once", "runs_on")
 """Settings that are not passed on to the runs."""
 
@@ -57,6 +59,7 @@ def launch(
     outcomes = run_all(
         jobs, lambda job, goes_on: [*front, *command(job, goes_on, flags, extra)], at_once, Board(console)
     )
+    console.width = max(console.width, OUTCOMES_WIDTH)
     console.print(outcomes_table(outcomes))
     for line in [*failures(outcomes), *sweep_hints(sweep)]:
         console.print(line)

@@ -44,7 +44,7 @@ class Running:
 
     Attributes:
         job: the job.
-        process: train.py as the leader of its own session: Ctrl-C in the terminal does not reach it.
+        process: train.py as the leader of its own session: what this process's group is sent does not reach it.
         output: file that it prints to.
         begins: offset in bytes where the output of this start begins.
         stop_requested: whether it was asked to stop.
@@ -57,9 +57,9 @@ class Running:
     stop_requested: bool = False
 
     def stop(self) -> None:
-        """Ask it to stop in order; a second signal would kill it."""
+        """Ask it to stop in order, also if a batch system has done so too: a second SIGTERM changes nothing."""
         if not self.stop_requested:
-            self.process.send_signal(signal.SIGINT)
+            self.process.send_signal(signal.SIGTERM)
         self.stop_requested = True
 
     def outcome(self) -> Outcome | None:
@@ -76,7 +76,7 @@ class Running:
 
 
 def run_all(jobs: Sequence[Job], command: CommandOf, at_once: int, board: Board) -> list[Outcome]:
-    """Run the unfinished jobs; Ctrl-C or SIGTERM stops all in order, a second one at once.
+    """Run the unfinished jobs; Ctrl-C or SIGTERM stops all in order, Ctrl-C after that at once.
 
     Args:
         jobs: in the order of their start.
@@ -149,7 +149,7 @@ def _look_after(running: list[Running], stop: bool, board: Board) -> list[Outcom
 def _end_at_once(running: Sequence[Running]) -> None:
     """Kill the jobs that still run, after an error or a second Ctrl-C."""
     for one in running:
-        one.process.terminate()
+        one.process.send_signal(signal.SIGINT)  # Ctrl-C ends at once what has been asked to stop
     until = time.monotonic() + PATIENCE_S
     for one in running:
         try:

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from ibe_rl.apps.sweep.jobs import FINISHED, NEW, UNFINISHED, make_way, plan, read_summary, state_of
-from ibe_rl.storage.run_folder import hold_folder
+from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.types import ConfigError
 
 

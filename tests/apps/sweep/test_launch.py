@@ -110,6 +110,7 @@ def test_how_a_sweep_ends(
     (tmp_path / "0").mkdir()
     (tmp_path / "0" / "summary.json").write_text(json.dumps({"frames": 1, "success_rate": 1.0, "return_mean": 1.0}))
     monkeypatch.setattr(launching, "run_all", lambda jobs, *_: [Outcome(jobs[0], became, "error: broken")])
+    monkeypatch.setenv("COLUMNS", "20")  # of which no word is left out
     if ends is None:
         launch(tmp_path, [["seed=1"]], [CFG], [])
     else:
@@ -119,6 +120,7 @@ def test_how_a_sweep_ends(
     assert f"-m ibe_rl.viewer {tmp_path}\n" in said
     assert f"explain.py sweep={tmp_path}\n" in said
     assert "they are recorded, not served" in said
+    assert all(word in said for word in ("run ", "frames", "success", "return", became))
     assert ("failed: 0: error: broken" in said) == (became == FAILED)
     assert ("resumes it" in said) == (became == NOT_BEGUN)
 
@@ -177,11 +179,14 @@ def test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again(
     assert not (ROOT / "multirun.yaml").exists()
 
 
-def test_ctrl_c_ends_a_sweep_in_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_a_terminal_or_a_batch_system_sends_ends_a_sweep_in_order(number: int, tmp_path: Path) -> None:
     asked = ["-m", "seed=0,1", *SMALL, "total_frames=100000000", "viewer=off", f"run_dir={tmp_path}", "runs_at_once=1"]
     script = start("train.py", *asked)
     assert eventually(lambda: (tmp_path / "0_seed=0" / "checkpoints" / "latest.pt").exists())
-    os.killpg(script.pid, signal.SIGINT)  # to the whole group, as a terminal does
+    if number == signal.SIGTERM:
+        os.kill(trainer_of(script.pid, tmp_path / "0_seed=0"), number)  # batch systems reach every process
+    os.killpg(script.pid, number)
     output, _ = script.communicate(timeout=120)
     assert script.returncode == 130, output
     assert json.loads((tmp_path / "0_seed=0" / "summary.json").read_text())["stopped_early"] is True

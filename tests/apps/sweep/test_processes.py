@@ -23,6 +23,7 @@ from ibe_rl.apps.sweep import processes
 from ibe_rl.apps.sweep.board import Board, failures, newest_row, outcomes_table
 from ibe_rl.apps.sweep.jobs import DONE, DONE_BEFORE, FAILED, NOT_BEGUN, STOPPED, Job, Outcome
 from ibe_rl.apps.sweep.processes import run_all
+from ibe_rl.runtime import signals
 from ibe_rl.storage.run_folder import MetricsTable
 
 FINISHES = """
@@ -39,7 +40,7 @@ import json, signal, sys, time
 count = []
 def stop(number, frame):
     count.append(number)
-signal.signal(signal.SIGINT, stop)
+signal.signal(signal.SIGTERM, stop)
 open(sys.argv[1] + "/up", "w").close()
 while not count: time.sleep(.05)
 time.sleep(.5)  # a second signal would be heard here
@@ -164,7 +165,7 @@ def test_ctrl_c_stops_all_in_order_and_begins_no_more(tmp_path: Path) -> None:
     thread.join()
     assert [one.became for one in outcomes] == [STOPPED, STOPPED, NOT_BEGUN]
     for one in jobs[:2]:  # one signal each: a second one ends a run at once
-        assert json.loads((one.folder / "summary.json").read_text())["signals"] == [signal.SIGINT]
+        assert json.loads((one.folder / "summary.json").read_text())["signals"] == [signal.SIGTERM]
     assert not jobs[2].folder.exists()
 
 
@@ -178,6 +179,7 @@ def test_a_run_that_cannot_end_in_order_counts_as_stopped(tmp_path: Path) -> Non
 
 def test_a_second_ctrl_c_ends_all_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processes, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(signals, "ONE_PRESS_S", 0.0)
     started: list[subprocess.Popen[bytes]] = []
     real = subprocess.Popen
 
