@@ -40,7 +40,7 @@ class Walk:
 
 
 def maze_state(env: Any, observation: Any) -> Array:
-    """The state: ``x`` and ``y`` up in cells, heading, heading of the shortest way, steps to the goal.
+    """The state: ``x`` and ``y`` up in cells, heading, heading of the shortest way, steps to the goal, -1 in lava.
 
     Args:
         env: the maze, at which a ``Walk`` is kept.
@@ -55,8 +55,8 @@ def maze_state(env: Any, observation: Any) -> Array:
     if walk is None or walk.grid is not env.grid:  # MiniGrid makes a new one at each reset
         walk = env.ibe_rl_walk = Walk(env.grid, steps_to_goal(env.grid), direction)
     walk.heading += (direction - walk.heading + 1) % 4 - 1
-    left = walk.steps[x, y, direction]
-    if left < 0:
+    left, cell = walk.steps[x, y, direction], env.grid.get(x, y)
+    if left < 0 and not (cell is not None and cell.type == "lava"):  # where an episode ends
         raise ValueError("no way leads to a goal; mazes with doors or moving obstacles need a rule of their own")
     way = walk.heading + _turn(walk.steps, x, y, direction)
     return np.array([x, env.height - 1 - y, walk.heading, way, left], np.float32)
@@ -64,9 +64,8 @@ def maze_state(env: Any, observation: Any) -> Array:
 
 def _turn(steps: Array, x: int, y: int, direction: int) -> int:
     """-1, 0 or 1: the next turn of a shortest way; ahead rather than a turn, right rather than left."""
-    here = steps[x, y, direction]
-    ahead = steps[x + AHEAD[direction][0], y + AHEAD[direction][1], direction] if here else -1
-    if here == 0 or ahead == here - 1:
+    here, (right, down) = steps[x, y, direction], AHEAD[direction]
+    if here <= 0 or steps[x + right, y + down, direction] == here - 1:
         return 0
     return 1 if steps[x, y, (direction + 1) % 4] == here - 1 else -1
 

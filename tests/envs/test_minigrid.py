@@ -46,6 +46,7 @@ WAYS = [
     (ROOM, (1, 2), EAST, 0, 4),  # two ways are as short: ahead as long as it may
     (ROOM, (3, 1), WEST, 0, 0),  # there
     (BARRED, (2, 1), SOUTH, 0, 8),  # around wall and lava: two down, left, two ahead, left, two up
+    (BARRED, (3, 2), EAST, 0, -1),  # in lava, where the episode ends
 ]
 
 
