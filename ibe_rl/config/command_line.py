@@ -107,8 +107,9 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
 
 
 def named_settings() -> set[str]:
-    """The top-level settings named on the command line."""
-    return {one.key_or_group.partition(".")[0] for one in OverridesParser.create().parse_overrides(given_settings())}
+    """The settings named on the command line, and what they are part of: ``predictor.futures`` and ``predictor``."""
+    keys = {one.key_or_group for one in OverridesParser.create().parse_overrides(given_settings())}
+    return keys | {key.partition(".")[0] for key in keys}
 
 
 def command_on(folder: Path, script: str, key: str) -> str:

@@ -69,7 +69,7 @@ def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredic
 
 
 def as_trained(cfg: ExplainConfig, run: TrainedRun, named: Collection[str] | None = None) -> ExplainConfig:
-    """The config with the run's own predictor, unless another one is named.
+    """The config with the run's own predictor if that is learnt, and its instruction inside rollouts, unless named.
 
     Args:
         cfg: of the explanation.
@@ -77,7 +77,11 @@ def as_trained(cfg: ExplainConfig, run: TrainedRun, named: Collection[str] | Non
         named: the settings that were named; None: those on the command line.
     """
     own, told = run.config.predictor, named_settings() if named is None else named
-    return replace(cfg, predictor=own) if is_learnt(own) and "predictor" not in told else cfg
+    if is_learnt(own) and "predictor" not in told:
+        return replace(cfg, predictor=own)
+    if "predictor.future_instruction" in told:
+        return cfg
+    return replace(cfg, predictor=replace(cfg.predictor, future_instruction=own.future_instruction))
 
 
 def can_predict(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:

@@ -27,7 +27,7 @@ from ibe_rl.ibe.space import (
     rule_axes,
     scaled,
 )
-from ibe_rl.ibe.split import split, split_mirrored, with_rest
+from ibe_rl.ibe.split import count_distinct, split, split_mirrored, with_rest
 from ibe_rl.ibe.vocabulary import normalise
 from ibe_rl.types import Array, read_only
 
@@ -49,7 +49,7 @@ class IBEMapping(BaseEstimator):
     min-max normalisation over the clusters.
 
     Args:
-        n_clusters: number of clusters k, at least 2, for all numbers of an instruction together.
+        n_clusters: clusters, at least 2, for all numbers of an instruction together; fewer if fewer windows differ.
         space: where changes are clustered. "all": all dimensions, standardised. "information": the same, weighted by
             their mutual information with the instruction. "lasso": the axes of a lasso regression of the instruction
             on the change. "network": the output of a small network with the same targets. "rule": the axes of the
@@ -67,7 +67,7 @@ class IBEMapping(BaseEstimator):
         dimensions: indices of the state dimensions that count; None takes all.
         hidden: widths of the hidden layers of "network".
         n_init: number of k-means initialisations, the best is kept.
-        last: an earlier mapping; k-means is initialised with its centres instead.
+        last: an earlier mapping; k-means is initialised with its centres instead, if it has as many clusters.
         memory: share in [0, 1) that the windows of ``last`` still count, each as one at its cluster's centre. They
             decay with every fit (streaming k-means with a decay factor).
         max_fit_windows: axes and clusters are learnt from at most this many windows, a random sample. Sizes and mean
@@ -137,9 +137,9 @@ class IBEMapping(BaseEstimator):
                 best episodes followed the instruction.
 
         Raises:
-            TooLittleDataError: with fewer distinct windows than clusters, or as the axes.
+            TooLittleDataError: with fewer than two distinct windows, or as the axes.
             ValueError: for invalid or incompatible settings (``check_settings``), lengths that differ, or a ``last``
-                with another number of clusters or dimensions.
+                with another number of dimensions.
 
         Warns:
             UnknownMeaningWarning: for each number of the instruction whose meaning is not known.
@@ -176,7 +176,7 @@ class IBEMapping(BaseEstimator):
             raise TooLittleDataError(f"0 distinct windows for n_clusters={self.n_clusters}")
         if self.last is not None:
             places = data.instruction if self.space in OF_INSTRUCTIONS else data.delta
-            read_only(self.last.centres, (self.n_clusters, places.shape[1]), "last")
+            read_only(self.last.centres, (None, places.shape[1]), "last")
             read_only(self.last.space.mean, data.delta.shape[1:], "last.space.mean")
 
     def _learn(self, data: _TrainingSet) -> tuple[ClusterMapping, Array]:
@@ -251,15 +251,15 @@ class IBEMapping(BaseEstimator):
         return float(windows / (windows + self.memory * self.last.evidence.sum()))
 
     def _split(self, places: Array, counts: Array, space: Space, seed: int) -> Array:
-        distinct = len(np.unique(places, axis=0))
-        if distinct < self.n_clusters:
-            raise TooLittleDataError(f"{distinct} distinct windows for n_clusters={self.n_clusters}")
-        first = None
+        k, first = min(self.n_clusters, count_distinct(places, self.symmetric)), None
+        if k < 2:
+            raise TooLittleDataError(f"{k} distinct windows for n_clusters={self.n_clusters}: at least 2 are needed")
         if self.last is not None:
             first = space.place(self.last.centre_changes())
             places, counts = np.concatenate([places, first]), np.append(counts, self.memory * self.last.evidence)
+            first = first if len(first) == k else None
         divide = split_mirrored if self.symmetric else split
-        found = divide(places, counts, self.n_clusters, self.split, self.n_init, first, seed)
+        found = divide(places, counts, k, self.split, self.n_init, first, seed)
         return with_rest(found, self.power) if self.symmetric and self.normalisation == "movement" else found
 
     def _name(self, data: _TrainingSet, places: Array, centres: Array, space: Space) -> tuple[ClusterMapping, Array]:

@@ -14,8 +14,16 @@ from ibe_rl.types import Array
 
 SPLITS = ("kmeans", "bisecting", "quantile")
 MIN_CLUSTERS_WITH_REST = 4
+DISTINCT_DECIMALS = 9
+"""Places that agree to so many decimals are one: equal changes may be projected with other rounding errors."""
 REST = 0.05
 """A movement as small as this, on the instructor's scale, counts as rest."""
+
+
+def count_distinct(places: Array, symmetric: bool) -> int:
+    """How many of the places ``(W, P)`` differ, with their mirror images if ``symmetric``."""
+    both = np.concatenate([places, -places]) if symmetric else places
+    return len(np.unique(both.round(DISTINCT_DECIMALS), axis=0))
 
 
 def split(places: Array, counts: Array, k: int, how: str, n_init: int, first: Array | None, seed: int) -> Array:

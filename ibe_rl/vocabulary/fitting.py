@@ -140,6 +140,18 @@ def clusters_of(config: MappingConfig, task: Task) -> int:
     return config.n_clusters * task.instruction_size
 
 
+def fewer_clusters(mapping: ClusterMapping, config: MappingConfig, task: Task) -> list[str]:
+    """A note if one of our mappings has found fewer distinct changes of the state than clusters were asked for."""
+    asked, found = clusters_of(config, task), len(mapping.ids)
+    if found >= asked or not issubclass(implementation("mapping", config.kind), IBEMapping):
+        return []
+    each = "" if task.instruction_size == 1 else f" for each of {task.instruction_size} numbers"
+    return [
+        f"the vocabulary has {found} clusters, not {asked} (mapping.n_clusters={config.n_clusters}{each}): the best "
+        "episodes have no more distinct changes of the state"
+    ]
+
+
 def check_mapping(config: MappingConfig, task: Task) -> None:
     """Refuse a mapping that cannot work in this environment.
 

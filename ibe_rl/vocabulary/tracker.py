@@ -24,7 +24,7 @@ from ibe_rl.metrics.verdict import wrong_signs
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
-from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
+from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocabulary
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
@@ -59,7 +59,7 @@ class VocabularyTracker:
         spans: the vocabularies of the other spans, by horizon in steps.
         probe: drawn from the episodes of the first refresh.
         calibration: confidence to the probability of a correct phrase, from the newest ``JUDGED_EPISODES``.
-        notes: mismatches with the environment's declarations that the last refresh found.
+        notes: what the last refresh found: mismatches with what is declared, fewer clusters than asked for.
     """
 
     def __init__(self, config: MappingConfig, task: Task, seed: int, when_stale: float | None = None):
@@ -122,7 +122,10 @@ class VocabularyTracker:
             self.mapping, self.spans = learnt.mapping, learnt.spans
             self._learnt_at, self._actions = learnt.frame, actions
             self._next_id = max(self._next_id, int(learnt.mapping.ids.max()) + 1)
-        self.notes = wrong_signs(learnt.verdicts(self._task), learnt.standing.meanings, self._task)
+        self.notes = [
+            *wrong_signs(learnt.verdicts(self._task), learnt.standing.meanings, self._task),
+            *fewer_clusters(learnt.standing, self._config, self._task),
+        ]
         return learnt
 
     @contextmanager

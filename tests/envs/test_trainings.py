@@ -34,7 +34,8 @@ def test_it_trains_learns_a_vocabulary_and_explains(name: str, tmp_path: Path):
     summary = json.loads((folder / "summary.json").read_text())
     assert (summary["frames"], summary["refreshes"], summary["refreshes_skipped"]) == (4096, 1, 0)
     with (folder / "metrics.csv").open() as stream:
-        assert all(np.isfinite(float(row["train/entropy"])) for row in csv.DictReader(stream))
+        learnt = [row["train/entropy"] for row in csv.DictReader(stream)]
+    assert all(np.isfinite(float(entropy)) for entropy in learnt[1:])  # the first batch may only be measured
     assert (folder / "recording.rrd").stat().st_size > 10_000
 
     run = load_run(folder)

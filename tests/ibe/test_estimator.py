@@ -116,9 +116,26 @@ def test_a_new_mapping_numbers_its_clusters_and_stands_on_its_windows(mapping: C
     assert mapping.evidence.tolist() == mapping.sizes.tolist() == [4, 6, 2]
 
 
-def test_fewer_distinct_windows_than_clusters_are_too_little():
-    with pytest.raises(TooLittleDataError, match="2 distinct windows for n_clusters=3"):
-        IBEMapping(3).fit(np.array([LEFT, RIGHT] * 10), np.zeros(20))
+def test_few_distinct_windows_make_fewer_clusters():
+    delta, instruction = np.repeat([-2.0, 0.0, 1.0], 10)[:, None], np.repeat([-1.0, 0.0, 1.0], 10)
+    learnt = IBEMapping(8, random_state=0).fit(delta, instruction).mapping_
+    np.testing.assert_allclose(learnt.centre_changes(), [[-2], [0], [1]], atol=1e-9)
+    assert learnt.expressions[:, 0].tolist() == [-1, 0, 1]
+    assert learnt.sizes.tolist() == [10, 10, 10]
+
+
+def test_mirror_images_count_as_distinct_windows():
+    """Quarter turns: -1, 0, 1 and 2 have the mirror image -2, so five clusters."""
+    delta, instruction = np.repeat([-1.0, 0.0, 1.0, 2.0], 10)[:, None], np.repeat([-1.0, 0.0, 1.0, 1.0], 10)
+    axis: dict[str, Any] = {"space": "lasso", "symmetric": True, "normalisation": "movement", "power": 1 / 3}
+    learnt = IBEMapping(8, **axis, random_state=0).fit(delta, instruction).mapping_
+    np.testing.assert_allclose(learnt.centre_changes(), [[-2], [-1], [0], [1], [2]], atol=1e-9)
+    assert learnt.sizes.tolist() == [0, 10, 10, 10, 10]
+
+
+def test_one_distinct_window_is_too_little():
+    with pytest.raises(TooLittleDataError, match="1 distinct windows for n_clusters=3: at least 2 are needed"):
+        IBEMapping(3).fit(np.array([LEFT, LEFT] * 10), np.zeros(20))
     with pytest.raises(TooLittleDataError, match="1 distinct windows for n_clusters=2"):  # in what is left of them
         IBEMapping(2, dimensions=[0]).fit(np.array([[1.0, 0.0], [1.0, 5.0]]), np.zeros(2))
 

@@ -149,11 +149,18 @@ def test_a_memory_outside_its_limits_is_refused(memory: float):
         fit(memory=memory)
 
 
-def test_a_last_vocabulary_of_another_shape_is_refused():
-    with pytest.raises(ValueError, match=r"last has shape \(2, 2\), expected \(3, 2\)"):
-        fit(last=fit(n_clusters=2).mapping_)
+def test_a_last_vocabulary_with_fewer_clusters_is_remembered_but_no_start():
+    """There were two places, now there are three: ten old windows at -4 count as five."""
+    last = on_a_line([-4, 4], [-1, 1], evidence=[10, 10])
+    delta, instruction = np.repeat([-4.0, 0.0, 4.0], 5)[:, None], np.repeat([-1.0, 0.0, 1.0], 5)
+    learnt = IBEMapping(3, last=last, memory=0.5, random_state=0).fit(delta, instruction).mapping_
+    np.testing.assert_allclose(learnt.centre_changes(), [[-4], [0], [4]], atol=1e-9)
+    assert learnt.evidence.tolist() == [10, 5, 10]
+
+
+def test_a_last_vocabulary_of_another_state_is_refused():
     for dimensions in (1, 3):  # numpy would stretch one to all, and refuse three in words of its own
         delta = np.random.default_rng(0).normal(size=(20, dimensions))
         last = IBEMapping(3, random_state=0).fit(delta, np.zeros(20)).mapping_
-        with pytest.raises(ValueError, match=rf"last has shape \(3, {dimensions}\), expected \(3, 2\)"):
+        with pytest.raises(ValueError, match=rf"last has shape \(3, {dimensions}\), expected \(None, 2\)"):
             fit(last=last)

@@ -10,11 +10,11 @@ import pytest
 from by_hand import STEPS, TASK, WORDS, add, better_half, config, two_floors
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe import IBEMapping, TooLittleDataError
+from ibe_rl.ibe import IBEMapping
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary import fitting
-from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping
+from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fewer_clusters, fit_mapping
 from ibe_rl.vocabulary.training_episodes import (
     read_training_episodes,
 )
@@ -87,9 +87,19 @@ def test_every_setting_of_the_estimator_is_the_configs(log: TrajectoryLog, monke
     assert set(given[0]) == set(IBEMapping().get_params())
 
 
-def test_more_clusters_than_windows_are_too_little(log: TrajectoryLog):
-    with pytest.raises(TooLittleDataError, match="32 distinct windows for n_clusters=40"):
-        fit(log, n_clusters=40)
+def test_there_are_no_more_clusters_than_windows_and_a_note_says_so(log: TrajectoryLog):
+    mapping = fit(log, n_clusters=40)
+    assert len(mapping.ids) == 32
+    assert fewer_clusters(mapping, better_half(n_clusters=32), TASK) == []
+    assert fewer_clusters(mapping, better_half(n_clusters=40), TASK) == [
+        "the vocabulary has 32 clusters, not 40 (mapping.n_clusters=40): the best episodes have no more distinct "
+        "changes of the state"
+    ]
+    both = replace(TASK, phrases=(WORDS, WORDS), explained=(0, 1), explained_band=(1, 1), explained_range=())
+    assert (
+        "64 (mapping.n_clusters=32 for each of 2 numbers)"
+        in fewer_clusters(mapping, better_half(n_clusters=32), both)[0]
+    )
 
 
 def test_a_horizon_longer_than_any_episode_is_refused():
