@@ -13,8 +13,8 @@ import numpy as np
 from ibe_rl.task import Shape
 from ibe_rl.types import Array
 
-CLOSE = 0.02
-"""Within this distance along an axis, in m, the instruction is to stay."""
+AT_GOAL_M = 0.03
+"""Within this distance along an axis the instruction is to stay."""
 AXES, SIGNS = [1, 2, 0], np.array([-1.0, 1.0, 1.0])
 """MuJoCo's x points ahead, y to the left and z up; the state has right, up, ahead."""
 FROM_GOAL, SPEED = slice(0, 3), slice(3, 6)
@@ -45,10 +45,10 @@ def towards_goal(states: Array) -> Array:
         states: ``(..., 6)``.
 
     Returns:
-        ``(..., 3)`` float32: -1 left, +1 right; -1 down, +1 up; -1 back, +1 forward; 0 within ``CLOSE``.
+        ``(..., 3)`` float32: -1 left, +1 right; -1 down, +1 up; -1 back, +1 forward; 0 within ``AT_GOAL_M``.
     """
     offset = states[..., FROM_GOAL]
-    return np.where(np.abs(offset) > CLOSE, -np.sign(offset), 0.0).astype(np.float32)
+    return np.where(np.abs(offset) > AT_GOAL_M, -np.sign(offset), 0.0).astype(np.float32)
 
 
 def gripper_motion(states: Array) -> Array:

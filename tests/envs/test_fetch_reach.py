@@ -29,7 +29,7 @@ def moved(arm: Any, *action: float) -> tuple[Array, Array]:
 
 def test_the_instruction_points_from_the_gripper_to_the_goal():
     states = np.zeros((3, 6))
-    states[:, :3] = [(0.1, -0.1, 0.03), (0.01, 0.03, -0.01), (-0.03, 0.0, -0.1)]
+    states[:, :3] = [(0.1, -0.1, 0.04), (0.02, 0.04, -0.02), (-0.04, 0.0, -0.1)]
     np.testing.assert_array_equal(fetch_reach.towards_goal(states), [(-1, 1, -1), (0, -1, 0), (1, 0, 1)])
     np.testing.assert_array_equal(fetch_reach.goal_from_gripper(states), -states[:, :3])
 

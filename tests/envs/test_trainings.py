@@ -19,10 +19,8 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 
 FEW = ["viewer=file", "eval_episodes=3", "explain_every_steps=50", "predictor.futures=1", "mapping.spans_steps=[]"]
-ACTIONS = {
-    **{"lander_continuous": (2,), "reacher": (2,)},
-    **{"fetch_reach": (4,), "pendulum": (1,), "bipedal_walker": (4,)},
-}
+TWO, FOUR = ["lander_continuous", "reacher"], ["fetch_reach", "bipedal_walker"]
+ACTIONS = {"pendulum": (1,), **dict.fromkeys(TWO, (2,)), **dict.fromkeys(FOUR, (4,))}
 """The shape of one action where it is not one number."""
 LEARNT = {"bipedal_walker": ["predictor.updates=5"]}
 """Settings of those whose predictor is learnt."""
