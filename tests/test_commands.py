@@ -13,7 +13,13 @@ WHOLE_PAGES = {"OWN_AGENT.md": "test_own_docs.py", "OWN_LOG.md": "test_own_docs.
 """Pages whose commands are all run by one test of theirs; docs/LOG.md has none."""
 SWEPT = "apps/sweep/test_launch.py::test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again"
 SERVED = "view/test_viewer.py::test_runs_are_served_until_they_are_closed"
+TRAINED = "envs/test_trainings.py::test_it_trains_learns_a_vocabulary_and_explains"
 ELSEWHERE = {
+    "train.py env=fetch_reach": TRAINED,
+    "train.py env=pendulum": TRAINED,
+    "train.py env=acrobot": TRAINED,
+    "train.py env=mountain_car": "envs/test_classic_control.py::test_a_car_that_arrives_says_that_it_swings_more",
+    "train.py env=bipedal_walker": TRAINED,
     "train.py logger=mlflow loggers.mlflow.uri=http://127.0.0.1:5000": (
         "apps/loggers/test_mlflow_logger.py::test_it_reads_curves_texts_pictures_and_settings"
     ),

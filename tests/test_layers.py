@@ -160,7 +160,10 @@ def code(path: Path) -> str:
     return "\n".join(lines)
 
 
-GAMES = re.compile(r"lander|lunar|rocket|landing|landed|\bland\b|(?<!np\.)\bpads?\b|cart.?pole|reacher", re.IGNORECASE)
+GAMES = re.compile(
+    r"lander|lunar|rocket|landing|landed|\bland\b|(?<!np\.)\bpads?\b|cart.?pole|reacher|fetch.?reach|acrobot|bipedal",
+    re.IGNORECASE,
+)
 
 
 def test_only_env_knows_the_games():

@@ -20,6 +20,9 @@ from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.types import ConfigError
 
+ENVIRONMENT_PACKAGES = ("gymnasium_robotics", "highway_env", "minigrid")
+"""Modules that the extra ``environments`` installs."""
+
 
 def make_gym(env_id: str, kwargs: Mapping[str, Any], declared: TaskConfig | None = None) -> gymnasium.Env[Any, Any]:
     """Make one environment, with its time limit.
@@ -78,7 +81,9 @@ def _check_registered(env_id: str) -> None:
         try:
             import_from_here(module)
         except Exception as error:
-            raise ConfigError(f"env.id={env_id}: {module} cannot be imported ({error})") from None
+            missing = isinstance(error, ImportError) and error.name in ENVIRONMENT_PACKAGES
+            rather = "; install the extra ibe_rl[environments]" if missing else ""
+            raise ConfigError(f"env.id={env_id}: {module} cannot be imported ({error}){rather}") from None
     if name not in gymnasium.registry:
         ours = ", ".join(known for known in gymnasium.registry if known.startswith("ibe_rl/"))
         raise ConfigError(f"env.id={env_id}: not registered with gymnasium; of ours allowed are {ours}")

@@ -169,6 +169,12 @@ def test_a_module_that_does_not_import_is_refused():
         make_gym("nowhere:Mine-v0", {}, declared())
 
 
+def test_what_an_extra_installs_names_the_extra(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "minigrid", None)
+    with pytest.raises(ConfigError, match=r"minigrid cannot be imported .*; install the extra ibe_rl\[environments\]$"):
+        make_gym("minigrid:Any-v0", {}, declared())
+
+
 def test_a_module_may_lie_where_the_program_was_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     entry = "gymnasium.envs.classic_control:CartPoleEnv"
     (tmp_path / "registers_here.py").write_text(f"import gymnasium\ngymnasium.register('HereCart-v0', '{entry}')\n")
