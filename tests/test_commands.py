@@ -26,6 +26,8 @@ ELSEWHERE = {
     "explain.py agent=model.zip env=lander clip=landing.gif": (
         "apps/external/test_explaining.py::test_a_model_file_is_explained_from_the_command_line"
     ),
+    "train.py env=highway": "envs/test_highway.py::test_it_trains_and_explains",
+    "train.py env=car_racing": "envs/test_car_racing.py::test_it_trains_on_images_and_explains",
     "train.py instructor=human": "apps/teach/test_taught_session.py::test_every_step_says_what_the_page_had_sent",
     "train.py instructor=recorded instructor.recording=RUN stop_after_frames=FRAMES": (
         "training/test_resume.py::test_a_recorded_session_is_trained_anew"

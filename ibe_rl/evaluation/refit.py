@@ -101,14 +101,12 @@ class Refits:
         """``count`` vocabularies, each from episodes with shuffled instructions.
 
         Raises:
-            ConfigError: if hardly any shuffle allows a vocabulary.
+            ConfigError: if no shuffle allows a vocabulary.
         """
         lessons, task = self.lessons(config), self._run.task
         found = fit_shuffled(lessons.best, lessons.heard, config, task, self._seed, horizon_steps, count, step)
-        if len(found) < count:
-            raise ConfigError(
-                f"evaluate.shuffles={count}: hardly any of them gave a vocabulary; allowed is a larger log"
-            )
+        if not found:
+            raise ConfigError(f"evaluate.shuffles={count}: none of them gave a vocabulary; allowed is a larger log")
         return found
 
     def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[ExpressionMapping]:
