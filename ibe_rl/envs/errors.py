@@ -16,6 +16,7 @@ from ibe_rl.types import Array, ConfigError
 OURS = str(Path(__file__).resolve().parent.parent)
 LIBRARIES = (OURS, *(get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")))
 """Folders whose code is not the user's."""
+LEARNED_ONLY = "allowed is predictor=ensemble or predictor=regression, which learn from the log"
 
 
 class GateError(ConfigError):
@@ -28,6 +29,18 @@ class GateError(ConfigError):
     def __init__(self, message: str, state: Array | None = None):
         super().__init__(message)
         self.state = state
+
+
+class CopyError(ConfigError):
+    """An environment cannot be copied exactly, so its future cannot be simulated.
+
+    Attributes:
+        reason: why, without what is allowed.
+    """
+
+    def __init__(self, env_id: str, reason: str):
+        super().__init__(f"predictor=simulator with env.id={env_id}: {reason}; {LEARNED_ONLY}")
+        self.reason = f"{env_id}: {reason}"
 
 
 def user_error(error: Exception) -> str:

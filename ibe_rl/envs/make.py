@@ -11,6 +11,7 @@ import gymnasium
 from ibe_rl.config.kinds import checked, maker_of_env, settings_of_env
 from ibe_rl.config.settings import EnvConfig, TaskConfig
 from ibe_rl.envs.declare import declare
+from ibe_rl.envs.errors import CopyError
 from ibe_rl.envs.gate import Gate
 from ibe_rl.envs.given import GivenEnv, make_given
 from ibe_rl.envs.own_task import with_own_task
@@ -106,15 +107,15 @@ def make_snapshot_env(env: EnvConfig) -> Stoppable:
     """Make one environment to predict in.
 
     Raises:
-        ConfigError: if it cannot be restored exactly.
+        CopyError: if it cannot be restored exactly.
     """
     original = make_env(env)
     made = stoppable(original)
     if made is None:
-        raise ConfigError(
-            f"predictor=simulator with env.id={env.id}: the state of this environment cannot be saved and "
-            "restored exactly (it has no snapshot() and restore(), and a deep copy of it behaves differently); "
-            "allowed is predictor=ensemble or predictor=regression, which learn from the log"
+        raise CopyError(
+            env.id,
+            "the state of this environment cannot be saved and restored exactly (it has no snapshot() and restore(), "
+            "and a deep copy of it behaves differently)",
         )
     if isinstance(original, Declared) and not original.sense.as_it_is:
         return Sensed(made, original.sense)

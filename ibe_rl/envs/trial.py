@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.config.settings import EnvConfig
+from ibe_rl.envs.errors import CopyError
 from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.envs.masks import sampled_action
 from ibe_rl.envs.snapshots import step_games, stoppable
@@ -27,7 +28,6 @@ FOLD = 1_000
 """Ratio of the numbers of a state from which learning is in doubt."""
 NOTED_SHARE, REFUSED_SHARE = 1e-3, 0.05
 """Deviations of a roll-out, in ranges of the state, that are noted and that are refused."""
-COPIED = "allowed is predictor=ensemble or predictor=regression, which learn from the log"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def try_out(config: EnvConfig, simulated: bool) -> list[str]:
     states = np.array([*first.states, *other.states, *(env.reset(seed=seed)[0] for seed in range(FIRST_STATES))])
     notes = [_not_repeated(config, first), _unequal(task, states), *_constant(task, states)]
     if simulated:
-        notes.append(_taken_up(config, task))
+        notes.append(try_copy(config))
     return [note for note in notes if note]
 
 
@@ -154,9 +154,17 @@ def _constant(task: Task, states: Array) -> list[str]:
     ]
 
 
-def _taken_up(config: EnvConfig, task: Task) -> str:
-    """A note if copies of the environment, taken up in the middle of an episode, go on otherwise."""
+def try_copy(config: EnvConfig) -> str:
+    """Take up a copy of an environment in the middle of an episode.
+
+    Returns:
+        A note if it goes on a little differently; empty if it does not.
+
+    Raises:
+        CopyError: if it cannot be copied, or goes on quite differently.
+    """
     env, copy = make_env(config), make_snapshot_env(config)
+    task = task_of(env)
     played = play_briefly(env, 0, snapshot_of=stoppable(env))
     copy.reset(seed=1)
     copy.restore(played.snapshot)
@@ -172,5 +180,5 @@ def _taken_up(config: EnvConfig, task: Task) -> str:
         return ""
     found = f"{len(rolled)} steps after a snapshot its {task.state_names[worst]} is off by {off[worst]:.3g}"
     if share[worst] > REFUSED_SHARE:
-        raise ConfigError(f"predictor=simulator with env.id={config.id}: {found}, so it cannot be rolled out; {COPIED}")
+        raise CopyError(config.id, f"{found}, so it cannot be rolled out")
     return f"{config.id} cannot be copied exactly: {found}"

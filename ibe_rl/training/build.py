@@ -37,6 +37,7 @@ from ibe_rl.storage.run_folder import (
 from ibe_rl.storage.whole_folder import begun_folder
 from ibe_rl.training.check import check_columns, check_run
 from ibe_rl.training.failure import nothing_lost, resumable
+from ibe_rl.training.fitting_predictor import with_fitting_predictor
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress
@@ -74,7 +75,8 @@ def build(
     _refuse_classes(listeners=listeners, metrics=metrics)
     cfg, state = take_up(cfg, resumption) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
-    notes = check_run(cfg, env)
+    cfg, replaced = (cfg, []) if state else with_fitting_predictor(cfg, env)
+    notes = [*replaced, *check_run(cfg, env)]
     for note in notes:
         print(f"note: {note}")  # noqa: T201 - for the user
     listeners = [*make_several("listener", cfg.listeners), *listeners, *make_several("logger", cfg.loggers)]
