@@ -14,6 +14,7 @@ from ibe_rl.config.limits import KEPT, MISSING, TINY, setting
 
 MAX_SEED = 9_999
 DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
+"""Words for how much where a file gives none. They are no default of a setting: a file's would be merged with them."""
 
 
 @dataclass
@@ -23,7 +24,7 @@ class PhrasesConfig:
     zero: str = MISSING  # said for 0
     negative: str = MISSING  # said for negative numbers; {degree} is replaced by the degree word
     positive: str = MISSING  # the same for positive numbers
-    degrees: dict[str, float] = field(default_factory=lambda: dict(DEGREES))  # word: its lowest magnitude, rising
+    degrees: dict[str, float] = field(default_factory=dict)  # word: its lowest magnitude, rising; empty: DEGREES
 
 
 @dataclass

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.config.settings import CODE_SETTINGS, PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import CODE_SETTINGS, DEGREES, PhrasesConfig, TaskConfig
 from ibe_rl.envs.functions import CHECKS, checked_success, with_checks
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import SUCCESS, Declared
@@ -124,7 +124,7 @@ def _names(key: str, names: Sequence[str], size: int, distinct: bool = True) -> 
 
 
 def _phrases(config: PhrasesConfig) -> Phrases:
-    degrees = tuple((limit, f"{word} " if word else "") for word, limit in config.degrees.items())
+    degrees = tuple((limit, f"{word} " if word else "") for word, limit in (config.degrees or DEGREES).items())
     try:
         return Phrases(config.zero, config.negative, config.positive, degrees)
     except ValueError as error:

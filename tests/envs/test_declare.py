@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 from rules import WORDS, declared
 
 from ibe_rl.config.settings import EnvConfig, PhrasesConfig
@@ -156,6 +157,17 @@ def test_what_cannot_be_is_refused(changes: dict[str, Any], reason: str):
     with pytest.raises(ConfigError, match=r"env\.task\.") as caught:
         cart_pole(**changes)
     assert caught.match(reason)
+
+
+FEW_DEGREES = {"degrees": {"": 0.3}}
+
+
+def test_degrees_of_a_file_take_the_place_of_the_default_ones():
+    own = {"zero": "a", "negative": "{degree}b", "positive": "{degree}c"}
+    default, given = (OmegaConf.to_object(OmegaConf.merge(PhrasesConfig, own | more)) for more in ({}, FEW_DEGREES))
+    words = [task_of(cart_pole(phrases=[one])).phrases[0] for one in (default, given)]
+    assert words[0].degrees == ((0.15, "slightly "), (0.4, "moderately "), (0.75, ""))
+    assert words[1].degrees == ((0.3, ""),)
 
 
 def test_states_that_are_no_row_of_numbers_are_refused():
