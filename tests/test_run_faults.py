@@ -105,7 +105,7 @@ def test_the_disk_is_full_when_the_state_is_written(tmp_path: Path, monkeypatch:
     at_frames(monkeypatch, 4096, lambda _: limit(ROOM))
     with full_disk(resource.RLIM_INFINITY):
         said = failing(*RUN, f"run_dir={folder}")
-    assert f"{folder}/checkpoints/policy_000000002048.pt cannot be written (File too large)" in said
+    assert f"{folder}/checkpoints/latest.pt cannot be written (File too large)" in said
     assert "the training has ended at 4,096 frames; make room, then resume its saved state of 3,072 frames" in said
     assert said.endswith(f": {pasted('train', f'resume={folder}')}")
     assert state_frames(folder) == 3072

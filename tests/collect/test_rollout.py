@@ -147,7 +147,7 @@ class Counter(gymnasium.Env[Array, int]):
 
     task = Task(
         name="count", state_names=("n",), state_units=("",), rule=lambda states: 0 * states, instruction_values=(0.0,),
-        phrases=(Phrases("as it is", "", "", ()),), context=lambda _: "here", contexts=("here",),
+        phrases=(Phrases("as it is", "", "", ((0.1, ""),)),), context=lambda _: "here", contexts=("here",),
         context_option="where", success_key="done", explained=(0,), explained_band=(0.5,), max_episode_steps=3,
     )  # fmt: skip
 

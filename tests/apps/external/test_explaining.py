@@ -221,7 +221,7 @@ def test_what_cannot_work_is_refused_before_a_folder_is_made(tmp_path: Path) -> 
     refused("random_actions=2: allowed is at least 0 and at most 1", random_actions=2)
     unread = ["mapping.dimensions=[angular_velocity]"]
     refused(r"rule does not depend on them, it reads x, goal_x; allowed is \[\], or mapping=lasso", settings=unread)
-    refused("env=nothing: allowed is one of cart_pole, .*, an id that is registered with gymnasium", env="nothing")
+    refused("env=nothing: allowed is one of .*cart_pole, .*, an id that is registered with gymnasium", env="nothing")
     refused(
         "mapping.horizon_steps=5000: allowed is at least 1 and at most 1000", settings=["mapping.horizon_steps=5000"]
     )
