@@ -387,6 +387,7 @@ def test_a_folder_that_can_only_be_read(stopped: Path, capsys: Output) -> None:
         Path(place).chmod(0o755)
         run = Path(shutil.copytree(stopped, Path(place) / "run"))
         before = {path: path.stat().st_mtime_ns for path in run.rglob("*")}
+        call("explain", f"run={run}", "viewer=off")  # imports all that it needs: others may not read these libraries
         with read_only(run):
             said = failing(f"resume={run}")
             assert said == f"error: run_dir={run}: allowed is a folder that can be written to (Permission denied)"
