@@ -76,7 +76,7 @@ def test_its_engine_cannot_be_copied_so_it_is_predicted_from_the_log():
 def test_it_trains_on_images_and_explains(tmp_path: Path):
     few = ["total_frames=160", "refresh_every_frames=160", "eval_every_frames=160", "eval_episodes=1", "viewer=off"]
     few += ["collect.envs_per_process=2", "collect.steps_per_batch=80", "env.task.max_episode_steps=40"]
-    few += ["mapping.horizon_steps=8", "mapping.top_fraction=1.0", "mapping.dimensions=[]", "first_refresh_episodes=0"]
+    few += ["mapping.horizon_steps=8", "mapping.top_fraction=1.0", "first_refresh_episodes=0"]
     call("train", "env=car_racing", *SMALL, *few, f"run_dir={tmp_path / 'run'}")
     call("explain", f"run={tmp_path / 'run'}", "viewer=off")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
