@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.box2d.car_racing import CarRacing
 from gymnasium.wrappers import MaxAndSkipObservation
 
 from ibe_rl.types import Array
@@ -28,8 +29,6 @@ CAR_HEADING, BEND, FROM_MIDDLE, TURN_RATE, TILES_PASSED = 0, 1, 2, 4, 5
 
 def make_steered_car(**settings: Any) -> gymnasium.Env[Any, Any]:
     """The game, with an action every ``FRAMES_PER_ACTION`` frames; ``settings`` are its own."""
-    from gymnasium.envs.box2d.car_racing import CarRacing  # needs Box2D
-
     return MaxAndSkipObservation(CarRacing(**settings), skip=FRAMES_PER_ACTION)
 
 

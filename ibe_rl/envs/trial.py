@@ -64,7 +64,7 @@ def try_out(config: EnvConfig, simulated: bool) -> list[str]:
     states = np.array([*first.states, *other.states, *(env.reset(seed=seed)[0] for seed in range(FIRST_STATES))])
     notes = [_not_repeated(config, first), _unequal(task, states), *_constant(task, states)]
     if simulated:
-        notes.append(try_copy(config))
+        notes.append(_try_copy(config, task))
     return [note for note in notes if note]
 
 
@@ -154,7 +154,7 @@ def _constant(task: Task, states: Array) -> list[str]:
     ]
 
 
-def try_copy(config: EnvConfig) -> str:
+def _try_copy(config: EnvConfig, task: Task) -> str:
     """Take up a copy of an environment in the middle of an episode.
 
     Returns:
@@ -164,7 +164,6 @@ def try_copy(config: EnvConfig) -> str:
         CopyError: if it cannot be copied, or goes on quite differently.
     """
     env, copy = make_env(config), make_snapshot_env(config)
-    task = task_of(env)
     played = play_briefly(env, 0, snapshot_of=stoppable(env))
     copy.reset(seed=1)
     copy.restore(played.snapshot)

@@ -20,6 +20,7 @@ from ibe_rl.config.command_line import has_default_name, output_folder, run_name
 from ibe_rl.config.kinds import make_several
 from ibe_rl.config.saved import save_config
 from ibe_rl.config.settings import TrainConfig
+from ibe_rl.envs.errors import CopyError
 from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors import make_instructor, stand_in
@@ -37,7 +38,7 @@ from ibe_rl.storage.run_folder import (
 from ibe_rl.storage.whole_folder import begun_folder
 from ibe_rl.training.check import check_columns, check_run
 from ibe_rl.training.failure import nothing_lost, resumable
-from ibe_rl.training.fitting_predictor import with_fitting_predictor
+from ibe_rl.training.fitting_predictor import with_learned_predictor
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress
@@ -75,8 +76,7 @@ def build(
     _refuse_classes(listeners=listeners, metrics=metrics)
     cfg, state = take_up(cfg, resumption) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
-    cfg, replaced = (cfg, []) if state else with_fitting_predictor(cfg, env)
-    notes = [*replaced, *check_run(cfg, env)]
+    cfg, notes = _checked(cfg, env, goes_on=bool(state))
     for note in notes:
         print(f"note: {note}")  # noqa: T201 - for the user
     listeners = [*make_several("listener", cfg.listeners), *listeners, *make_several("logger", cfg.loggers)]
@@ -102,6 +102,17 @@ def build(
                 classroom = teach.open_classroom(cfg, env, page_port, folder, page(ports) if ports else None)
                 owned.callback(classroom.close)
             yield _begin(cfg, folder, stop, owned, [LiveView(live), *listeners], metrics, classroom, state, notes)
+
+
+def _checked(cfg: TrainConfig, env: Any, goes_on: bool) -> tuple[TrainConfig, list[str]]:
+    """The settings, in a new run with a learned predictor where the default cannot work; and notes for the user."""
+    try:
+        return cfg, check_run(cfg, env)
+    except CopyError as error:
+        if goes_on:
+            raise
+        cfg, notes = with_learned_predictor(cfg, env, error)
+        return cfg, [*notes, *check_run(cfg, env)]
 
 
 def _refuse_classes(**given: Sequence[Any]) -> None:

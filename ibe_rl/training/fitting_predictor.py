@@ -11,7 +11,6 @@ from ibe_rl.config.hydra_setup import given_settings
 from ibe_rl.config.kinds import implementation
 from ibe_rl.config.settings import PredictorConfig, TrainConfig
 from ibe_rl.envs.errors import CopyError
-from ibe_rl.envs.trial import try_copy
 from ibe_rl.predict import check_predictor
 from ibe_rl.types import ConfigError
 
@@ -20,30 +19,28 @@ LEARNED = ("ensemble", "regression")
 """The first that can work in the environment takes over."""
 
 
-def with_fitting_predictor(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> tuple[TrainConfig, list[str]]:
-    """The settings of a new run, with a learned predictor if the default cannot work.
+def with_learned_predictor(
+    cfg: TrainConfig, env: gymnasium.Env[Any, Any], error: CopyError
+) -> tuple[TrainConfig, list[str]]:
+    """The settings of a new run whose environment cannot be copied, with a learned predictor.
 
     Args:
-        cfg: of the run; a predictor that was named on the command line, or by a config file, stays.
+        cfg: of the run; a predictor that was named on the command line stays.
         env: one of its environments.
+        error: what was found.
 
     Returns:
-        The settings, and a note if another predictor takes over.
+        The settings, and a note for the user.
 
     Raises:
-        ConfigError: if the environment cannot be copied and no learned predictor can work in it.
+        CopyError: the ``error``, if the predictor was named or no learned one can work here.
     """
-    if cfg.predictor.kind != PredictorConfig.kind or any(one.partition("=")[0] in NAMED for one in given_settings()):
-        return cfg, []
-    try:
-        try_copy(cfg.env)
-    except CopyError as error:
-        found = _learned(cfg, env)
-        if found is None:
-            raise
-        note = f"{error.reason}; so predictor={found.kind} takes over, which learns from the log (docs/PREDICTORS.md)"
-        return replace(cfg, predictor=found), [note]
-    return cfg, []
+    named = any(one.partition("=")[0] in NAMED for one in given_settings())
+    found = None if named else _learned(cfg, env)
+    if found is None:
+        raise error
+    note = f"{error.reason}; so predictor={found.kind} takes over, which learns from the log (docs/PREDICTORS.md)"
+    return replace(cfg, predictor=found), [note]
 
 
 def _learned(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> PredictorConfig | None:

@@ -18,7 +18,7 @@ from ibe_rl.envs.make import make_env
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.training import fitting_predictor
 from ibe_rl.training.build import build
-from ibe_rl.training.fitting_predictor import with_fitting_predictor
+from ibe_rl.training.fitting_predictor import with_learned_predictor
 from ibe_rl.types import ConfigError
 
 
@@ -29,26 +29,25 @@ def settings(game: type[Any], *settings: str) -> TrainConfig:
     return cfg
 
 
-def test_an_engine_that_can_be_copied_is_simulated() -> None:
-    cfg = settings(awkward.Stopped)
-    assert with_fitting_predictor(cfg, make_env(cfg.env)) == (cfg, [])
+FOUND = CopyError("Lift-v0", "its height is off by 1")
+
+
+def taken_over(cfg: TrainConfig) -> tuple[TrainConfig, list[str]]:
+    return with_learned_predictor(cfg, make_env(cfg.env), FOUND)
 
 
 def test_a_learned_predictor_takes_over_with_what_was_set() -> None:
     cfg = settings(awkward.Forgetful, "predictor.futures=2")
-    found, [note] = with_fitting_predictor(cfg, make_env(cfg.env))
+    found, [note] = taken_over(cfg)
     assert (found.predictor.kind, found.predictor.futures) == ("ensemble", 2)
     assert cfg.predictor.kind == "simulator"
-    assert "its height is off by" in note
-    assert "predictor=ensemble takes over" in note
+    assert note.startswith("Lift-v0: its height is off by 1; so predictor=ensemble takes over")
 
 
 def test_what_was_named_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    cfg = settings(awkward.Forgetful)
     monkeypatch.setattr(fitting_predictor, "given_settings", lambda: ["seed=1", "predictor=simulator"])
-    assert with_fitting_predictor(cfg, make_env(cfg.env)) == (cfg, [])
-    learned = settings(awkward.Forgetful, "predictor=regression")
-    assert with_fitting_predictor(learned, make_env(cfg.env)) == (learned, [])
+    with pytest.raises(CopyError, match="its height is off by 1"):
+        taken_over(settings(awkward.Forgetful))
 
 
 def test_the_next_one_takes_over_where_the_first_cannot_work(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,10 +58,16 @@ def test_the_next_one_takes_over_where_the_first_cannot_work(monkeypatch: pytest
             raise ConfigError("not here")
 
     monkeypatch.setattr(fitting_predictor, "check_predictor", check)
-    assert with_fitting_predictor(cfg, make_env(cfg.env))[0].predictor.kind == "regression"
+    assert taken_over(cfg)[0].predictor.kind == "regression"
     refused.append("regression")
     with pytest.raises(CopyError, match=r"predictor=simulator with env\.id=.*allowed is predictor=ensemble or"):
-        with_fitting_predictor(cfg, make_env(cfg.env))
+        taken_over(cfg)
+
+
+def test_an_engine_that_can_be_copied_is_simulated(tmp_path: Path) -> None:
+    with build(settings(awkward.Stopped, f"run_dir={tmp_path / 'run'}")) as run:
+        assert run.cfg.predictor.kind == "simulator"
+        assert not [note for note in run.notes if "takes over" in note]
 
 
 def test_the_run_says_so_and_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
