@@ -6,6 +6,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from minigrid.core import grid as grids
+from minigrid.core import world_object as objects
 
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig
@@ -15,8 +17,6 @@ from ibe_rl.envs.snapshots import stoppable
 from ibe_rl.envs.trial import try_out
 from ibe_rl.envs.wrappers import task_of
 
-grids = pytest.importorskip("minigrid.core.grid")
-objects = pytest.importorskip("minigrid.core.world_object")
 EAST, SOUTH, WEST, NORTH = range(4)
 LEFT, RIGHT, FORWARD = range(3)
 ACTION = {-1: LEFT, 0: FORWARD, 1: RIGHT}
