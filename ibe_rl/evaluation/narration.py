@@ -26,6 +26,7 @@ from ibe_rl.types import Array, ConfigError, Explanation
 from ibe_rl.view.clip import FRAMES_PER_S, Clip
 from ibe_rl.view.clip_file import check_clip, write_clip
 from ibe_rl.view.spoken import FLICKER_STEPS, NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
+from ibe_rl.view.wording import span_name
 
 FIRST_ROWS, MOST_ROWS = 30, 40
 """Of the table: so many rows from its beginning, and in all; the others are of the end."""
@@ -132,7 +133,7 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
     if not spoken.any():
         return "It gave no explanation"
     at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
-    about = f"of the next {run.horizon_steps} steps went as predicted"
+    about = f"of the {span_name(run.horizon_steps)} went as predicted"
     return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}"
 
 

@@ -26,6 +26,8 @@ FRAME_WIDTH, FRAME_HEIGHT, SCENE = 960, 480, 520
 FINER = 2
 """Drawn this much larger and scaled down, so that lines are smooth."""
 FRAMES_PER_S = 25
+MOST_GAUGES = 3
+"""Numbers of an instruction that have a gauge of their own."""
 Point = tuple[float, float]
 
 
@@ -167,7 +169,7 @@ def _draw_words(draw: ImageDraw.ImageDraw, clip: Clip, step: int, ended: bool) -
     sure = f"   {said.confidence:.0%} sure" if said.meant and said.calibrated else ""
     for row, one in enumerate(said.all_spans[:3]):
         _text(draw, (left, 194 + 46 * row), one.said, shade_of(one), 22, right - left)
-        about = f"in its next {one.horizon_steps} steps{sure if one is said else ''}"
+        about = f"in its {wording.span_name(one.horizon_steps)}{sure if one is said else ''}"
         _text(draw, (left, 220 + 46 * row), about, colours.AXIS, 13, right - left)
     before = step - said.horizon_steps
     if before >= 0:
@@ -175,8 +177,10 @@ def _draw_words(draw: ImageDraw.ImageDraw, clip: Clip, step: int, ended: bool) -
         line = wording.verdict_line(said.horizon_steps, earlier.said, happened)
         shade = colours.GREEN if earlier.said == happened else colours.PINK
         _text(draw, (left, 340), line, shade if earlier.known else colours.AXIS, 14, right - left)
-    for number in range(min(task.instruction_size, 2)):
-        _gauge(draw, (left, right), 392 + 44 * number, said, moment, number, task)
+    gauges = min(task.instruction_size, MOST_GAUGES)
+    first, apart = (392, 44) if gauges < MOST_GAUGES else (372, 38)
+    for number in range(gauges):
+        _gauge(draw, (left, right), first + apart * number, said, moment, number, task)
 
 
 def _gauge(

@@ -63,7 +63,7 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
 
 def span_name(horizon_steps: int) -> str:
     """What a span of time is called, in the picture and in the terminal."""
-    return f"next {horizon_steps} steps"
+    return "next step" if horizon_steps == 1 else f"next {horizon_steps} steps"
 
 
 def in_lines(label: str) -> str:
@@ -76,9 +76,10 @@ def verdict_line(steps_ago: int, said: str, happened: str) -> str:
 
     Of what no word was said of, only that is told.
     """
+    ago = "1 step ago" if steps_ago == 1 else f"{steps_ago} steps ago"
     if said == CANNOT_TELL:
-        return f"{steps_ago} steps ago it could not tell"
+        return f"{ago} it could not tell"
     outcome = "it did" if said == happened else f"it was {happened}"
     if happened == CANNOT_TELL:
         outcome = "it did something else, which it has no known word for"
-    return f"said {steps_ago} steps ago: {said}: {outcome}"
+    return f"said {ago}: {said}: {outcome}"

@@ -94,7 +94,8 @@ def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
 
 def horizon_line(steps: int) -> str:
     """One line for a user who did not set n."""
-    return f"explains the next {steps} steps, as long as movements last here; mapping.horizon_steps sets it"
+    next_steps = "next step" if steps == 1 else f"next {steps} steps"
+    return f"explains the {next_steps}, as long as movements last here; mapping.horizon_steps sets it"
 
 
 def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:

@@ -1,6 +1,7 @@
 """An explained episode as a moving picture: what its frames show, and what its files hold."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,15 +26,20 @@ def said_at(step: int, states: np.ndarray, known: bool = True) -> Explanation:
     return Explanation(expression, "opening", 0, states[1] - states[0], 3, 0.9, ahead, states[:1], known=known)
 
 
-def clip(steps_per_s: float = 25.0, known: bool = True) -> Clip:
-    """Ten steps of a gate that opens; the instructor says -1, the agent +1."""
+def clip(steps_per_s: float = 25.0, known: bool = True, numbers: int = 1) -> Clip:
+    """Ten steps of a gate that opens; the instructor says -1, the agent +1, in each number."""
     states = np.stack([np.linspace(-1, 1, STEPS + 1), np.full(STEPS + 1, 0.2)], axis=-1)
-    told, given = np.full((STEPS, 1), -1.0), np.ones(STEPS, bool)
+    told, given = np.full((STEPS, numbers), -1.0), np.ones(STEPS, bool)
     episode = Episode(states, np.zeros(STEPS, int), np.zeros(STEPS), told, given, False, True, "any")
     moments = [Moment(state, told[0], True) for state in states[:-1]]
     watched = RecordedRollout(episode, moments, [], [[]] * (STEPS + 1))
-    said = [said_at(step, states, known) for step in range(STEPS)]
-    return Clip(task(), watched, said, ["opening"] * STEPS, steps_per_s)
+    said = [
+        replace(said_at(step, states, known), expression=np.ones(numbers), phrase=", ".join(["opening"] * numbers))
+        for step in range(STEPS)
+    ]
+    gate = task()
+    several = {name: getattr(gate, name) * numbers for name in ("phrases", "explained", "explained_band")}
+    return Clip(task(**several), watched, said, ["opening"] * STEPS, steps_per_s)
 
 
 def test_a_frame_shows_the_way_the_words_and_the_gauge() -> None:
@@ -47,6 +53,13 @@ def test_a_frame_shows_the_way_the_words_and_the_gauge() -> None:
     assert trail.sum() > (np.asarray(colours.TRAIL) == first[:, :SCENE]).all(axis=-1).sum()
     across = np.flatnonzero(trail.any(axis=0))
     assert across[-1] - across[0] > SCENE / 2  # the gate opens from one side to the other
+
+
+def test_each_of_three_numbers_has_a_gauge() -> None:
+    frame = np.asarray(next(frames_of(clip(numbers=3))))
+    for y in (372, 410, 448):
+        assert frame[y, FRAME_WIDTH - 24].max() > 200  # the agent's dot at +1
+        assert tuple(frame[y - 12, SCENE + 16]) == colours.INSTRUCTED
 
 
 def test_what_the_agent_does_not_know_has_no_colour_and_no_dot() -> None:

@@ -60,6 +60,8 @@ def test_each_cluster_that_changed_has_its_line() -> None:
 def test_a_verdict_says_what_happened_where_it_was_not_what_was_said() -> None:
     assert wording.verdict_line(60, "going up", "going up") == "said 60 steps ago: going up: it did"
     assert wording.verdict_line(20, "going up", "staying") == "said 20 steps ago: going up: it was staying"
+    assert wording.verdict_line(1, "going up", "going up") == "said 1 step ago: going up: it did"
+    assert (wording.span_name(1), wording.span_name(2)) == ("next step", "next 2 steps")
 
 
 def test_what_is_unknown_is_not_a_number_in_words() -> None:
