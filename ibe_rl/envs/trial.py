@@ -147,8 +147,8 @@ def _constant(task: Task, states: Array) -> list[str]:
     farther = np.concatenate([(mean + factor * (states - mean)).astype(states.dtype) for factor in FARTHER_OUT])
     said = task.rule(farther)
     return [
-        f"the rule says {said[0, number]:g} of {name} in all {len(states)} states tried: it never changes, so its "
-        "words cannot be learnt"
+        f"the rule says {said[0, number]:g} of {name} in all {len(states)} states tried: unless it says something else "
+        "later on, its words cannot be learnt"
         for number, name in enumerate(task.number_names)
         if np.all(said[:, number] == said[0, number])
     ]
