@@ -1,0 +1,9 @@
+"""A study with people: the paper's prediction task in a browser, from stimuli to statistics.
+
+A study is a folder. ``settings`` and ``folder`` read and check it, ``stimuli`` fills it from a run. ``assignment``
+gives each person an arm, ``schedule`` the pages that follow, ``answers`` keeps what they say, and ``sitting`` puts
+these together: which page comes next, and whether an answer counts.
+
+In: a trained run, study.yaml, texts. Out: answers.sqlite, and what is made from it.
+Imports: any room; nothing imports it, the command line reaches it by name.
+"""

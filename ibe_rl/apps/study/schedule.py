@@ -1,0 +1,88 @@
+"""The pages that a person goes through, in order; the same seed and arms give the same pages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibe_rl.apps.study.assignment import Order
+from ibe_rl.apps.study.settings import NONE, PRACTICE, StudySettings
+from ibe_rl.types import ConfigError
+
+CONSENT, DEMOGRAPHICS, INSTRUCTIONS, COMPREHENSION = "consent", "demographics", "instructions", "comprehension"
+TRIAL, ATTENTION, SCALE, COMMENT, DEBRIEFING = "trial", "attention", "scale", "comment", "debriefing"
+TRANSFER = "transfer"
+
+
+@dataclass(frozen=True)
+class Page:
+    """One page.
+
+    Attributes:
+        name: unique in the schedule, such as ``trial/ibe/3``; answers are kept under it.
+        kind: what it shows.
+        block: of a trial: ``PRACTICE``, an arm, or ``TRANSFER``; of a scale its name.
+        arm: whose explanations a trial shows; ``NONE`` for none.
+        episode: index of a trial's episode; -1 elsewhere.
+    """
+
+    name: str
+    kind: str
+    block: str = ""
+    arm: str = NONE
+    episode: int = -1
+
+
+def episodes_needed(settings: StudySettings, arms_of_a_person: int) -> int:
+    """How many episodes a person sees, none of them twice."""
+    trials = settings.trials
+    return trials.practice + arms_of_a_person * trials.each_arm + trials.transfer
+
+
+def pages_of(settings: StudySettings, arms: Order, episodes: int, number: int) -> list[Page]:
+    """A person's pages.
+
+    The first episodes are for practice, the same for all. The others are cut into one set for each block. Which set
+    belongs to which block moves on by one from person to person, so an episode is equally often seen in each block.
+    The order within a block is drawn by lot.
+
+    Args:
+        settings: of the study.
+        arms: of the person, a block each.
+        episodes: that there are.
+        number: of the person; seeds the lot.
+
+    Raises:
+        ConfigError: if there are too few episodes.
+    """
+    trials, needed = settings.trials, episodes_needed(settings, len(arms))
+    if episodes < needed:
+        raise ConfigError(f"trials: {needed} episodes needed, {episodes} are in stimuli/; allowed are fewer trials")
+    random = np.random.default_rng([settings.seed, number])
+    sizes = [trials.each_arm] * len(arms) + [trials.transfer]
+    pages = [Page(CONSENT, CONSENT)]
+    pages += [Page(DEMOGRAPHICS, DEMOGRAPHICS)] if settings.demographics else []
+    pages += [Page(INSTRUCTIONS, INSTRUCTIONS), Page(COMPREHENSION, COMPREHENSION)]
+    pages += _block(PRACTICE, arms[0], range(trials.practice))
+    rest = np.roll(np.arange(trials.practice, needed), -number * trials.each_arm)
+    for block, arm, seen in zip([*arms, TRANSFER], [*arms, NONE], np.split(rest, np.cumsum(sizes)[:-1]), strict=True):
+        pages += _block(block, arm, random.permutation(seen).tolist())
+    _put_in(pages, settings.trials.attention_checks, random)
+    pages += [Page(f"{SCALE}/{name}", SCALE, name) for name in settings.scales]
+    return [*pages, Page(COMMENT, COMMENT), Page(DEBRIEFING, DEBRIEFING)]
+
+
+def _block(block: str, arm: str, episodes: Sequence[int]) -> list[Page]:
+    return [
+        Page(f"{TRIAL}/{block}/{place}", TRIAL, block, arm, episode) for place, episode in enumerate(episodes, start=1)
+    ]
+
+
+def _put_in(pages: list[Page], checks: int, random: np.random.Generator) -> None:
+    """Put attention checks between the trials that count, as far apart as they can be, but for a lot."""
+    counted = [index for index, page in enumerate(pages) if page.kind == TRIAL and page.block != PRACTICE]
+    for check, span in reversed([*enumerate(np.array_split(counted, checks), start=1)] if checks else []):
+        if len(span):
+            pages.insert(int(random.choice(span)), Page(f"{ATTENTION}/{check}", ATTENTION))

@@ -1,0 +1,46 @@
+"""study.yaml is checked before anybody sees it."""
+
+from __future__ import annotations
+
+import pytest
+
+from ibe_rl.apps.study.settings import StudySettings, read_settings
+from ibe_rl.types import ConfigError
+
+
+def test_nothing_given_is_the_default_study() -> None:
+    assert read_settings({}, "study.yaml") == StudySettings()
+
+
+def test_what_is_given_counts() -> None:
+    read = read_settings({"arms": ["none", "paper", "ibe"], "trials": {"each_arm": 4}, "quota": 9}, "study.yaml")
+    assert (read.arms, read.trials.each_arm, read.trials.practice, read.quota) == (["none", "paper", "ibe"], 4, 2, 9)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"armz": ["none"]}, "armz=.*no such setting; allowed are title.*did you mean arms"),
+        ({"trials": {"each_arms": 3}}, "trials.each_arms=3: no such setting.*did you mean each_arm"),
+        ({"trials": {"each_arm": 0}}, "trials.each_arm=0: allowed is at least 1"),
+        ({"trials": {"each_arm": "many"}}, "trials.each_arm: .*many"),
+        ({"trials": {"feedback": "sometimes"}}, "trials.feedback=sometimes: allowed is one of always, practice, never"),
+        ({"arms": ["none", "ibee"]}, "arms=.*one of none, paper, ibe.*did you mean ibe"),
+        ({"arms": []}, "allowed are different ones, at least one"),
+        ({"arms": ["ibe", "ibe"], "test": {"arms": ["ibe", "ibe"]}}, "allowed are different ones"),
+        (
+            {"arms": ["ibe"], "test": {"arms": ["ibe"]}, "design": "within"},
+            "allowed with design=within are two or more",
+        ),
+        ({"arms": ["none", "paper"]}, "test.arms=.*one of none, paper"),
+        ({"test": {"arms": ["ibe"]}}, "test.arms=.*allowed are two of none, ibe"),
+        ({"recruiter": "prolific"}, "completion_codes.finished: needed with recruiter=prolific"),
+        ({"completion_codes": {"finish": "C1"}}, "completion_codes.finish=C1.*did you mean finished"),
+        ({"release_after_minutes": float("nan")}, "release_after_minutes=nan"),
+        (["none"], "allowed are settings"),
+        (None, "allowed are settings"),
+    ],
+)
+def test_what_is_wrong_is_named(values, message: str) -> None:
+    with pytest.raises(ConfigError, match=f"(?s)^my/study.yaml: .*{message}"):
+        read_settings(values, "my/study.yaml")
