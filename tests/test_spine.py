@@ -43,9 +43,11 @@ class Tracer:
             caller = next(self.callers(frame), here)
             if room(caller) != room(here):
                 self.calls.add((caller, here))
-        elif (returned := (here, frame.f_code.co_name)) not in self.returned:
-            if not {here, *self.callers(frame)} & set(ASIDE):
-                self.returned[returned] = None
+        elif (returned := (here, frame.f_code.co_name)) not in self.returned and not self.aside(here, frame):
+            self.returned[returned] = None
+
+    def aside(self, here: str, frame: FrameType) -> bool:
+        return not {here, *self.callers(frame)}.isdisjoint(ASIDE)
 
     @staticmethod
     def callers(frame: FrameType) -> Iterator[str]:
