@@ -7,8 +7,8 @@ BENCH := $(VENV)/installed-bench
 SOAK := $(VENV)/installed-soak
 PLATFORMS := $(VENV)/installed-platforms
 export OMP_NUM_THREADS := 1
-# one test process more than processors: some wait for the processes that they start
-TESTERS = $(shell $(PYTHON) -c 'import os; print(os.cpu_count() + 1)')
+# two test processes more than processors: some wait for the processes that they start
+TESTERS = $(shell $(PYTHON) -c 'import os; print(os.cpu_count() + 2)')
 unexport PYTHONDONTWRITEBYTECODE  # each start would compile the package again, each test process all tests
 
 .DEFAULT_GOAL := help

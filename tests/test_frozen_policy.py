@@ -22,7 +22,7 @@ from ibe_rl.vocabulary.tracker import VocabularyTracker
 pytestmark = pytest.mark.slow
 
 DEMO = Path(__file__).parent.parent / "demo"
-REFRESHES, EPISODES = 5, 320
+REFRESHES, EPISODES = 3, 320
 FIRST_SEED = 700_000
 
 

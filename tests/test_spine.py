@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
 from types import FrameType
 from typing import Any
 
@@ -36,27 +37,30 @@ class Tracer:
         self.returned: dict[tuple[str, str], None] = {}
 
     def __call__(self, frame: FrameType, event: str, _: Any) -> None:
-        if event not in ("call", "return") or (here := ours(frame)) is None:
+        if event not in ("call", "return") or (here := ours(frame.f_code.co_filename)) is None:
             return
-        callers = [file for file in self.stack(frame.f_back) if file]
-        caller = callers[0] if callers else here
-        if event == "call" and room(caller) != room(here):
-            self.calls.add((caller, here))
-        elif event == "return" and not {here, *callers} & set(ASIDE):
-            self.returned.setdefault((here, frame.f_code.co_name))
+        if event == "call":
+            caller = next(self.callers(frame), here)
+            if room(caller) != room(here):
+                self.calls.add((caller, here))
+        elif (returned := (here, frame.f_code.co_name)) not in self.returned and not self.aside(here, frame):
+            self.returned[returned] = None
+
+    def aside(self, here: str, frame: FrameType) -> bool:
+        return not {here, *self.callers(frame)}.isdisjoint(ASIDE)
 
     @staticmethod
-    def stack(frame: FrameType | None) -> list[str | None]:
-        found = []
-        while frame is not None:
-            found.append(ours(frame))
-            frame = frame.f_back
-        return found
+    def callers(frame: FrameType) -> Iterator[str]:
+        above = frame.f_back
+        while above is not None:
+            if file := ours(above.f_code.co_filename):
+                yield file
+            above = above.f_back
 
 
-def ours(frame: FrameType) -> str | None:
-    """The file of a frame, below the package or train.py; None for others."""
-    path = frame.f_code.co_filename
+@cache
+def ours(path: str) -> str | None:
+    """A file, below the package or train.py; None for others."""
     if path == str(ROOT / "train.py"):
         return "train.py"
     return path.removeprefix(f"{PACKAGE}/") if path.startswith(f"{PACKAGE}/") else None

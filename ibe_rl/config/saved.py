@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from ibe_rl.config.error_line import one_line
-from ibe_rl.config.hydra_setup import choices, given_settings, settings_at_hand
+from ibe_rl.config.hydra_setup import choice, choice_names, given_settings, settings_at_hand
 from ibe_rl.config.kind_files import KindFiles
 from ibe_rl.config.kinds import GROUPS, SEVERAL, with_settings
 from ibe_rl.config.settings import CODE_SETTINGS, EnvConfig
@@ -99,17 +99,33 @@ def _refuse_strange_code(saved: dict[str, Any], path: Path, known: set[str], che
         sources = GlobalHydra.instance().config_loader().get_sources()
         folders = [source for source in sources if isinstance(source, KindFiles)]
         trusted = {(group, kind) for group in GROUPS for folder in folders for kind in folder.kinds(group)}
-        if any(group == "env" for group, _ in named):
-            trusted |= {("env", code) for one in choices("env").values() for code in _code_of_env(asdict(one))}
+        if codes := {code for group, code in named if group == "env"}:
+            trusted |= {
+                ("env", code) for code in _named_by_files(codes, read_overrides(path.with_name("overrides.yaml")))
+            }
     strange = sorted(named - trusted)
     if strange:
         group = strange[0][0]
-        codes = ", ".join(code for of, code in strange if of == group)
+        names = ", ".join(code for of, code in strange if of == group)
         owner, python = ("environment", "env=") if group == "env" else (group, "trusted=")
         raise ConfigError(
-            f"{path}: its {owner} runs code, {codes}; allowed is what comes with ibe_rl or is named by a file in "
+            f"{path}: its {owner} runs code, {names}; allowed is what comes with ibe_rl or is named by a file in "
             f"./configs/{group} or below a --config-dir: put one there if you trust it (in Python: open_run({python}))"
         )
+
+
+def _named_by_files(codes: set[str], overrides: Sequence[str]) -> set[str]:
+    """Code that the config files of environments name, at least those of ``codes`` that any names.
+
+    A file takes a fifth of a second to compose. So the one that the run was started with comes first, and the others
+    only until all codes are found.
+    """
+    likely, found = {one.removeprefix("env=") for one in overrides}, set[str]()
+    for name in sorted(choice_names("env"), key=lambda name: name not in likely):
+        found |= _code_of_env(asdict(choice("env", name)))
+        if codes <= found:
+            break
+    return found
 
 
 def _kind_of(values: dict[str, Any]) -> str:

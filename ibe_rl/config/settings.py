@@ -247,7 +247,7 @@ class EvaluateConfig:
     calibration_episodes: int = setting(60, low=2, high=10_000)  # held-out episodes to calibrate the confidence on
     changing_episodes: int = setting(40, low=0, high=10_000)  # with each kept policy; 0: skip
     stride_steps: int = setting(4, low=1)  # between scored moments
-    horizons_steps: list[int] = field(default_factory=lambda: [20, 40, 60, 100])  # in addition to the run's own
+    horizons_steps: list[int] | None = None  # besides the run's own; null: 20, 40, 60, 100, up to half an episode
     resamples: int = setting(1_000, low=20, high=100_000)  # bootstrap over episodes, for confidence intervals
     shuffles: int = setting(50, low=1, high=10_000)  # negative controls: shuffled instructions, random clusters
 

@@ -22,6 +22,8 @@ PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "f
 EPISODES_AT_ONCE = 100
 FUTURES_AT_ONCE = 640
 """Futures predicted between two steps of the progress bar."""
+HORIZONS_STEPS = (20, 40, 60, 100)
+"""Judged where none are set."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ def horizons_of(cfg: EvaluateConfig, run: TrainedRun) -> tuple[int, ...]:
         ConfigError: if one is longer than an episode can be.
     """
     longest = run.task.max_episode_steps
+    if cfg.horizons_steps is None:
+        return tuple(sorted({*(steps for steps in HORIZONS_STEPS if 2 * steps <= longest), run.horizon_steps}))
     if not all(1 <= steps <= longest for steps in cfg.horizons_steps):
         raise ConfigError(
             f"evaluate.horizons_steps={list(cfg.horizons_steps)}: allowed is at least 1 and at most {longest}, "

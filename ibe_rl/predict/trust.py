@@ -14,7 +14,7 @@ from ibe_rl.types import Array, Episode
 WINDOWS = 1_024
 STEPS = 100
 """Longest horizon measured; beyond it the last values hold."""
-LARGEST = 1e6
+LARGEST_ERROR = 1e6
 """Error or disagreement, in units, that no larger one adds anything to."""
 
 
@@ -45,12 +45,12 @@ def in_units(values: Array, spread: Array) -> Array:
     """``(N, C, G)`` to the root mean square ``(N, C)`` over the dimensions, in units of ``spread`` ``(C', G)``.
 
     Members that have hardly learnt yet diverge within a hundred steps; what is too large for its square to be a number
-    counts as ``LARGEST``.
+    counts as ``LARGEST_ERROR``.
     """
     if not values.shape[2]:
         return np.zeros(values.shape[:2], np.float32)
     units = spread[np.minimum(np.arange(values.shape[1]), len(spread) - 1)]
-    in_range = np.clip(np.nan_to_num(values / units, nan=LARGEST), -LARGEST, LARGEST)
+    in_range = np.clip(np.nan_to_num(values / units, nan=LARGEST_ERROR), -LARGEST_ERROR, LARGEST_ERROR)
     return np.sqrt(np.mean(in_range**2, axis=2))
 
 

@@ -16,7 +16,9 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
 RANDOM_STEPS, STEPS_EACH = 2_000, 200
-"""Most steps of all episodes together, and of each."""
+"""Most states of all episodes together, and steps of each."""
+FEW_STATES = 200
+"""States that often suffice: a slow environment needs 20 s for all of them."""
 FARTHER = (3, 10)
 """Factors by which states are moved from their mean until the rule gives more than one instruction."""
 ENOUGH = 0.05
@@ -45,8 +47,10 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
     """
     if not _clusters_by_rule(config) or not config.dimensions:
         return []
-    states = random_states(env)
     kept = np.isin(task.state_names, config.dimensions)
+    if _all_read(random_states(env, FEW_STATES), kept, task):
+        return []
+    states = random_states(env, RANDOM_STEPS)
     for number in range(task.instruction_size):
         asked = _varied_states(states, task, number)
         if asked is None or reads(asked, task, number)[kept].any():
@@ -66,19 +70,19 @@ def _clusters_by_rule(config: MappingConfig) -> bool:
     return isinstance(config, IBEConfig) and config.space == "rule"
 
 
-def random_states(env: gymnasium.Env[Any, Any]) -> Array:
-    """States ``(N, S)`` of random episodes, the same each time."""
+def random_states(env: gymnasium.Env[Any, Any], most: int) -> Array:
+    """States ``(most, S)`` of random episodes, the same each time."""
     env.action_space.seed(0)
     states: list[Array] = []
-    for seed in range(RANDOM_STEPS):
+    for seed in range(most):
         state, _ = env.reset(seed=seed)
         states.append(state)
         for _ in range(STEPS_EACH):
             state, _, terminated, truncated, _ = env.step(sampled_action(env.action_space, env))
             states.append(state)
-            if terminated or truncated or len(states) >= RANDOM_STEPS:
+            if terminated or truncated or len(states) >= most:
                 break
-        if len(states) >= RANDOM_STEPS:
+        if len(states) >= most:
             break
     return np.array(states)
 
@@ -91,6 +95,13 @@ def reads(states: Array, task: Task, number: int) -> Array:
         dealt[:, dimension] = random.permutation(states[:, dimension])
         found.append(bool(np.any(task.rule(dealt)[:, number] != instructions)))
     return np.array(found)
+
+
+def _all_read(states: Array, kept: Array, task: Task) -> bool:
+    """Whether all ``kept`` dimensions move in these states, and each number of the rule varies with one of them."""
+    moved = bool((np.ptp(states, axis=0)[kept] > 0).all())
+    numbers = range(task.instruction_size)
+    return moved and all(_varies(states, task, one) and reads(states, task, one)[kept].any() for one in numbers)
 
 
 def _varied_states(states: Array, task: Task, number: int) -> Array | None:

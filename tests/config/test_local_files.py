@@ -8,9 +8,11 @@ import pytest
 from omegaconf import OmegaConf
 from processes import ROOT
 
+from ibe_rl.config import saved
 from ibe_rl.config.command_line import composed
+from ibe_rl.config.hydra_setup import choice
 from ibe_rl.config.local_files import CONFIGS, config_folders, ignored_configs, local_configs
-from ibe_rl.config.saved import load_config
+from ibe_rl.config.saved import load_config, write_config
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.types import ConfigError
@@ -75,3 +77,15 @@ def test_they_vouch_for_the_code_of_a_run_and_a_run_does_not_vouch_for_its_own(
     (place / "configs" / "mapping" / "mine.yaml").write_text(CODE)
     with pytest.raises(ConfigError, match=r"kind_that_is_not_there.*cannot be imported|No module named"):
         load_config(strange / CONFIG, TrainConfig)  # trusted, so it is looked for
+
+
+def test_the_files_of_other_environments_are_not_composed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / ".hydra").mkdir()
+    write_config(composed("train", ["env=highway"]), ["seed=1", "env=highway"], tmp_path / ".hydra")
+    chosen: list[str] = []
+    monkeypatch.setattr(saved, "choice", lambda group, name: [chosen.append(name), choice(group, name)][1])
+    assert load_config(tmp_path / CONFIG, TrainConfig).env.id == "highway_env:highway-fast-v0"
+    assert chosen == ["highway"]
+    (tmp_path / ".hydra" / "overrides.yaml").unlink()
+    assert load_config(tmp_path / CONFIG, TrainConfig).env.id == "highway_env:highway-fast-v0"
+    assert "highway" in chosen[1:]

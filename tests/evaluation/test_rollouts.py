@@ -1,5 +1,6 @@
 """Which seeds the episodes of each purpose have, and how far ahead is looked."""
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -34,6 +35,12 @@ def test_the_runs_own_horizon_is_always_among_them():
     assert horizons_of(EvaluateConfig(horizons_steps=[40, 20]), RUN) == (20, 40, 60)
     assert horizons_of(EvaluateConfig(horizons_steps=[]), RUN) == (60,)
     assert horizons_of(EvaluateConfig(horizons_steps=[60, 100, 60]), RUN) == (60, 100)
+
+
+@pytest.mark.parametrize(("longest", "expected"), [(1_000, (4, 20, 40, 60, 100)), (80, (4, 20, 40)), (20, (4,))])
+def test_where_none_are_set_they_are_at_most_half_of_an_episode(longest: int, expected: tuple[int, ...]):
+    run: Any = SimpleNamespace(task=replace(TASK, max_episode_steps=longest), horizon_steps=4)
+    assert horizons_of(EvaluateConfig(), run) == expected
 
 
 @pytest.mark.parametrize("steps", [0, 101])

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 
-from ibe_rl.predict.trust import LARGEST, Trust, in_units
+from ibe_rl.predict.trust import LARGEST_ERROR, Trust, in_units
 
 
 def test_errors_are_a_root_mean_square_in_units() -> None:
@@ -18,5 +18,5 @@ def test_members_that_diverge_are_not_trusted_and_raise_no_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         error = trust.expected_error(diverged)
-    np.testing.assert_array_equal(error, [[LARGEST, LARGEST, LARGEST, 0.0]])
+    np.testing.assert_array_equal(error, [[LARGEST_ERROR, LARGEST_ERROR, LARGEST_ERROR, 0.0]])
     assert trust.trusted_steps(error, limit=0.5, horizon_steps=40).tolist() == [0]

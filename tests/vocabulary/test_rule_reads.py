@@ -12,7 +12,7 @@ from ibe_rl.envs.wrappers import task_of
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.vocabulary.rule_reads import RANDOM_STEPS, check_dimensions, lead_on, random_states, reads
+from ibe_rl.vocabulary.rule_reads import FEW_STATES, RANDOM_STEPS, check_dimensions, lead_on, random_states, reads
 
 
 @pytest.fixture(scope="module")
@@ -35,14 +35,14 @@ def mapping(*dimensions: str, **changes: Any) -> IBEConfig:
 
 
 def test_the_states_are_the_same_each_time_and_not_too_many(env: Any):
-    states = random_states(env)
+    states = random_states(env, RANDOM_STEPS)
     assert states.shape == (RANDOM_STEPS, 4)
-    np.testing.assert_array_equal(random_states(env), states)
+    np.testing.assert_array_equal(random_states(env, RANDOM_STEPS), states)
     assert len(np.unique(states[:, 0])) > RANDOM_STEPS / 2
 
 
 def test_what_the_rule_reads_is_found(env: Any):
-    states, task = random_states(env), task_of(env)
+    states, task = random_states(env, RANDOM_STEPS), task_of(env)
     assert reads(states, reading(task, 0), 0).tolist() == [True, False, False, False]
     assert reads(states, reading(task, 1, 2), 0).tolist() == [False, True, True, False]
 
@@ -55,6 +55,17 @@ def test_dimensions_that_the_rule_does_not_read_are_refused(env: Any):
         "mapping.dimensions=['state_3']: the instructor's rule does not depend on them, it reads state_0; allowed is "
         "[], or mapping=lasso or mapping.space=all, which compare these dimensions whatever the rule reads"
     )
+
+
+def test_a_slow_environment_is_stepped_no_longer_than_it_takes(env: Any, monkeypatch: pytest.MonkeyPatch):
+    taken, step = [], env.step
+    monkeypatch.setattr(env, "step", lambda action: [taken.append(1), step(action)][1])
+    task = reading(task_of(env), 0)
+    check_dimensions(mapping("state_0"), task, env)
+    assert len(taken) < FEW_STATES
+    with pytest.raises(ConfigError):
+        check_dimensions(mapping("state_3"), task, env)
+    assert len(taken) > RANDOM_STEPS / 2
 
 
 def test_of_several_numbers_the_one_is_named(env: Any):
@@ -123,7 +134,7 @@ def test_where_random_play_hardly_hears_anything_states_farther_out_are_asked(en
     """Random play never gets so far that anything but 0 is said; what is read shows all the same."""
     task = task_of(env)
     far = replace(task, rule=lambda states: np.sign(states[..., :1]) * (np.abs(states[..., :1]) > 0.6))
-    assert not np.any(far.rule(random_states(env)))
+    assert not np.any(far.rule(random_states(env, RANDOM_STEPS)))
     with pytest.raises(ConfigError, match="does not depend on them, it reads state_0;"):
         check_dimensions(mapping("state_2"), far, env)
     assert check_dimensions(mapping("state_0"), far, env) == []

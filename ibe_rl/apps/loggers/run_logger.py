@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -95,6 +96,8 @@ class RunLogger(Listener, ABC):
 
     def begin(self, run: Any) -> None:
         """See ``Listener``."""
+        if find_spec("IPython"):
+            import_module("IPython")  # packages do in their thread; matplotlib, in this one, fails on half of it
         self._run = run
         self._background = Background(self.config.waiting_events)
         values, frames = flat(asdict(run.cfg)), run.log.frames

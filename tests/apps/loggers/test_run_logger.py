@@ -51,6 +51,23 @@ def test_one_that_hangs_is_not_waited_for(tmp_path: Path) -> None:
     Hanging.held.set()
 
 
+class Notebooks(Csv):
+    """Looks in its thread for what wandb and mlflow import there."""
+
+    whole = False
+
+    def open(self, folder: Path, resumed_at: int | None) -> Logger:
+        Notebooks.whole = hasattr(sys.modules.get("IPython"), "version_info")
+        return super().open(folder, resumed_at)
+
+
+def test_matplotlib_never_sees_half_of_what_a_logger_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [one for one in sys.modules if one.partition(".")[0] == "IPython"]:
+        monkeypatch.delitem(sys.modules, name)
+    train(Notebooks(LoggerConfig(kind="")), run(tmp_path / "run"), until=10)
+    assert Notebooks.whole
+
+
 def test_one_that_fails_is_named_and_dropped(tmp_path: Path) -> None:
     lines = train(Broken(LoggerConfig(kind="")), run(tmp_path / "run"), until=40)
     [warning] = [line for line in lines if line.startswith("warning")]

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from told import run, train
-from view_data import needed
+from view_data import eventually, needed
 
 from ibe_rl.apps.loggers.wandb import Wandb, WandbConfig
 from ibe_rl.storage.run_folder import read_json, refuse_special_files
@@ -32,15 +32,16 @@ def _installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def records(folder: Path) -> list[Any]:
+    """Of all files, once each is whole: the package's own process writes the end after it has said that it is done."""
+    files = sorted(folder.rglob("*.wandb"))
+    assert eventually(lambda: all(any(record.HasField("exit") for record in records_of(path)) for path in files))
+    return [record for path in files for record in records_of(path)]
+
+
+def records_of(path: Path) -> list[Any]:
     from wandb.proto import wandb_internal_pb2
 
-    found = []
-    for path in sorted(folder.rglob("*.wandb")):
-        for data in leveldb_records(path.read_bytes()):
-            record = wandb_internal_pb2.Record()
-            record.ParseFromString(data)
-            found.append(record)
-    return found
+    return [wandb_internal_pb2.Record.FromString(data) for data in leveldb_records(path.read_bytes())]
 
 
 def leveldb_records(data: bytes) -> Iterator[bytes]:
@@ -50,6 +51,8 @@ def leveldb_records(data: bytes) -> Iterator[bytes]:
         if block - place % block < 7:
             place += block - place % block
         length, kind = struct.unpack("<HB", data[place + 4 : place + 7])
+        if place + 7 + length > len(data):
+            return  # it is still being written
         parts += data[place + 7 : place + 7 + length]
         place += 7 + length
         if kind in (1, 4):
