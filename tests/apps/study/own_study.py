@@ -62,7 +62,7 @@ def stimulus(number: int, task: str = "landing") -> dict[str, Any]:
     return {**told, **recording(number)}
 
 
-def write_study(folder: Path, episodes: int = 4, **settings: Any) -> Path:
+def write_study(folder: Path, episodes: int = 3, **settings: Any) -> Path:
     """Write a study that has all it needs, with other settings."""
     texts = folder / "texts/en"
     (texts / "scales").mkdir(parents=True)
