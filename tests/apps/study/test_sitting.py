@@ -11,7 +11,7 @@ from own_study import write_study
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import BadAnswerError
-from ibe_rl.apps.study.sitting import ANSWERED_BEFORE, ANSWER_TAKEN, FullError, enter, position, questions_of, take
+from ibe_rl.apps.study.sitting import ANSWER_TAKEN, ANSWERED_BEFORE, FullError, enter, position, questions_of, take
 
 Desk = tuple[Study, Answers]
 
