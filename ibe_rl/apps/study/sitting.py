@@ -81,11 +81,8 @@ def enter(
 
 def position(study: Study, answers: Answers, person: Person) -> Position:
     """Where a person is, from what they have answered."""
-    return _position(study, person, answers.answers_of(person))
-
-
-def _position(study: Study, person: Person, given: Sequence[Answer]) -> Position:
     pages = schedule_of(study, person)
+    given = answers.answers_of(person)
     if person.ended is not None and person.ended != TIMED_OUT:
         return Position(None, 1, person.ended, len(pages), len(pages))
     place, attempt = _place(study, pages, given)
@@ -103,10 +100,9 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     Raises:
         BadAnswerError: if it answers another page, or does not fit.
     """
-    given = answers.answers_of(person)
-    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in given):
+    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in answers.answers_of(person)):
         return ANSWERED_BEFORE
-    at = _position(study, person, given)
+    at = position(study, answers, person)
     if at.page is None or (answer.page, answer.attempt) != (at.page.name, at.attempt):
         raise BadAnswerError(f"the page to answer is {at.page.name if at.page else 'none'}, attempt {at.attempt}")
     check_answer(
@@ -122,10 +118,7 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
 
 def schedule_of(study: Study, person: Person) -> list[Page]:
     """All pages of a person."""
-    key = (person.number, person.arms)
-    if key not in study.schedules:
-        study.schedules[key] = pages_of(study.settings, person.arms, len(study.stimuli), person.number)
-    return study.schedules[key]
+    return pages_of(study.settings, person.arms, len(study.stimuli), person.number)
 
 
 def questions_of(study: Study, page: Page) -> list[Question]:
