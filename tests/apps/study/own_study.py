@@ -34,6 +34,7 @@ def stimulus(number: int) -> dict[str, Any]:
         "phrases": ["left", "straight", "right"],
         "truth": {"at": number / 10, "choice": number % 3},
         "explanations": {"ibe": {"expressions": [0.5, 1.0], "phrases": ["right", "right"]}},
+        "observers": {"none": {"at": 0.9, "choice": 2}, "ibe": {"at": number / 10, "choice": number % 3}},
     }
 
 
