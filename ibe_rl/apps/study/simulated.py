@@ -18,6 +18,8 @@ from ibe_rl.types import ConfigError
 
 WHICH_AGENT = "which_agent"
 SIDES = 2
+NOTHING = "-"
+"""What is written where something has to be."""
 SURE, UNSURE, SPREAD = 75.0, 40.0, 15.0
 """Confidence in percent after an answer that was thought about, after a guess, and its standard deviation."""
 PEOPLE_DIFFER = 0.3
@@ -164,7 +166,8 @@ def _choice(
 
 
 def _options(asked: Sequence[Question], careless: bool, random: np.random.Generator) -> list[Any]:
-    return [_option(one, careless, random) if one.options else None if one.optional else "" for one in asked]
+    written = {True: None, False: NOTHING}
+    return [_option(one, careless, random) if one.options else written[one.optional] for one in asked]
 
 
 def _option(question: Question, careless: bool, random: np.random.Generator) -> int:
