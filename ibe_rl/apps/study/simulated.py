@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.messages import LANDING
 from ibe_rl.apps.study.questions import Question
 from ibe_rl.apps.study.schedule import ATTENTION, COMMENT, COMPREHENSION, CONSENT, TRIAL, Page
-from ibe_rl.apps.study.settings import NONE
+from ibe_rl.apps.study.settings import LANDING, NONE, WHICH_AGENT
 from ibe_rl.apps.study.sitting import questions_of
 from ibe_rl.types import ConfigError
 
-WHICH_AGENT = "which_agent"
 SIDES = 2
 NOTHING = "-"
 """What is written where something has to be."""

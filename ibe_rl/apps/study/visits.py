@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ibe_rl.apps.study.answers import Answer, Answers
+from ibe_rl.apps.study.episode_file import sides_of
 from ibe_rl.apps.study.folder import Study
 from ibe_rl.apps.study.schedule import TRIAL, Page
 from ibe_rl.apps.study.simulated import Participant, answer_page, time_s
@@ -127,8 +128,8 @@ def played_s(study: Study, page: Page) -> float:
     """How long a trial's episode plays before it can be answered; 0 on other pages."""
     if page.kind != TRIAL:
         return 0.0
-    one = study.stimuli[page.episode]
-    return sum(len(part["frames"]) * part.get("frame_ms", 40) for part in one.get("sides", [one])) / 1000
+    sides = sides_of(study.stimuli[page.episode], study.settings.trials.task)
+    return sum(len(side["frames"]) * side["frame_ms"] for side in sides) / 1000
 
 
 def _pages(study: Study, answers: Answers, token: str) -> dict[str, Page]:
