@@ -189,4 +189,9 @@ def _parameters(body: bytes) -> dict[str, str]:
     known = {one for recruiter in KNOWN.values() for one in (recruiter.id, *recruiter.fields)} | {"pilot"}
     if not isinstance(given, Mapping):
         return {}
-    return {name: value for name, value in given.items() if name in known and isinstance(value, str)}
+    return {name: value for name, value in given.items() if name in known and _is_text(value)}
+
+
+def _is_text(value: Any) -> bool:
+    """Whether this can be written down: half a character, as JSON allows it, cannot."""
+    return isinstance(value, str) and value.isprintable()
