@@ -19,13 +19,8 @@ from ibe_rl.apps.study.assignment import Order
 from ibe_rl.types import ConfigError
 
 FILE = "answers.sqlite"
-FINISHED, SCREENED_OUT, NO_CONSENT, WITHDRAWN, TIMED_OUT = (
-    "finished",
-    "screened_out",
-    "no_consent",
-    "withdrawn",
-    "timed_out",
-)
+FINISHED, SCREENED_OUT, NO_CONSENT = "finished", "screened_out", "no_consent"
+WITHDRAWN, TIMED_OUT = "withdrawn", "timed_out"
 TABLES = """
 CREATE TABLE IF NOT EXISTS people (
     number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -144,7 +139,7 @@ class Answers:
             sqlite3.IntegrityError: if this ID takes part already; ask ``of_recruit`` before.
         """
         token, now = secrets.token_urlsafe(TOKEN_BYTES), _now()
-        with self._transaction():
+        with self.transaction():
             row = self._store.execute(
                 "INSERT INTO people (token, arms, protocol, pilot, begun_at, last_at) VALUES (?, ?, ?, ?, ?, ?)",
                 (token, json.dumps(arms), protocol, pilot, now, now),
@@ -183,7 +178,7 @@ class Answers:
         Returns:
             False if this attempt at the page was answered before; the first answer stays.
         """
-        with self._transaction():
+        with self.transaction():
             row = self._store.execute(
                 "INSERT OR IGNORE INTO answers VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                 (
@@ -214,7 +209,7 @@ class Answers:
 
     def end(self, person: Person, how: str) -> None:
         """Note how somebody left; what is noted first stays."""
-        with self._transaction():
+        with self.transaction():
             self._store.execute(
                 "UPDATE people SET ended = ?, last_at = ? WHERE number = ? AND ended IS NULL",
                 (how, _now(), person.number),
@@ -222,7 +217,7 @@ class Answers:
 
     def withdraw(self, person: Person) -> None:
         """Delete a person's answers and the recruiter's ID; that somebody withdrew stays, as a count."""
-        with self._transaction():
+        with self.transaction():
             self._store.execute("DELETE FROM answers WHERE person = ?", (person.number,))
             self._store.execute("DELETE FROM recruits WHERE person = ?", (person.number,))
             self._store.execute(
@@ -234,7 +229,7 @@ class Answers:
     def release(self, after_minutes: float) -> int:
         """Give back the places of people who have not answered for so long; returns how many."""
         limit = (datetime.now(UTC) - timedelta(minutes=after_minutes)).isoformat(timespec="milliseconds")
-        with self._transaction():
+        with self.transaction():
             row = self._store.execute(
                 "UPDATE people SET ended = ? WHERE ended IS NULL AND last_at < ?", (TIMED_OUT, limit)
             )
@@ -264,7 +259,7 @@ class Answers:
 
     @recruiting.setter
     def recruiting(self, wanted: bool) -> None:
-        with self._transaction():
+        with self.transaction():
             self._store.execute("INSERT OR REPLACE INTO switches VALUES (?, ?)", (RECRUITING, ON if wanted else OFF))
 
     def begun(self) -> bool:
@@ -276,14 +271,17 @@ class Answers:
         return _person(row) if row else None
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._store.execute("BEGIN IMMEDIATE")
+    def transaction(self) -> Iterator[None]:
+        """Write all or nothing, on disk when it is left; one inside another is on disk with the outer one."""
+        inside = self._store.in_transaction
+        self._store.execute("SAVEPOINT inner" if inside else "BEGIN IMMEDIATE")
         try:
             yield
+            self._store.execute("RELEASE inner" if inside else "COMMIT")
         except BaseException:
-            self._store.execute("ROLLBACK")
+            if self._store.in_transaction:  # a disk that is full may have ended it
+                self._store.execute("ROLLBACK TO inner" if inside else "ROLLBACK")
             raise
-        self._store.execute("COMMIT")
 
 
 _PERSON = "SELECT number, token, arms, protocol, pilot, ended FROM people"

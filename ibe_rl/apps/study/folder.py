@@ -36,7 +36,7 @@ PROTOCOL = "protocol.json"
 HASH_DIGITS = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each opening is another one
 class Study:
     """An opened study.
 

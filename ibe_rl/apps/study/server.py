@@ -17,10 +17,11 @@ from aiohttp.typedefs import Handler
 from ibe_rl.apps.study.answers import WITHDRAWN, Answers, Person
 from ibe_rl.apps.study.content import about, feedback_on, shown_now
 from ibe_rl.apps.study.folder import Study
+from ibe_rl.apps.study.joint_writer import JointWriter
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, is_known_code, recruit_of
 from ibe_rl.apps.study.settings import CODES
-from ibe_rl.apps.study.sitting import FullError, enter, schedule_of, take
+from ibe_rl.apps.study.sitting import FullError, enter, schedule_of
 
 PAGE_PARTS = {
     "page.js": "text/javascript",
@@ -37,6 +38,7 @@ SECURITY_HEADERS = {
     "Cache-Control": "no-store",
 }
 STUDY, ANSWERS = web.AppKey("study", Study), web.AppKey("answers", Answers)
+WRITER = web.AppKey("writer", JointWriter)
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _log = logging.getLogger("ibe_rl.study")
 
@@ -44,7 +46,7 @@ _log = logging.getLogger("ibe_rl.study")
 def study_app(study: Study, answers: Answers) -> web.Application:
     """The pages of a study, and what they ask."""
     app = web.Application(middlewares=[guard], client_max_size=MAX_ANSWER_BYTES)
-    app[STUDY], app[ANSWERS] = study, answers
+    app[STUDY], app[ANSWERS], app[WRITER] = study, answers, JointWriter(study, answers)
     app.add_routes(
         [
             web.get("/", _page),
@@ -157,7 +159,7 @@ async def _answer(request: web.Request) -> web.Response:
     body = await request.read()
     try:
         answer = parse_answer(body)
-        became = take(study, answers, person, answer)
+        became = await request.app[WRITER].take(person, answer)
     except BadAnswerError as error:
         return refused(409, str(error), now=shown_now(study, answers, _person(request)))
     page = next(one for one in schedule_of(study, person) if one.name == answer.page)
@@ -187,4 +189,9 @@ def _parameters(body: bytes) -> dict[str, str]:
     known = {one for recruiter in KNOWN.values() for one in (recruiter.id, *recruiter.fields)} | {"pilot"}
     if not isinstance(given, Mapping):
         return {}
-    return {name: value for name, value in given.items() if name in known and isinstance(value, str)}
+    return {name: value for name, value in given.items() if name in known and _is_text(value)}
+
+
+def _is_text(value: Any) -> bool:
+    """Whether this can be written down: half a character, as JSON allows it, cannot."""
+    return isinstance(value, str) and value.isprintable()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from ibe_rl.apps.study.answers import (
@@ -15,7 +16,7 @@ from ibe_rl.apps.study.answers import (
     Answers,
     Person,
 )
-from ibe_rl.apps.study.assignment import assign
+from ibe_rl.apps.study.assignment import Order, assign
 from ibe_rl.apps.study.folder import Study
 from ibe_rl.apps.study.messages import BadAnswerError, check_answer
 from ibe_rl.apps.study.questions import Question
@@ -35,6 +36,9 @@ from ibe_rl.apps.study.settings import NEXT_WORDS, WHICH_AGENT
 
 ANSWER_TAKEN, ANSWERED_BEFORE = "taken", "answered before"
 """What became of an answer."""
+
+
+MOST_SCHEDULES = 1024
 
 
 class FullError(Exception):
@@ -81,8 +85,11 @@ def enter(
 
 def position(study: Study, answers: Answers, person: Person) -> Position:
     """Where a person is, from what they have answered."""
+    return _position(study, person, answers.answers_of(person))
+
+
+def _position(study: Study, person: Person, given: Sequence[Answer]) -> Position:
     pages = schedule_of(study, person)
-    given = answers.answers_of(person)
     if person.ended is not None and person.ended != TIMED_OUT:
         return Position(None, 1, person.ended, len(pages), len(pages))
     place, attempt = _place(study, pages, given)
@@ -100,9 +107,10 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     Raises:
         BadAnswerError: if it answers another page, or does not fit.
     """
-    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in answers.answers_of(person)):
+    given = answers.answers_of(person)
+    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in given):
         return ANSWERED_BEFORE
-    at = position(study, answers, person)
+    at = _position(study, person, given)
     if at.page is None or (answer.page, answer.attempt) != (at.page.name, at.attempt):
         raise BadAnswerError(f"the page to answer is {at.page.name if at.page else 'none'}, attempt {at.attempt}")
     check_answer(
@@ -116,9 +124,14 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     return ANSWER_TAKEN if kept else ANSWERED_BEFORE
 
 
-def schedule_of(study: Study, person: Person) -> list[Page]:
+def schedule_of(study: Study, person: Person) -> Sequence[Page]:
     """All pages of a person."""
-    return pages_of(study.settings, person.arms, len(study.stimuli), person.number)
+    return _schedule(study, person.arms, person.number)
+
+
+@lru_cache(maxsize=MOST_SCHEDULES)  # each message asks for it several times
+def _schedule(study: Study, arms: Order, number: int) -> tuple[Page, ...]:
+    return tuple(pages_of(study.settings, arms, len(study.stimuli), number))
 
 
 def questions_of(study: Study, page: Page) -> list[Question]:
