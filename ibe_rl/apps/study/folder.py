@@ -13,6 +13,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -60,12 +61,12 @@ class Study:
     stimuli: Sequence[dict[str, Any]]
     files: dict[str, str]
 
-    @property
+    @cached_property
     def protocol(self) -> str:
         """One hash of everything that a person sees and that decides what counts."""
         return _hash(json.dumps(self.files, sort_keys=True).encode())
 
-    @property
+    @cached_property
     def orders(self) -> list[Order]:
         """The orders of arms that are given out."""
         if self.settings.design == MIXED:
