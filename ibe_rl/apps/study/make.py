@@ -1,0 +1,210 @@
+"""``make``: a study in a folder of one's own, from a trained run."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import yaml
+
+from ibe_rl import __version__
+from ibe_rl.apps.study.assignment import orders_of
+from ibe_rl.apps.study.folder import SETTINGS, STIMULI, TEXTS, open_study
+from ibe_rl.apps.study.preparing import StimuliPlan, pairs_from, stimuli_from
+from ibe_rl.apps.study.schedule import episodes_needed
+from ibe_rl.apps.study.settings import NONE, WITHIN, StudySettings, read_settings
+from ibe_rl.config.declared import meanings
+from ibe_rl.config.limits import allowed_values
+from ibe_rl.storage.run_folder import PARTIAL
+from ibe_rl.types import ConfigError
+
+ABOUT = "made.json"
+"""What a study was made from."""
+PAIRED_TASK = "which_agent"
+TO_FILL_IN = "[["
+"""Begins what only the lab itself can say in a text."""
+_SECONDS = {"page": 25.0, "trial": 25.0, "question": 7.0}
+"""How long people take, for what the consent says of it; generous."""
+
+
+def make(
+    run: str | None = None,
+    out: str = "study",
+    other: str | None = None,
+    until: str | None = None,
+    stimuli: int = 0,
+    flights: int = 200,
+    pace: float = 1.0,
+    seed: int = 0,
+    **study: Any,
+) -> Path:
+    """Make a study from a trained run: stimuli, study.yaml and texts, in a new folder.
+
+    Args:
+        run: folder of the run; "demo" is the one that comes along; null: the newest below runs/
+        out: the folder to make
+        other: of which_agent: folder of a second run; null: an earlier policy of the same run
+        until: what is asked about: "contact", where it first touches, "end", as in the paper, or "lot", any
+            moment; null: contact if the environment declares it, else lot
+        stimuli: how many episodes; 0: as many as a person sees
+        flights: flown beforehand, for the paper's vocabulary and the simulated observers
+        pace: 1 plays as fast as the environment is, 0.5 half as fast
+        seed: of the episodes
+        study: settings of study.yaml
+
+    Returns:
+        the folder.
+
+    Raises:
+        ConfigError: naming the key, the value and what is allowed; nothing is left behind.
+    """
+    settings, folder = read_settings(nested(study), "make"), Path(out)
+    needed = episodes_needed(settings, len(orders_of(settings.arms, settings.design == WITHIN)[0]))
+    _check(stimuli, flights, pace, seed, needed)
+    plan = StimuliPlan(run, other, stimuli or needed, flights, pace, seed, until)
+    partial = _begun(folder)
+    try:
+        paired = settings.trials.task == PAIRED_TASK
+        made, about = pairs_from(plan) if paired else stimuli_from(plan)
+        _check_arms(settings, made[0])
+        write_study_files(partial, settings, made, about)
+        open_study(partial)
+        partial.rename(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return folder
+
+
+def nested(study: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as ``trials.each_arm`` to groups.
+
+    Raises:
+        ConfigError: if a key is both a group and a value.
+    """
+    found: dict[str, Any] = {}
+    for key, value in study.items():
+        *groups, name = key.split(".")
+        place = found
+        for group in groups:
+            place = place.setdefault(group, {})
+            if not isinstance(place, dict):
+                raise ConfigError(f"{key}={value}: {group} has a value of its own; allowed is one of both")
+        place[name] = value
+    return found
+
+
+def _check(stimuli: int, flights: int, pace: float, seed: int, needed: int) -> None:
+    limits = (
+        ("stimuli", stimuli, stimuli == 0 or max(needed, 2) <= stimuli <= 1000, f"0, or {max(needed, 2)} to 1000"),
+        ("flights", flights, 2 <= flights <= 5000, "2 to 5000"),
+        ("pace", pace, 0.01 <= pace <= 10, "0.01 to 10"),
+        ("seed", seed, 0 <= seed < 1000, "0 to 999"),
+    )
+    for key, value, fits, allowed in limits:
+        if not fits:
+            raise ConfigError(f"{key}={value}: allowed is {allowed}")
+    if not stimuli and not 2 <= needed <= 1000:
+        raise ConfigError(f"trials: a person sees {needed} episodes; allowed are 2 to 1000")
+
+
+def _begun(folder: Path) -> Path:
+    """A folder beside the one that is wanted."""
+    if folder.exists():
+        raise ConfigError(f"out={folder}: it is there already; allowed is a new folder")
+    partial = folder.with_name(folder.name + PARTIAL)
+    try:
+        shutil.rmtree(partial, ignore_errors=True)  # of a program that was killed
+        (partial / STIMULI).mkdir(parents=True)
+    except OSError as error:
+        raise ConfigError(f"out={folder}: allowed is a folder that can be written to ({error.strerror})") from None
+    return partial
+
+
+def _check_arms(settings: StudySettings, stimulus: Mapping[str, Any]) -> None:
+    for arm in settings.arms:
+        if arm != NONE and arm not in stimulus["explanations"]:
+            raise ConfigError(
+                f"arms={settings.arms}: this agent's flights teach no vocabulary for {arm}; allowed are more flights, "
+                f"or arms without it"
+            )
+
+
+def write_study_files(
+    folder: Path, settings: StudySettings, stimuli: list[dict[str, Any]], about: Mapping[str, Any]
+) -> None:
+    """Write study.yaml, stimuli, texts and what it was made from."""
+    (folder / SETTINGS).write_text(commented(settings), encoding="utf-8")
+    for number, one in enumerate(stimuli):
+        text = json.dumps(one, allow_nan=False, separators=(",", ":"))
+        (folder / STIMULI / f"{number:03d}.json").write_text(text + "\n", encoding="utf-8")
+    words = _words(settings, len(orders_of(settings.arms, settings.design == WITHIN)[0]))
+    for language in files(__package__).joinpath(TEXTS).iterdir():
+        _copy_texts(language, folder / TEXTS / language.name, settings.trials.task, words)
+    kept = {"version": __version__, "task": settings.trials.task, "stimuli": len(stimuli), **about}
+    (folder / ABOUT).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
+
+
+def _copy_texts(source: Traversable, to: Path, task: str, words: Mapping[str, str]) -> None:
+    """Texts of a language; of those for one task, ``NAME.TASK.md``, the ones for this task."""
+    to.mkdir(parents=True, exist_ok=True)
+    for one in source.iterdir():
+        if one.is_dir():
+            _copy_texts(one, to / one.name, task, words)
+            continue
+        name, *tasks, ending = one.name.split(".")
+        if tasks in ([], [task]):
+            text = Template(one.read_text(encoding="utf-8")).safe_substitute(words)
+            (to / f"{name}.{ending}").write_text(text, encoding="utf-8")
+
+
+def _words(settings: StudySettings, arms: int) -> dict[str, str]:
+    """What texts say of this study."""
+    trials = settings.trials
+    pages = 6 + len(settings.scales)
+    seen = episodes_needed(settings, arms)
+    seconds = pages * _SECONDS["page"] + seen * _SECONDS["trial"] + 8 * len(settings.scales) * _SECONDS["question"]
+    return {
+        "title": settings.title,
+        "minutes": str(max(5, 5 * round(seconds / 300))),
+        "practice": str(trials.practice),
+        "trials": str(seen - trials.practice),
+        "contact": settings.contact or f"{TO_FILL_IN}who answers questions, with an address]]",
+    }
+
+
+def commented(settings: StudySettings) -> str:
+    """study.yaml, each setting with what it means and what is allowed."""
+    head = ["# A study of ibe_rl. Change what you need before the first person begins; serving checks it.", ""]
+    return "\n".join([*head, *_lines(settings, "")]) + "\n"
+
+
+def _lines(settings: Any, indent: str) -> list[str]:
+    found = []
+    said = meanings(type(settings))
+    for item in fields(settings):
+        value = getattr(settings, item.name)
+        about = "; ".join(filter(None, (said.get(item.name, ""), allowed_values(item.metadata))))
+        found += [f"{indent}# {about}"] if about else []
+        if is_dataclass(value):
+            found += [f"{indent}{item.name}:", *_lines(value, indent + "  "), ""]
+        else:
+            found.append(f"{indent}{_yaml_line(item.name, value)}")
+    return found
+
+
+def _yaml_line(name: str, value: Any) -> str:
+    text = yaml.safe_dump({name: value}, default_flow_style=True, width=10_000, allow_unicode=True).strip()
+    return text[1:-1]
+
+
+def to_fill_in(folder: Path) -> list[str]:
+    """Texts of a study in which something is left that only the lab can say."""
+    texts = sorted((folder / TEXTS).rglob("*.md"))
+    return [str(one.relative_to(folder)) for one in texts if TO_FILL_IN in one.read_text(encoding="utf-8")]
