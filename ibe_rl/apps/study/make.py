@@ -15,11 +15,10 @@ from typing import Any
 import yaml
 
 from ibe_rl import __version__
-from ibe_rl.apps.study.assignment import orders_of
-from ibe_rl.apps.study.folder import SETTINGS, STIMULI, TEXTS, open_study
-from ibe_rl.apps.study.preparing import StimuliPlan, pairs_from, stimuli_from
+from ibe_rl.apps.study.assignment import mixed_orders, orders_of
+from ibe_rl.apps.study.folder import STIMULI, STUDY_YAML, TEXTS, open_study
 from ibe_rl.apps.study.schedule import episodes_needed
-from ibe_rl.apps.study.settings import NONE, WITHIN, StudySettings, read_settings
+from ibe_rl.apps.study.settings import MIXED, NONE, WHICH_AGENT, WITHIN, StudySettings, read_settings
 from ibe_rl.config.declared import meanings
 from ibe_rl.config.limits import allowed_values
 from ibe_rl.storage.run_folder import PARTIAL
@@ -27,7 +26,6 @@ from ibe_rl.types import ConfigError
 
 ABOUT = "made.json"
 """What a study was made from."""
-PAIRED_TASK = "which_agent"
 TO_FILL_IN = "[["
 """Begins what only the lab itself can say in a text."""
 _SECONDS = {"page": 25.0, "trial": 25.0, "question": 7.0}
@@ -53,10 +51,10 @@ def make(
         other: of which_agent: folder of a second run; null: an earlier policy of the same run
         until: what is asked about: "contact", where it first touches, "end", as in the paper, or "lot", any
             moment; null: contact if the environment declares it, else lot
-        stimuli: how many episodes; 0: as many as a person sees
+        stimuli: how many episodes; 0: as many as a person sees, and one as the example in the instructions
         flights: flown beforehand, for the paper's vocabulary and the simulated observers
         pace: 1 plays as fast as the environment is, 0.5 half as fast
-        seed: of the episodes
+        seed: of the episodes, and of the study
         study: settings of study.yaml
 
     Returns:
@@ -65,13 +63,15 @@ def make(
     Raises:
         ConfigError: naming the key, the value and what is allowed; nothing is left behind.
     """
-    settings, folder = read_settings(nested(study), "make"), Path(out)
-    needed = episodes_needed(settings, len(orders_of(settings.arms, settings.design == WITHIN)[0]))
+    from ibe_rl.apps.study.preparing import StimuliPlan, pairs_from, stimuli_from  # imports torch
+
+    settings, folder = read_settings(nested({"seed": seed, **study}), "make"), Path(out)
+    needed = episodes_needed(settings, arms_each(settings))
     _check(stimuli, flights, pace, seed, needed)
-    plan = StimuliPlan(run, other, stimuli or needed, flights, pace, seed, until)
+    plan = StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until)
     partial = _begun(folder)
     try:
-        paired = settings.trials.task == PAIRED_TASK
+        paired = settings.trials.task == WHICH_AGENT
         made, about = pairs_from(plan) if paired else stimuli_from(plan)
         _check_arms(settings, made[0])
         write_study_files(partial, settings, made, about)
@@ -80,6 +80,13 @@ def make(
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return folder
+
+
+def arms_each(settings: StudySettings) -> int:
+    """How many arms a person goes through."""
+    if settings.design == MIXED:
+        return len(mixed_orders(settings.arms, NONE)[0])
+    return len(orders_of(settings.arms, settings.design == WITHIN)[0])
 
 
 def nested(study: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,8 +117,8 @@ def _check(stimuli: int, flights: int, pace: float, seed: int, needed: int) -> N
     for key, value, fits, allowed in limits:
         if not fits:
             raise ConfigError(f"{key}={value}: allowed is {allowed}")
-    if not stimuli and not 2 <= needed <= 1000:
-        raise ConfigError(f"trials: a person sees {needed} episodes; allowed are 2 to 1000")
+    if not stimuli and not 1 <= needed < 1000:
+        raise ConfigError(f"trials: a person sees {needed} episodes; allowed are 1 to 999")
 
 
 def _begun(folder: Path) -> Path:
@@ -140,11 +147,11 @@ def write_study_files(
     folder: Path, settings: StudySettings, stimuli: list[dict[str, Any]], about: Mapping[str, Any]
 ) -> None:
     """Write study.yaml, stimuli, texts and what it was made from."""
-    (folder / SETTINGS).write_text(commented(settings), encoding="utf-8")
+    (folder / STUDY_YAML).write_text(commented(settings), encoding="utf-8")
     for number, one in enumerate(stimuli):
         text = json.dumps(one, allow_nan=False, separators=(",", ":"))
         (folder / STIMULI / f"{number:03d}.json").write_text(text + "\n", encoding="utf-8")
-    words = _words(settings, len(orders_of(settings.arms, settings.design == WITHIN)[0]))
+    words = _words(settings, about)
     for language in files(__package__).joinpath(TEXTS).iterdir():
         _copy_texts(language, folder / TEXTS / language.name, settings.trials.task, words)
     kept = {"version": __version__, "task": settings.trials.task, "stimuli": len(stimuli), **about}
@@ -164,15 +171,18 @@ def _copy_texts(source: Traversable, to: Path, task: str, words: Mapping[str, st
             (to / f"{name}.{ending}").write_text(text, encoding="utf-8")
 
 
-def _words(settings: StudySettings, arms: int) -> dict[str, str]:
+def _words(settings: StudySettings, about: Mapping[str, Any]) -> dict[str, str]:
     """What texts say of this study."""
+    seconds = about.get("asked_s_after_clip")
     trials = settings.trials
     pages = 6 + len(settings.scales)
-    seen = episodes_needed(settings, arms)
+    seen = episodes_needed(settings, arms_each(settings))
     seconds = pages * _SECONDS["page"] + seen * _SECONDS["trial"] + 8 * len(settings.scales) * _SECONDS["question"]
     return {
         "title": settings.title,
         "minutes": str(max(5, 5 * round(seconds / 300))),
+        "moment": f"{seconds:.1f} seconds after the clip" if seconds else "in the end, when it has come down",
+        "later": f"{seconds:.1f} seconds later" if seconds else "in the end",
         "practice": str(trials.practice),
         "trials": str(seen - trials.practice),
         "contact": settings.contact or f"{TO_FILL_IN}who answers questions, with an address]]",
@@ -187,7 +197,8 @@ def commented(settings: StudySettings) -> str:
 
 def _lines(settings: Any, indent: str) -> list[str]:
     found = []
-    said = meanings(type(settings))
+    schema: type = type(settings)
+    said = meanings(schema)
     for item in fields(settings):
         value = getattr(settings, item.name)
         about = "; ".join(filter(None, (said.get(item.name, ""), allowed_values(item.metadata))))

@@ -17,7 +17,7 @@ from ibe_rl.apps.study.arms import Speaker
 from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, fly, instructor_of
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.sides import pairs_of
-from ibe_rl.apps.study.stimuli import TRIES_EACH_STIMULUS, balanced, check_until, cut_episodes, stimuli_of
+from ibe_rl.apps.study.stimuli import LOT, TRIES_EACH_STIMULUS, balanced, check_until, cut_episodes, stimuli_of
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -88,7 +88,8 @@ def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any
         pace_ms = _frame_ms(env.metadata, plan.pace)
         made = stimuli_of(chosen, speaker, flown.observer, scene, pace_ms, random, step)
     env.close()
-    return made, {**_about(plan, flown), "until": until}
+    asked_s = pace_ms * run.horizon_steps / _MS_PER_S if until == LOT else None
+    return made, {**_about(plan, flown), "until": until, "asked_s_after_clip": asked_s}
 
 
 def pairs_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]:
