@@ -75,29 +75,29 @@ def fly(run: TrainedRun, flights: int, seed: int) -> FlownAgent:
 
 
 def earlier_in(run: TrainedRun) -> TrainedRun:
-    """The same run as it was at its first policy that has a vocabulary.
+    """The same run as it was halfway: the middle one of its earlier policies that have a vocabulary.
 
     Raises:
         ConfigError: if it kept no earlier one.
     """
-    kept = kept_refreshes(run)
-    for frame, policy in sorted(kept_policies(run).items()):
-        learnt = [at for at in kept if at <= frame]
-        if learnt and frame < run.policy_frame:
-            saved = kept[max(learnt)]
-            return replace(
-                run,
-                policy=policy,
-                policy_frame=frame,
-                mapping=saved.mapping,
-                mapping_frame=saved.frame,
-                horizon_steps=saved.horizon_steps,
-                spans=saved.spans,
-                calibration=saved.calibration,
-            )
-    raise ConfigError(
-        f"other=null with run={run.folder}: it kept no earlier policy with a vocabulary; allowed is another run to "
-        "compare it with"
+    kept, policies = kept_refreshes(run), kept_policies(run)
+    frames = [frame for frame in sorted(policies) if min(kept) <= frame < run.policy_frame]
+    if not frames:
+        raise ConfigError(
+            f"other=null with run={run.folder}: it kept no earlier policy with a vocabulary; allowed is another run to "
+            "compare it with"
+        )
+    frame = frames[len(frames) // 2]
+    saved = kept[max(at for at in kept if at <= frame)]
+    return replace(
+        run,
+        policy=policies[frame],
+        policy_frame=frame,
+        mapping=saved.mapping,
+        mapping_frame=saved.frame,
+        horizon_steps=saved.horizon_steps,
+        spans=saved.spans,
+        calibration=saved.calibration,
     )
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -21,6 +22,7 @@ from ibe_rl.apps.study.schedule import episodes_needed
 from ibe_rl.apps.study.settings import MIXED, NONE, WHICH_AGENT, WITHIN, StudySettings, read_settings
 from ibe_rl.config.declared import meanings
 from ibe_rl.config.limits import allowed_values
+from ibe_rl.runtime.operating_system import lock_file
 from ibe_rl.storage.run_folder import PARTIAL
 from ibe_rl.types import ConfigError
 
@@ -28,6 +30,7 @@ ABOUT = "made.json"
 """What a study was made from."""
 TO_FILL_IN = "[["
 """Begins what only the lab itself can say in a text."""
+_LOCK = "lock"
 _SECONDS = {"page": 25.0, "trial": 25.0, "question": 7.0}
 """How long people take, for what the consent says of it; generous."""
 
@@ -68,17 +71,16 @@ def make(
     settings, folder = read_settings(nested({"seed": seed, **study}), "make"), Path(out)
     needed = episodes_needed(settings, arms_each(settings))
     _check(stimuli, flights, pace, seed, needed)
+    paired = settings.trials.task == WHICH_AGENT
+    if (other if not paired else until) is not None:
+        key, value = ("until", until) if paired else ("other", other)
+        raise ConfigError(f"{key}={value} with trials.task={settings.trials.task}: allowed is null")
     plan = StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until)
-    partial = _begun(folder)
-    try:
-        paired = settings.trials.task == WHICH_AGENT
+    with _new_folder(folder) as partial:
         made, about = pairs_from(plan) if paired else stimuli_from(plan)
         _check_arms(settings, made[0])
         write_study_files(partial, settings, made, about)
         open_study(partial)
-        partial.rename(folder)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
     return folder
 
 
@@ -121,17 +123,28 @@ def _check(stimuli: int, flights: int, pace: float, seed: int, needed: int) -> N
         raise ConfigError(f"trials: a person sees {needed} episodes; allowed are 1 to 999")
 
 
-def _begun(folder: Path) -> Path:
-    """A folder beside the one that is wanted."""
+@contextmanager
+def _new_folder(folder: Path) -> Iterator[Path]:
+    """A folder under another name, which takes its own in the end, or is gone if the body fails."""
     if folder.exists():
         raise ConfigError(f"out={folder}: it is there already; allowed is a new folder")
     partial = folder.with_name(folder.name + PARTIAL)
     try:
-        shutil.rmtree(partial, ignore_errors=True)  # of a program that was killed
-        (partial / STIMULI).mkdir(parents=True)
+        partial.mkdir(parents=True, exist_ok=True)
+        with (partial / _LOCK).open("w") as lock:
+            if not lock_file(lock):
+                raise ConfigError(f"out={folder}: another program is making it; allowed is a new folder")
+            try:
+                shutil.rmtree(partial / STIMULI, ignore_errors=True)  # of a program that was killed
+                shutil.rmtree(partial / TEXTS, ignore_errors=True)
+                (partial / STIMULI).mkdir()
+                yield partial
+                (partial / _LOCK).unlink()
+                partial.rename(folder)
+            finally:
+                shutil.rmtree(partial, ignore_errors=True)
     except OSError as error:
         raise ConfigError(f"out={folder}: allowed is a folder that can be written to ({error.strerror})") from None
-    return partial
 
 
 def _check_arms(settings: StudySettings, stimulus: Mapping[str, Any]) -> None:
@@ -173,7 +186,7 @@ def _copy_texts(source: Traversable, to: Path, task: str, words: Mapping[str, st
 
 def _words(settings: StudySettings, about: Mapping[str, Any]) -> dict[str, str]:
     """What texts say of this study."""
-    seconds = about.get("asked_s_after_clip")
+    ahead_s = about.get("asked_s_after_clip")
     trials = settings.trials
     pages = 6 + len(settings.scales)
     seen = episodes_needed(settings, arms_each(settings))
@@ -181,8 +194,8 @@ def _words(settings: StudySettings, about: Mapping[str, Any]) -> dict[str, str]:
     return {
         "title": settings.title,
         "minutes": str(max(5, 5 * round(seconds / 300))),
-        "moment": f"{seconds:.1f} seconds after the clip" if seconds else "in the end, when it has come down",
-        "later": f"{seconds:.1f} seconds later" if seconds else "in the end",
+        "moment": f"{ahead_s:.1f} seconds after the clip" if ahead_s else "in the end, when it has come down",
+        "later": f"{ahead_s:.1f} seconds later" if ahead_s else "in the end",
         "practice": str(trials.practice),
         "trials": str(seen - trials.practice),
         "contact": settings.contact or f"{TO_FILL_IN}who answers questions, with an address]]",

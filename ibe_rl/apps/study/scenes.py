@@ -98,5 +98,5 @@ def scene_of(task: Task, flown: Sequence[Episode], seen_steps: int, goal_may_sho
     middle = (low + high) / 2
     low, high = middle - (0.5 + _ROOM) * wide, middle + (0.5 + _ROOM) * wide
     if len(low) == 1:
-        low, high = np.append(low, 0.0), np.append(high, float(seen_steps))
+        low, high = np.append(low, -_ROOM * seen_steps), np.append(high, (1 + _ROOM) * seen_steps)
     return Scene(task, LINES_SIZE, low, high)
