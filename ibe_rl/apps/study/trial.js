@@ -92,7 +92,7 @@ function isLeftOut(value) {
 
 async function lookBack(now, recording, feedback, value, below) {
   const on = makeButton("next", say("next"));
-  const line = (kind, text) => make("p", { className: `key ${kind}` }, make("i"), text);
+  const line = (kind, text) => make("p", { className: `key ${kind}` }, now.task === "landing" ? make("i") : null, text);
   const named = (choice) => (now.questions.length ? `: ${now.questions[0].options[choice]}` : "");
   const keys = [line("true", say("true_answer") + named(feedback.choice)), line("chosen", say("your_answer") + named(value.choice))];
   below.replaceChildren(make("div", { id: "feedback", role: "status" }, make("p", { className: "asked" }, say("happened")), ...keys), inRow(on));

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from own_study import QUESTIONS, stimulus, write_study
+from own_study import stimulus, write_study
 
 from ibe_rl.apps.study.answers import FILE, Answers
 from ibe_rl.apps.study.folder import PROTOCOL, hold_protocol, open_study
@@ -57,7 +57,9 @@ def test_a_study_that_has_begun_is_not_changed(folder: Path) -> None:
     hold_protocol(study, answers)
     (folder / "stimuli/001.json").write_text((folder / "stimuli/002.json").read_text())
     (folder / "texts/en/new.md").write_text("")
-    with pytest.raises(ConfigError, match=r"stimuli/001.json, texts/en/new.md changed after the first person had begun"):
+    with pytest.raises(
+        ConfigError, match=r"stimuli/001.json, texts/en/new.md changed after the first person had begun"
+    ):
         hold_protocol(open_study(folder), answers)
     answers.close()
 
