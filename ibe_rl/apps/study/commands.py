@@ -24,8 +24,10 @@ import yaml
 
 from ibe_rl.apps.study.folder import open_study
 from ibe_rl.apps.study.settings import CODES, StudySettings
+from ibe_rl.apps.study.shipped_texts import to_fill_in
 from ibe_rl.config.declared import as_typed, declared
 from ibe_rl.config.limits import nearest
+from ibe_rl.config.manual import PAGE_COLUMNS
 from ibe_rl.runtime.installation import typed
 from ibe_rl.runtime.printed import prepare_output, visible
 from ibe_rl.types import ConfigError
@@ -38,9 +40,7 @@ FUNCTIONS = {
     "power": f"{_HERE}.power:power",
     "analyse": f"{_HERE}.analysis:analyse",
 }
-"""Command to the function that does it; its arguments are the settings of the command."""
-COLUMNS = 100
-"""Of a page."""
+"""StudyCommand to the function that does it; its arguments are the settings of the command."""
 _MAKE, _AND_SERVE = "make", "serve"
 """With ``make``: serve the study as soon as it is made."""
 _KINDS: dict[Any, str] = {
@@ -53,7 +53,7 @@ _KINDS: dict[Any, str] = {
 
 
 @dataclass(frozen=True)
-class Command:
+class StudyCommand:
     """One of the commands.
 
     Attributes:
@@ -120,7 +120,7 @@ class Command:
 def _row(setting: str, meaning: str, room: int = 22) -> list[str]:
     """A line of a page, or some, with what a setting means."""
     first = f"  {setting} ".ljust(room + 2)
-    return wrap(meaning, COLUMNS, initial_indent=first, subsequent_indent=" " * (room + 2)) or [first.rstrip()]
+    return wrap(meaning, PAGE_COLUMNS, initial_indent=first, subsequent_indent=" " * (room + 2)) or [first.rstrip()]
 
 
 def study_command(arguments: Sequence[str] | None = None) -> int:
@@ -149,7 +149,7 @@ def overview() -> str:
     return "\n".join([*lines, "", f"{typed('study')} COMMAND --help tells what can be set.", ""])
 
 
-def command_of(name: str) -> Command:
+def command_of(name: str) -> StudyCommand:
     """The command of a name, loaded.
 
     Raises:
@@ -159,12 +159,12 @@ def command_of(name: str) -> Command:
         raise ConfigError(f"study {name}: allowed is one of {', '.join(FUNCTIONS)}{nearest(name, FUNCTIONS)}")
     module, _, function = FUNCTIONS[name].partition(":")
     try:
-        return Command(name, getattr(import_module(module), function))
+        return StudyCommand(name, getattr(import_module(module), function))
     except ImportError as error:
         raise ConfigError(f"study {name}: needs what is not installed ({error}); allowed is the extra study") from None
 
 
-def _do(command: Command, arguments: Sequence[str]) -> None:
+def _do(command: StudyCommand, arguments: Sequence[str]) -> None:
     if {"--help", "-h"} & set(arguments):
         sys.stdout.write(command.page())
         return
@@ -180,10 +180,8 @@ def _do(command: Command, arguments: Sequence[str]) -> None:
         sys.stdout.write(f"{visible(str(done))}\n")
 
 
-def _make(command: Command, settings: Sequence[str]) -> None:
+def _make(command: StudyCommand, settings: Sequence[str]) -> None:
     """Make a study, say what is left to do, and serve it if that is asked for."""
-    from ibe_rl.apps.study.make import to_fill_in  # imports torch
-
     after = [one for one in settings if one.partition("=")[0] == _AND_SERVE]
     at_once = [_as_one_of([bool], _AND_SERVE, one.partition("=")[2]) for one in after]
     folder: Path = command.function(**dict(command.read(one) for one in settings if one not in after))

@@ -22,7 +22,7 @@ from ibe_rl.metrics.observer import Observer, calibrate_observer
 from ibe_rl.types import ConfigError, Episode, Instructor
 from ibe_rl.vocabulary.fitting import fit_mapping
 
-ENVS_AT_ONCE = 25
+_ENVS_AT_ONCE = 25
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def instructor_of(run: TrainedRun) -> Instructor:
 def fly(run: TrainedRun, flights: int, seed: int) -> FlownAgent:
     """Fly with the greedy policy, and learn the paper's vocabulary from that."""
     seeds = seeds_for("flown", seed, flights)
-    envs = [run.make_env() for _ in range(min(flights, ENVS_AT_ONCE))]
+    envs = [run.make_env() for _ in range(min(flights, _ENVS_AT_ONCE))]
     episodes = play(envs, run.policy, instructor_of(run), seeds)
     for env in envs:
         env.close()

@@ -7,19 +7,17 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from importlib.metadata import version
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import yaml
 
-from ibe_rl import __version__
 from ibe_rl.apps.study.assignment import mixed_orders, orders_of
 from ibe_rl.apps.study.folder import STIMULI, STUDY_YAML, TEXTS, open_study
 from ibe_rl.apps.study.schedule import episodes_needed
 from ibe_rl.apps.study.settings import MIXED, NONE, WHICH_AGENT, WITHIN, StudySettings, read_settings
+from ibe_rl.apps.study.shipped_texts import write_texts
 from ibe_rl.config.declared import meanings
 from ibe_rl.config.limits import allowed_values
 from ibe_rl.runtime.operating_system import lock_file
@@ -28,11 +26,7 @@ from ibe_rl.types import ConfigError
 
 ABOUT = "made.json"
 """What a study was made from."""
-TO_FILL_IN = "[["
-"""Begins what only the lab itself can say in a text."""
 _LOCK = "lock"
-_SECONDS = {"page": 25.0, "trial": 25.0, "question": 7.0}
-"""How long people take, for what the consent says of it; generous."""
 
 
 def make(
@@ -164,42 +158,9 @@ def write_study_files(
     for number, one in enumerate(stimuli):
         text = json.dumps(one, allow_nan=False, separators=(",", ":"))
         (folder / STIMULI / f"{number:03d}.json").write_text(text + "\n", encoding="utf-8")
-    words = _words(settings, about)
-    for language in files(__package__).joinpath(TEXTS).iterdir():
-        _copy_texts(language, folder / TEXTS / language.name, settings.trials.task, words)
-    kept = {"version": __version__, "task": settings.trials.task, "stimuli": len(stimuli), **about}
+    write_texts(folder, settings, about, arms_each(settings))
+    kept = {"version": version("ibe_rl"), "task": settings.trials.task, "stimuli": len(stimuli), **about}
     (folder / ABOUT).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
-
-
-def _copy_texts(source: Traversable, to: Path, task: str, words: Mapping[str, str]) -> None:
-    """Texts of a language; of those for one task, ``NAME.TASK.md``, the ones for this task."""
-    to.mkdir(parents=True, exist_ok=True)
-    for one in source.iterdir():
-        if one.is_dir():
-            _copy_texts(one, to / one.name, task, words)
-            continue
-        name, *tasks, ending = one.name.split(".")
-        if tasks in ([], [task]):
-            text = Template(one.read_text(encoding="utf-8")).safe_substitute(words)
-            (to / f"{name}.{ending}").write_text(text, encoding="utf-8")
-
-
-def _words(settings: StudySettings, about: Mapping[str, Any]) -> dict[str, str]:
-    """What texts say of this study."""
-    ahead_s = about.get("asked_s_after_clip")
-    trials = settings.trials
-    pages = 6 + len(settings.scales)
-    seen = episodes_needed(settings, arms_each(settings))
-    seconds = pages * _SECONDS["page"] + seen * _SECONDS["trial"] + 8 * len(settings.scales) * _SECONDS["question"]
-    return {
-        "title": settings.title,
-        "minutes": str(max(5, 5 * round(seconds / 300))),
-        "moment": f"{ahead_s:.1f} seconds after the clip" if ahead_s else "in the end, when it has come down",
-        "later": f"{ahead_s:.1f} seconds later" if ahead_s else "in the end",
-        "practice": str(trials.practice),
-        "trials": str(seen - trials.practice),
-        "contact": settings.contact or f"{TO_FILL_IN}who answers questions, with an address]]",
-    }
 
 
 def commented(settings: StudySettings) -> str:
@@ -226,9 +187,3 @@ def _lines(settings: Any, indent: str) -> list[str]:
 def _yaml_line(name: str, value: Any) -> str:
     text = yaml.safe_dump({name: value}, default_flow_style=True, width=10_000, allow_unicode=True).strip()
     return text[1:-1]
-
-
-def to_fill_in(folder: Path) -> list[str]:
-    """Texts of a study in which something is left that only the lab can say."""
-    texts = sorted((folder / TEXTS).rglob("*.md"))
-    return [str(one.relative_to(folder)) for one in texts if TO_FILL_IN in one.read_text(encoding="utf-8")]

@@ -17,7 +17,14 @@ from ibe_rl.apps.study.arms import Speaker
 from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, fly, instructor_of
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.sides import pairs_of
-from ibe_rl.apps.study.stimuli import LOT, TRIES_EACH_STIMULUS, balanced, check_until, cut_episodes, stimuli_of
+from ibe_rl.apps.study.stimuli import (
+    BY_LOT,
+    TRIES_EACH_STIMULUS,
+    balanced_episodes,
+    check_until,
+    cut_episodes,
+    stimuli_of,
+)
 from ibe_rl.config.settings import EnvConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation.moments import SEEN_STEPS
@@ -28,7 +35,7 @@ from ibe_rl.runtime.installation import shipped
 from ibe_rl.types import ConfigError
 from ibe_rl.view.clip import FRAMES_PER_S
 
-DEMO = "demo"
+_DEMO = "demo"
 _MS_PER_S = 1000.0
 
 
@@ -61,8 +68,8 @@ def opened(run: str | None) -> ExplainedAgent:
     Raises:
         ConfigError: if it is none.
     """
-    if run == DEMO and not Path(DEMO).exists():
-        run = str(shipped(DEMO))
+    if run == _DEMO and not Path(_DEMO).exists():
+        run = str(shipped(_DEMO))
     return open_run(run)
 
 
@@ -83,12 +90,12 @@ def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any
     env = make_env(hidden)
     found = cut_episodes(env, run.task, run.policy, instructor_of(run), seeds, run.horizon_steps, until)
     with progress_bar("episodes", plan.count) as step:
-        chosen = balanced(found, scene, plan.count, random, step)
+        chosen = balanced_episodes(found, scene, plan.count, random, step)
     with _speaker(agent, flown, plan.seed, hidden) as speaker, progress_bar("explanations", plan.count) as step:
         pace_ms = _frame_ms(env.metadata, plan.pace)
         made = stimuli_of(chosen, speaker, flown.observer, scene, pace_ms, random, step)
     env.close()
-    asked_s = pace_ms * run.horizon_steps / _MS_PER_S if until == LOT else None
+    asked_s = pace_ms * run.horizon_steps / _MS_PER_S if until == BY_LOT else None
     return made, {**_about(plan, flown), "until": until, "asked_s_after_clip": asked_s}
 
 

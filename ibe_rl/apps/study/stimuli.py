@@ -12,6 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from ibe_rl.apps.paper.names import AT_CONTACT, AT_END
 from ibe_rl.apps.study.arms import Asked, Speaker, SpokenFrames, expectations, words_of_others
 from ibe_rl.apps.study.scenes import Scene
 from ibe_rl.apps.study.settings import IBE, PAPER, PLACEBIC, TRUE_FUTURE
@@ -25,7 +26,8 @@ from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Episode, Instructor, Policy
 
 FORMAT = 1
-CONTACT, END, LOT = UNTIL = ("contact", "end", "lot")
+BY_LOT = "lot"
+UNTIL = (AT_CONTACT, AT_END, BY_LOT)
 """What people are asked about: where it first touches, where the episode ends (the paper), or a moment drawn by lot."""
 TRIES_EACH_STIMULUS = 10
 """Most episodes flown for each that is shown."""
@@ -67,21 +69,21 @@ def check_until(until: str | None, task: Task) -> str:
     """
     if until not in (None, *UNTIL):
         raise ConfigError(f"until={until}: allowed is one of {', '.join(UNTIL)}{nearest(str(until), UNTIL)}")
-    if until == CONTACT and task.first_contact is None:
-        raise ConfigError(f"until={until}: {task.name} does not declare first_contact; allowed are {END}, {LOT}")
-    return until or (LOT if task.first_contact is None else CONTACT)
+    if until == AT_CONTACT and task.first_contact is None:
+        raise ConfigError(f"until={until}: {task.name} does not declare first_contact; allowed are {AT_END}, {BY_LOT}")
+    return until or (BY_LOT if task.first_contact is None else AT_CONTACT)
 
 
-def cut(seed: int, watched: RecordedRollout, task: Task, horizon_steps: int, until: str) -> CutEpisode | None:
+def cut_episode(seed: int, watched: RecordedRollout, task: Task, horizon_steps: int, until: str) -> CutEpisode | None:
     """Cut an episode a horizon before the step that people are asked about; None if it is too short."""
     episode = watched.episode
     contact = len(episode) if task.first_contact is None else task.first_contact(episode.states)
     latest = contact - horizon_steps
-    comes_down = task.first_contact is None or until == LOT or episode.terminated
+    comes_down = task.first_contact is None or until == BY_LOT or episode.terminated
     if latest < SEEN_STEPS or not comes_down:
         return None
-    end = len(episode) if until == END else contact
-    if until == LOT:
+    end = len(episode) if until == AT_END else contact
+    if until == BY_LOT:
         end = horizon_steps + int(np.random.default_rng(seed).integers(SEEN_STEPS, latest + 1))
     return CutEpisode(seed, watched, end - horizon_steps, end)
 
@@ -97,12 +99,12 @@ def cut_episodes(
 ) -> Iterator[CutEpisode]:
     """Fly an episode for each seed, and cut those that suit."""
     for seed in seeds:
-        found = cut(seed, record_rollout(env, policy, instructor, seed), task, horizon_steps, until)
+        found = cut_episode(seed, record_rollout(env, policy, instructor, seed), task, horizon_steps, until)
         if found is not None:
             yield found
 
 
-def balanced(
+def balanced_episodes(
     found: Iterator[CutEpisode], scene: Scene, count: int, random: np.random.Generator, step: Callable[[], None]
 ) -> list[CutEpisode]:
     """The first episodes that end equally often at the left, in the middle and at the right of the picture.

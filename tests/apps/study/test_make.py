@@ -16,9 +16,10 @@ from processes import ROOT
 
 from ibe_rl.apps.study import flights, preparing
 from ibe_rl.apps.study.folder import open_study
-from ibe_rl.apps.study.make import arms_each, commented, make, nested, to_fill_in, write_study_files
+from ibe_rl.apps.study.make import arms_each, commented, make, nested, write_study_files
 from ibe_rl.apps.study.questions import read_questions
 from ibe_rl.apps.study.settings import StudySettings, read_settings
+from ibe_rl.apps.study.shipped_texts import to_fill_in
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.runtime.operating_system import lock_file
 from ibe_rl.types import ConfigError

@@ -15,7 +15,7 @@ from lifts import DRAWN, HORIZON, LIFT, ride, speaker
 
 from ibe_rl.apps.study.episode_file import read_episode
 from ibe_rl.apps.study.scenes import scene_of
-from ibe_rl.apps.study.stimuli import SEEN_STEPS, CutEpisode, balanced, check_until, cut, stimuli_of
+from ibe_rl.apps.study.stimuli import SEEN_STEPS, CutEpisode, balanced_episodes, check_until, cut_episode, stimuli_of
 from ibe_rl.metrics.observer import Observer
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
@@ -26,7 +26,7 @@ LANDED = ride([*range(40, 9, -1), *range(11, 21)])
 
 
 def test_the_frames_end_a_horizon_before_the_contact_or_the_end() -> None:
-    at_contact, at_end = (cut(1, LANDED, TOUCHING, HORIZON, until) for until in ("contact", "end"))
+    at_contact, at_end = (cut_episode(1, LANDED, TOUCHING, HORIZON, until) for until in ("contact", "end"))
     assert at_contact is not None
     assert at_end is not None
     assert (at_contact.first, at_contact.last, at_contact.end) == (26 - SEEN_STEPS + 1, 26, 30)
@@ -34,10 +34,10 @@ def test_the_frames_end_a_horizon_before_the_contact_or_the_end() -> None:
 
 
 def test_a_moment_by_lot_is_the_same_for_a_seed_and_leaves_room_for_frames_and_horizon() -> None:
-    found = [cut(seed, LANDED, TOUCHING, HORIZON, "lot") for seed in range(60)]
+    found = [cut_episode(seed, LANDED, TOUCHING, HORIZON, "lot") for seed in range(60)]
     lasts = {one.last for one in found if one is not None}
     assert lasts == {20, 21, 22, 23, 24, 25, 26}
-    assert cut(5, LANDED, TOUCHING, HORIZON, "lot") == found[5]
+    assert cut_episode(5, LANDED, TOUCHING, HORIZON, "lot") == found[5]
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_a_moment_by_lot_is_the_same_for_a_seed_and_leaves_room_for_frames_and_h
     [(ride(range(40, 17, -1)), "contact"), (ride(range(40, 0, -1), terminated=False), "contact")],
 )
 def test_episodes_that_are_too_short_or_never_come_down_do_not_suit(watched: Any, until: str) -> None:
-    assert cut(1, watched, TOUCHING, HORIZON, until) is None
+    assert cut_episode(1, watched, TOUCHING, HORIZON, until) is None
 
 
 def test_where_nothing_touches_the_moment_is_drawn_by_lot() -> None:
@@ -69,7 +69,7 @@ SCENE = scene_of(DRAWN, [], 24)
 def test_left_middle_and_right_come_equally_often_and_in_any_order() -> None:
     places = [1.0] * 20 + [10.0] * 20 + [19.0] * 20
     counted: list[int] = []
-    chosen = balanced(ending(places), SCENE, 9, np.random.default_rng(0), lambda: counted.append(1))
+    chosen = balanced_episodes(ending(places), SCENE, 9, np.random.default_rng(0), lambda: counted.append(1))
     ends = [float(one.states[-1, 0]) for one in chosen]
     assert Counter(ends) == {1.0: 3, 10.0: 3, 19.0: 3}
     assert ends != sorted(ends)
@@ -77,10 +77,10 @@ def test_left_middle_and_right_come_equally_often_and_in_any_order() -> None:
 
 
 def test_what_is_never_reached_is_filled_up_and_too_few_are_refused() -> None:
-    chosen = balanced(ending([1.0] * 9 + [19.0]), SCENE, 6, np.random.default_rng(0), lambda: None)
+    chosen = balanced_episodes(ending([1.0] * 9 + [19.0]), SCENE, 6, np.random.default_rng(0), lambda: None)
     assert Counter(float(one.states[-1, 0]) for one in chosen) == {1.0: 5, 19.0: 1}
     with pytest.raises(ConfigError, match="6 episodes are needed, 3 are long enough: a person sees 20 steps"):
-        balanced(ending([1.0] * 3), SCENE, 6, np.random.default_rng(0), lambda: None)
+        balanced_episodes(ending([1.0] * 3), SCENE, 6, np.random.default_rng(0), lambda: None)
 
 
 def test_a_stimulus_has_what_is_seen_what_is_said_and_what_came() -> None:

@@ -13,7 +13,8 @@ from own_study import write_study
 
 from ibe_rl import __main__ as command
 from ibe_rl.apps.study import commands, serving
-from ibe_rl.apps.study.commands import Command, command_of, overview, study_command
+from ibe_rl.apps.study.commands import StudyCommand, command_of, overview, study_command
+from ibe_rl.config.manual import PAGE_COLUMNS
 
 CALLS: list[tuple[Path, dict[str, Any]]] = []
 
@@ -112,7 +113,7 @@ def test_help_says_what_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
     assert "\n  run=null " in page
     assert "\n  trials.each_arm=12 " in page
     assert page.count("\n  seed=") == 1
-    assert max(map(len, page.splitlines()[3:])) <= commands.COLUMNS
+    assert max(map(len, page.splitlines()[3:])) <= PAGE_COLUMNS
 
 
 def test_real_commands_have_settings() -> None:
@@ -133,7 +134,7 @@ def test_a_study_is_made_and_served(
     def serve(folder: Path, codes: int = 0) -> None:
         told.append((folder, codes))
 
-    made = {"make": Command("make", make), "serve": Command("serve", serve)}
+    made = {"make": StudyCommand("make", make), "serve": StudyCommand("serve", serve)}
     monkeypatch.setattr(commands, "command_of", made.__getitem__)
     study_command(["make", "run=demo", "arms=none,ibe", "quota=6", "completion_codes.finished=C1", "serve=true"])
     study = {"arms": ["none", "ibe"], "quota": 6, "completion_codes.finished": "C1"}
@@ -148,7 +149,7 @@ def test_what_is_left_to_fill_in_is_said(
 ) -> None:
     folder = write_study(tmp_path / "study")
     (folder / "texts/en/consent.md").write_text("We are [[who]].")
-    monkeypatch.setattr(commands, "command_of", lambda name: Command(name, lambda **_: folder))
+    monkeypatch.setattr(commands, "command_of", lambda name: StudyCommand(name, lambda **_: folder))
     study_command(["make"])
     assert "still to be filled in, where it says [[…]]: texts/en/consent.md\n" in capsys.readouterr().out
 
@@ -169,5 +170,5 @@ def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(_: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(commands, "command_of", lambda name: Command(name, stop))
+    monkeypatch.setattr(commands, "command_of", lambda name: StudyCommand(name, stop))
     assert study_command(["serve", "mine"]) == 130
