@@ -27,7 +27,7 @@ from ibe_rl.apps.study.settings import ARMS, MIXED, NONE, WITHIN, StudySettings,
 from ibe_rl.apps.study.words import read_words
 from ibe_rl.types import ConfigError
 
-STUDY_YAML, TEXTS, STIMULI, SCALES, WORDS = "study.yaml", "texts", "stimuli", "scales", "words.yaml"
+STUDY_YAML, TEXTS, STIMULI, SCALES, WORDS_YAML = "study.yaml", "texts", "stimuli", "scales", "words.yaml"
 INFORMATION = "information"
 TEXT_PAGES = ("consent", "instructions", "debriefing")
 QUESTIONS = ("comprehension", "demographics", "attention")
@@ -96,7 +96,7 @@ def open_study(folder: Path) -> Study:
         {name: _text(texts / f"{name}.md") for name in told},
         {name: read_questions(values, str(asked[name])) for name, values in written.items()},
         {name: values.get("lead", "") for name, values in written.items()},
-        read_words(_yaml(texts / WORDS), str(texts / WORDS)),
+        read_words(_yaml(texts / WORDS_YAML), str(texts / WORDS_YAML)),
         [
             {**read_episode(_text(path), settings.trials.task, str(path)), "name": path.stem}
             for path in sorted((folder / STIMULI).glob("*.json"))
