@@ -39,6 +39,11 @@ QUESTIONS: dict[str, Any] = {
 SHAPE: dict[str, Any] = {"points": [[0.0, 1.0], [1.0, 1.0]], "colour": [200, 200, 200], "closed": False}
 
 
+TOLD_ARMS = ("paper", "ibe", "placebic", "true_future")
+TRUE_ARMS = ("ibe", "true_future")
+"""With these the simulated observers are right; with the others they say what they say without an explanation."""
+
+
 def recording(number: int, frames: int = 2) -> dict[str, Any]:
     """A square that moves across the picture."""
     return {
@@ -63,6 +68,8 @@ def stimulus(number: int, task: str = "landing") -> dict[str, Any]:
     """An episode of two frames."""
     told = {"seed": number, "context": "", "success": True, "phrases": ["left", "straight", "right"]}
     told["truth"] = {"at": number % 10 / 10, "choice": number % 2 if task == "which_agent" else number % 3}
+    prior = {"at": 0.9, "choice": 1}
+    told["observers"] = {"none": prior} | {arm: told["truth"] if arm in TRUE_ARMS else prior for arm in TOLD_ARMS}
     told["later"] = [[square(number + 2, 1.0)], [square(number + 3, 0.0)]]
     if task == "which_agent":
         return {**told, "frames": [], "explanations": {}, "sides": [recording(number), recording(number + 2)]}
