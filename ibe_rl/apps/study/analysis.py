@@ -17,7 +17,7 @@ from ibe_rl.apps.study.data import StudyData, answers_given, counted, free_texts
 from ibe_rl.apps.study.exclusions import exclusion_counts, reasons
 from ibe_rl.apps.study.findings import outcome
 from ibe_rl.apps.study.folder import Study, open_study
-from ibe_rl.apps.study.models import binomial_model, has_binomial, linear_model, r_script
+from ibe_rl.apps.study.models import linear_model, r_script
 from ibe_rl.apps.study.power import ANALYSIS, comparisons
 from ibe_rl.apps.study.registered import compared
 from ibe_rl.metrics.effect import corrected
@@ -120,7 +120,7 @@ def findings(study: Study, data: StudyData, pilot: bool, seed: int = 0) -> dict[
         "resamples": resamples,
         "registered": {**compared(some, pair, resamples, seed), "alpha": settings.test.alpha},
         "others": _others(some, pairs[1:], resamples, seed),
-        "models": _models(some, arms, reference, seed),
+        "model": linear_model(some, arms, reference),
         "means": measures.arm_means(some, arms, resamples, seed),
         "observers": measures.observer_means(of_episodes, arms),
         "episodes": of_episodes,
@@ -139,14 +139,6 @@ def _others(trials: pd.DataFrame, pairs: Sequence[tuple[str, str]], resamples: i
     for one, p in zip(known, corrected([one["p"] for one in known]), strict=True):
         one["p"] = p
     return found
-
-
-def _models(trials: pd.DataFrame, arms: Sequence[str], reference: str, seed: int) -> dict[str, Any]:
-    """The linear model; of choices the binomial one too, where what fits it is installed."""
-    linear = linear_model(trials, arms, reference)
-    wanted = linear is not None and bool(trials["correct"].notna().all())
-    binomial = binomial_model(trials, arms, reference, seed) if wanted and has_binomial() else None
-    return {"linear": linear, "binomial": binomial}
 
 
 def _calibrations(trials: pd.DataFrame, arms: Sequence[str], resamples: int, seed: int) -> dict[str, Any]:

@@ -85,13 +85,8 @@ def caveats(found: dict[str, Any]) -> list[str]:
         lines.append(
             f"fewer than {FEWEST} people count with {', '.join(few)}: these numbers are no more than an impression"
         )
-    model = found["models"]["linear"]
-    if model and not model["converged"]:
+    if found["model"] and not found["model"]["converged"]:
         lines.append("the fit of the mixed model did not converge: its numbers mean nothing")
-    if found["choices"] and not found["models"]["binomial"]:
-        lines.append(
-            "choices are fitted by a linear model; for a binomial one install ibe_rl[study-bayes], or run model.R"
-        )
     return lines
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -86,29 +85,3 @@ def linear_model(trials: pd.DataFrame, arms: Sequence[str], reference: str) -> d
 def _wald(fit: Any, name: str) -> dict[str, Any]:
     value, error = float(fit.params[name]), float(fit.bse[name])
     return {"value": value, "low": value - _Z * error, "high": value + _Z * error, "p": float(fit.pvalues[name])}
-
-
-def has_binomial() -> bool:
-    """Whether what fits crossed binomial models is installed."""
-    return importlib.util.find_spec("bambi") is not None
-
-
-def binomial_model(trials: pd.DataFrame, arms: Sequence[str], reference: str, seed: int = 0) -> dict[str, Any]:
-    """Fit correct ~ arm + (1 | person) + (1 | episode), binomial, by Markov chains; it needs the extra study-bayes.
-
-    Returns:
-        ``effects`` of each other arm on the logit: posterior means with 95 % intervals.
-    """
-    import bambi
-
-    order = [reference, *(arm for arm in arms if arm != reference)]
-    data = trials[["correct", "arm", "person", "episode"]].assign(arm=pd.Categorical(trials["arm"], order))
-    formula = "correct ~ arm + (1|person) + (1|episode)"
-    model = bambi.Model(formula, data, family="bernoulli", categorical=["person", "episode"])
-    draws = model.fit(draws=1_000, tune=1_000, chains=2, random_seed=seed, progressbar=False).posterior["arm"]
-    effects = {}
-    for arm in order[1:]:
-        each = draws.sel(arm_dim=arm).to_numpy().ravel()
-        low, high = np.quantile(each, [0.025, 0.975])
-        effects[arm] = {"value": float(each.mean()), "low": float(low), "high": float(high)}
-    return {"formula": formula, "reference": reference, "effects": effects}
