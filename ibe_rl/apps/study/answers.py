@@ -55,7 +55,9 @@ CREATE TABLE IF NOT EXISTS answers (
     protocol TEXT NOT NULL,
     PRIMARY KEY (person, page, attempt)
 ) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS switches (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
+RECRUITING, ON, OFF = "recruiting", "on", "off"
 TOKEN_BYTES = 24
 BUSY_S = 10.0
 
@@ -170,8 +172,13 @@ class Answers:
         row = self._store.execute("SELECT fields FROM recruits WHERE person = ?", (person.number,)).fetchone()
         return dict(json.loads(row[0])) if row else {}
 
-    def keep(self, person: Person, answer: Answer) -> bool:
-        """Write an answer; on disk when this returns.
+    def keep(self, person: Person, answer: Answer, ended: str | None = None) -> bool:
+        """Write an answer; on disk when this returns, together with what it does to the person.
+
+        Args:
+            person: under way, or given up; these are under way again.
+            answer: to a page.
+            ended: how the person leaves with it; None if they go on.
 
         Returns:
             False if this attempt at the page was answered before; the first answer stays.
@@ -190,7 +197,11 @@ class Answers:
                     person.protocol,
                 ),
             )
-            self._store.execute("UPDATE people SET last_at = ? WHERE number = ?", (_now(), person.number))
+            if row.rowcount:
+                self._store.execute(
+                    "UPDATE people SET last_at = ?, ended = ? WHERE number = ? AND (ended IS NULL OR ended = ?)",
+                    (_now(), ended, person.number, TIMED_OUT),
+                )
         return row.rowcount == 1
 
     def answers_of(self, person: Person) -> list[Answer]:
@@ -229,18 +240,10 @@ class Answers:
             )
         return row.rowcount
 
-    def take_back(self, person: Person) -> None:
-        """Let somebody who was given up go on."""
-        with self._transaction():
-            self._store.execute(
-                "UPDATE people SET ended = NULL, last_at = ? WHERE number = ? AND ended = ?",
-                (_now(), person.number, TIMED_OUT),
-            )
-
     def people(self, pilots: bool = False) -> list[Person]:
         """All who have begun, without the pilots unless they are asked for."""
         where = "" if pilots else "WHERE pilot = 0"
-        return [_person(row) for row in self._store.execute(f"{PERSON} {where} ORDER BY number")]
+        return [_person(row) for row in self._store.execute(f"{_PERSON} {where} ORDER BY number")]
 
     def held(self, pilots: bool) -> tuple[Sequence[Order], Sequence[Order]]:
         """The arms of the people, or of the pilots, who have finished, and of those under way."""
@@ -248,12 +251,28 @@ class Answers:
         finished = [one.arms for one in people if one.ended == FINISHED]
         return finished, [one.arms for one in people if one.ended is None]
 
+    def newest_pages(self) -> dict[int, str]:
+        """The page that each person answered last, by their number."""
+        rows = self._store.execute("SELECT person, page, max(at) FROM answers GROUP BY person")
+        return {person: page for person, page, _ in rows}
+
+    @property
+    def recruiting(self) -> bool:
+        """Whether new people are let in; outlives the server."""
+        row = self._store.execute("SELECT value FROM switches WHERE name = ?", (RECRUITING,)).fetchone()
+        return row is None or row[0] == ON
+
+    @recruiting.setter
+    def recruiting(self, wanted: bool) -> None:
+        with self._transaction():
+            self._store.execute("INSERT OR REPLACE INTO switches VALUES (?, ?)", (RECRUITING, ON if wanted else OFF))
+
     def begun(self) -> bool:
         """Whether anybody who counts has begun."""
         return self._store.execute("SELECT 1 FROM people WHERE pilot = 0 LIMIT 1").fetchone() is not None
 
     def _one(self, where: str, *values: str) -> Person | None:
-        row = self._store.execute(f"{PERSON} {where}", values).fetchone()
+        row = self._store.execute(f"{_PERSON} {where}", values).fetchone()
         return _person(row) if row else None
 
     @contextmanager
@@ -267,7 +286,7 @@ class Answers:
         self._store.execute("COMMIT")
 
 
-PERSON = "SELECT number, token, arms, protocol, pilot, ended FROM people"
+_PERSON = "SELECT number, token, arms, protocol, pilot, ended FROM people"
 
 
 def _person(row: Sequence[Any]) -> Person:

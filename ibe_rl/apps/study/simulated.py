@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.messages import LANDING
 from ibe_rl.apps.study.questions import Question
 from ibe_rl.apps.study.schedule import ATTENTION, COMMENT, COMPREHENSION, CONSENT, TRIAL, Page
-from ibe_rl.apps.study.settings import NONE
+from ibe_rl.apps.study.settings import LANDING, NONE, WHICH_AGENT
 from ibe_rl.apps.study.sitting import questions_of
 from ibe_rl.types import ConfigError
 
-WHICH_AGENT = "which_agent"
 SIDES = 2
+NOTHING = "-"
+"""What is written where something has to be."""
 SURE, UNSURE, SPREAD = 75.0, 40.0, 15.0
 """Confidence in percent after an answer that was thought about, after a guess, and its standard deviation."""
 PEOPLE_DIFFER = 0.3
@@ -164,7 +164,8 @@ def _choice(
 
 
 def _options(asked: Sequence[Question], careless: bool, random: np.random.Generator) -> list[Any]:
-    return [_option(one, careless, random) if one.options else None if one.optional else "" for one in asked]
+    written = {True: None, False: NOTHING}
+    return [_option(one, careless, random) if one.options else written[one.optional] for one in asked]
 
 
 def _option(question: Question, careless: bool, random: np.random.Generator) -> int:

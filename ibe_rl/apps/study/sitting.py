@@ -31,8 +31,9 @@ from ibe_rl.apps.study.schedule import (
     Page,
     pages_of,
 )
+from ibe_rl.apps.study.settings import NEXT_WORDS, WHICH_AGENT
 
-TAKEN, AGAIN = "taken", "answered before"
+ANSWER_TAKEN, ANSWERED_BEFORE = "taken", "answered before"
 """What became of an answer."""
 
 
@@ -94,13 +95,13 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     """Keep an answer if it answers the page where the person is; on disk when this returns.
 
     Returns:
-        ``TAKEN``, or ``AGAIN`` if this page was answered before: the first answer stays.
+        ``ANSWER_TAKEN``, or ``ANSWERED_BEFORE`` if this page was answered before: the first answer stays.
 
     Raises:
         BadAnswerError: if it answers another page, or does not fit.
     """
     if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in answers.answers_of(person)):
-        return AGAIN
+        return ANSWERED_BEFORE
     at = position(study, answers, person)
     if at.page is None or (answer.page, answer.attempt) != (at.page.name, at.attempt):
         raise BadAnswerError(f"the page to answer is {at.page.name if at.page else 'none'}, attempt {at.attempt}")
@@ -111,11 +112,8 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
         study.settings.trials.task,
         study.settings.trials.confidence,
     )
-    answers.take_back(person)
-    kept = answers.keep(person, answer)
-    if end := _end(study, at, answer.value):
-        answers.end(person, end)
-    return TAKEN if kept else AGAIN
+    kept = answers.keep(person, answer, _end(study, at, answer.value))
+    return ANSWER_TAKEN if kept else ANSWERED_BEFORE
 
 
 def schedule_of(study: Study, person: Person) -> list[Page]:
@@ -132,8 +130,10 @@ def questions_of(study: Study, page: Page) -> list[Question]:
         return study.questions[page.block]
     if page.kind in (COMPREHENSION, DEMOGRAPHICS):
         return study.questions[page.kind]
-    if page.kind == TRIAL and study.settings.trials.task == "next_words":
+    if page.kind == TRIAL and study.settings.trials.task == NEXT_WORDS:
         return [Question("", tuple(study.stimuli[page.episode]["phrases"]))]
+    if page.kind == TRIAL and study.settings.trials.task == WHICH_AGENT:
+        return [Question("", (study.words["first"], study.words["second"]))]
     return []
 
 

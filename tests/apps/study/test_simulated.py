@@ -103,20 +103,20 @@ def test_people_that_cannot_be_are_refused(wrong: dict[str, Any], says: str) -> 
 
 
 @pytest.mark.parametrize("confidence", [True, False])
-@pytest.mark.parametrize("task", ["landing", "next_words"])
+@pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])
 def test_every_page_gets_an_answer_that_fits(tmp_path: Path, task: str, confidence: bool) -> None:
     trials = {"practice": 1, "each_arm": 2, "task": task, "confidence": confidence}
     study = open_study(write_study(tmp_path / "study", trials=trials))
     random = np.random.default_rng(0)
     for lapse in (0.0, 1.0):
-        for page in pages_of(study.settings, ("ibe",), 3, 1):
+        for page in pages_of(study.settings, ("ibe",), 4, 1):
             value = answer_page(Participant(lapse=lapse), study, page, 1, random)
             check_answer(page, value, questions_of(study, page), task, confidence)
 
 
 def test_who_lapses_fails_a_check_and_reads_before_the_second_attempt(tmp_path: Path) -> None:
     study, random = open_study(write_study(tmp_path / "study")), np.random.default_rng(0)
-    page = next(one for one in pages_of(study.settings, ("ibe",), 3, 1) if one.kind == "comprehension")
+    page = next(one for one in pages_of(study.settings, ("ibe",), 4, 1) if one.kind == "comprehension")
     asked = questions_of(study, page)
 
     def passed(lapse: float, attempt: int) -> float:

@@ -11,7 +11,7 @@ from own_study import write_study
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import BadAnswerError
-from ibe_rl.apps.study.sitting import AGAIN, TAKEN, FullError, enter, position, questions_of, take
+from ibe_rl.apps.study.sitting import ANSWERED_BEFORE, ANSWER_TAKEN, FullError, enter, position, questions_of, take
 
 Desk = tuple[Study, Answers]
 
@@ -58,7 +58,7 @@ def test_from_consent_to_the_end(desk: Desk) -> None:
     while (at := position(*desk, now(desk, person))).page:
         seen.append(at.page.kind)
         assert at.done == len(seen) - 1
-        assert give(desk, person) == TAKEN
+        assert give(desk, person) == ANSWER_TAKEN
     assert seen[:5] == ["consent", "demographics", "instructions", "comprehension", "trial"]
     assert sorted(seen[5:8]) == ["attention", "trial", "trial"]
     assert seen[8:] == ["scale", "comment", "debriefing"]
@@ -106,8 +106,8 @@ def test_an_answer_that_comes_twice_counts_once(desk: Desk) -> None:
     give(desk, person)
     page = position(*desk, person).page
     assert page is not None
-    assert take(*desk, person, Answer(page.name, 1, {"at": 0.25, "confidence": 1}, 1, 0)) == TAKEN
-    assert take(*desk, person, Answer(page.name, 1, {"at": 0.75, "confidence": 9}, 1, 0)) == AGAIN
+    assert take(*desk, person, Answer(page.name, 1, {"at": 0.25, "confidence": 1}, 1, 0)) == ANSWER_TAKEN
+    assert take(*desk, person, Answer(page.name, 1, {"at": 0.75, "confidence": 9}, 1, 0)) == ANSWERED_BEFORE
     assert desk[1].answers_of(person)[-1].value == {"at": 0.25, "confidence": 1}
 
 
