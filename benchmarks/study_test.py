@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from ibe_rl.apps.study.answers import FINISHED, Answer, Answers
-from ibe_rl.apps.study.data import answers_given, counted, tables_of
+from ibe_rl.apps.study.columns import counted
+from ibe_rl.apps.study.data import answers_given, tables_of
 from ibe_rl.apps.study.exclusions import reasons
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.power import SimulatedStudies, rejections

@@ -13,12 +13,13 @@ from ibe_rl.apps.study import measures
 from ibe_rl.apps.study.analysis_page import write_analysis_page
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.codebook import data_file, write_dataset, write_texts
-from ibe_rl.apps.study.data import StudyData, answers_given, counted, free_texts, tables_of
+from ibe_rl.apps.study.columns import counted
+from ibe_rl.apps.study.comparisons import ANALYSIS, comparisons
+from ibe_rl.apps.study.data import StudyData, answers_given, free_texts, tables_of
 from ibe_rl.apps.study.exclusions import exclusion_counts, reasons
 from ibe_rl.apps.study.findings import outcome
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.models import linear_model, r_script
-from ibe_rl.apps.study.power import ANALYSIS, comparisons
 from ibe_rl.apps.study.registered import compared
 from ibe_rl.metrics.effect import corrected
 from ibe_rl.runtime.console import PlainConsole

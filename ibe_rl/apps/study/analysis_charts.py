@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ibe_rl.apps.paper import names
 from ibe_rl.apps.plot_style import DARK, FAINT, INK, grid, interval, legend_of
-from ibe_rl.apps.study.findings import ARM_NAMES, unit
+from ibe_rl.apps.study.arm_names import ARM_NAMES, unit
 
 _OBSERVERS = {
     "none": names.NO_WORDS,

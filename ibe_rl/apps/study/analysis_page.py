@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from ibe_rl.apps.report_page import write_page
 from ibe_rl.apps.study import analysis_charts as charts
+from ibe_rl.apps.study.arm_names import ARM_NAMES, unit
 from ibe_rl.apps.study.exclusions import RULES
-from ibe_rl.apps.study.findings import ARM_NAMES, beside_paper, caveats, outcome, p_value, unit
+from ibe_rl.apps.study.findings import beside_paper, caveats, outcome, p_value
 from ibe_rl.apps.study.measures import RIGHT_WITHIN
 
 FIGURES_OF = {

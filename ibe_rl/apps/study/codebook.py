@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from ibe_rl.apps.study.data import ITEMS, PEOPLE, TRIALS
+from ibe_rl.apps.study.columns import ITEMS, PEOPLE, TRIALS
 from ibe_rl.storage.run_folder import write_atomically
 
 DATA_FOLDER, CODEBOOK = "data", "dataset_description.json"

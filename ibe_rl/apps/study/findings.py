@@ -10,16 +10,9 @@ from statsmodels.stats.power import TTestIndPower
 from ibe_rl.apps.paper.answers import SURE, TESTED
 from ibe_rl.apps.paper.names import AT_END
 from ibe_rl.apps.report_page import number
-from ibe_rl.apps.study.power import WANTED
+from ibe_rl.apps.study.arm_names import ARM_NAMES, unit
+from ibe_rl.apps.study.comparisons import WANTED
 
-ARM_NAMES = {
-    "none": "no explanation",
-    "paper": "the paper's vocabulary",
-    "ibe": "our vocabulary",
-    "placebic": "words of another episode",
-    "true_future": "the true future",
-    "transfer": "no explanation, afterwards",
-}
 PAPER_PEOPLE = (5, 4)
 """Students with and without explanations in the paper."""
 FEWEST = 5
@@ -35,11 +28,6 @@ def outcome(found: dict[str, Any]) -> list[str]:
         registered_sentence(test, unit(found)),
         *(_transfer_sentence(found["transfer"], unit(found)) if found["transfer"] else ()),
     ]
-
-
-def unit(found: dict[str, Any]) -> str:
-    """What a loss is measured in."""
-    return "% wrong" if found["choices"] else "% of the width"
 
 
 def registered_sentence(test: dict[str, Any], of: str) -> str:

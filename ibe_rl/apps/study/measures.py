@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ibe_rl.apps.study.data import THEN, loss_of
+from ibe_rl.apps.study.columns import THEN, loss_of
 from ibe_rl.apps.study.folder import Study
 from ibe_rl.apps.study.registered import compared
 from ibe_rl.apps.study.schedule import DEMOGRAPHICS, TRANSFER

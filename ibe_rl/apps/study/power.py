@@ -15,12 +15,13 @@ from rich.table import Table
 
 from ibe_rl.apps.study.answers import FINISHED, Answer, Person
 from ibe_rl.apps.study.assignment import Order, assign
-from ibe_rl.apps.study.data import counted, tables_of
+from ibe_rl.apps.study.columns import counted
+from ibe_rl.apps.study.comparisons import ANALYSIS, POWER, WANTED, comparisons
+from ibe_rl.apps.study.data import tables_of
 from ibe_rl.apps.study.exclusions import reasons
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.registered import TwoArms, permutation_p
 from ibe_rl.apps.study.schedule import ATTENTION, TRIAL, Page, pages_of
-from ibe_rl.apps.study.settings import NONE, StudySettings
 from ibe_rl.apps.study.simulated import Participant, answer_page, draw_people, time_s
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.metrics.effect import share
@@ -28,10 +29,7 @@ from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.run_folder import write_json
 from ibe_rl.types import ConfigError
 
-ANALYSIS, POWER = "analysis", "power.json"
-WANTED = 0.8
-"""Power that a study should have."""
-RESAMPLES = 999
+_RESAMPLES = 999
 """Of each test: fewer than in the analysis, as only p below alpha counts."""
 _STEPS, _LEAST_PEOPLE, _LEAST_STUDIES = 8, 4, 10
 Draw = Callable[[int, int], list[Participant]]
@@ -85,16 +83,8 @@ class SimulatedStudies:
         ]
 
 
-def comparisons(settings: StudySettings) -> list[tuple[str, str]]:
-    """The registered comparison, then every other arm against none, or against the last of them."""
-    first, second = settings.test.arms
-    other = NONE if NONE in settings.arms else settings.arms[-1]
-    pairs = [(first, second), *((arm, other) for arm in settings.arms if arm != other)]
-    return list(dict.fromkeys(pairs))
-
-
 def rejections(
-    studies: SimulatedStudies, people: Sequence[int], count: int, seed: int, resamples: int = RESAMPLES
+    studies: SimulatedStudies, people: Sequence[int], count: int, seed: int, resamples: int = _RESAMPLES
 ) -> dict[tuple[str, str], np.ndarray]:
     """In which simulated studies the test rejects, by comparison: ``(count, len(people))`` bool."""
     settings = studies.study.settings
