@@ -4,6 +4,7 @@ python -m ibe_rl.apps.study make run=DIR out=STUDY     stimuli, study.yaml and t
 python -m ibe_rl.apps.study serve STUDY                its pages; on this machine alone unless told otherwise
 python -m ibe_rl.apps.study pilot STUDY people=60      simulated people through the real pages
 python -m ibe_rl.apps.study power STUDY                how many people each comparison needs
+python -m ibe_rl.apps.study register STUDY             a registration filled from study.yaml, to complete and deposit
 python -m ibe_rl.apps.study analyse STUDY              table, figures, report.html, a row for each answer
 """
 
@@ -17,8 +18,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from textwrap import wrap
-from types import NoneType
-from typing import Any, get_args, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import yaml
 
@@ -38,6 +39,7 @@ FUNCTIONS = {
     "serve": f"{_HERE}.serving:serve",
     "pilot": f"{_HERE}.pilot:pilot",
     "power": f"{_HERE}.power:power",
+    "register": f"{_HERE}.registration:write_registration",
     "analyse": f"{_HERE}.analysis:analyse",
 }
 """StudyCommand to the function that does it; its arguments are the settings of the command."""
@@ -49,6 +51,7 @@ _KINDS: dict[Any, str] = {
     bool: "true or false",
     str: "a text",
     Path: "a path",
+    tuple[float, float]: "two numbers with a comma between",
 }
 
 
@@ -84,7 +87,8 @@ class StudyCommand:
 
     def _types(self, name: str) -> list[Any]:
         hint = get_type_hints(self.function)[name]
-        return [one for one in (get_args(hint) or (hint,)) if one in (*_KINDS, NoneType)]
+        parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+        return [one for one in parts if one in (*_KINDS, NoneType)]
 
     def read(self, argument: str) -> tuple[str, Any]:
         """A setting, ``KEY=VALUE``.
@@ -107,7 +111,7 @@ class StudyCommand:
         lines = [about.partition("\n\n")[0], "", f"usage: {typed('study')} {self.name} {study}[KEY=VALUE ...]", ""]
         meaning = _meanings_of_arguments(about)
         for key, one in self.parameters.items():
-            shown = "" if one.default is one.empty else as_typed(one.default)
+            shown = "" if one.default is one.empty else _typed_value(one.default)
             lines += _row(f"{key}={shown}", meaning.get(key, ""))
         if self.free:
             lines += [*_row(f"{_AND_SERVE}=false", "serve the study as soon as it is made"), ""]
@@ -115,6 +119,10 @@ class StudyCommand:
             for each in declared(StudySettings):
                 lines += [] if each.key in self.parameters else _row(f"{each.key}={each.default}", each.meaning, 40)
         return "\n".join(lines) + "\n"
+
+
+def _typed_value(value: Any) -> str:
+    return ",".join(map(as_typed, value)) if isinstance(value, tuple) else as_typed(value)
 
 
 def _row(setting: str, meaning: str, room: int = 22) -> list[str]:
@@ -176,7 +184,7 @@ def _do(command: StudyCommand, arguments: Sequence[str]) -> None:
         _make(command, settings)
         return
     done = command.function(Path(folders[0]), **dict(map(command.read, settings)))
-    if done is not None:
+    if isinstance(done, str | Path):
         sys.stdout.write(f"{visible(str(done))}\n")
 
 
@@ -214,12 +222,23 @@ def _as_one_of(types: Sequence[Any], key: str, text: str) -> Any:
     if value is None and NoneType in types:
         return None
     for kind in types:
-        if kind in (str, Path) and text:
+        if kind in (str, Path) and (text or kind is str):
             return kind(text)
+        if get_origin(kind) is tuple and (pair := _numbers(text)) is not None:
+            return pair
         if type(value) is kind or (kind is float and type(value) is int):
             return kind(value)
     allowed = " or ".join(dict.fromkeys(_KINDS.get(one, "null") for one in types))
     raise ConfigError(f"{key}={text}: allowed is {allowed}")
+
+
+def _numbers(text: str) -> tuple[float, ...] | None:
+    """Two numbers with a comma between; None if it is something else."""
+    try:
+        found = tuple(float(one) for one in text.split(","))
+    except ValueError:
+        return None
+    return found if len(found) == 2 else None
 
 
 def _meanings_of_arguments(about: str) -> Mapping[str, str]:

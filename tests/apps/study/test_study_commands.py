@@ -26,6 +26,7 @@ def measure(
     note: str | None = None,
     deep: bool = False,
     into: Path | None = None,
+    between: tuple[float, float] = (0.0, 1.0),
     say: Callable[[str], None] | None = None,
 ) -> str:
     """Measure something.
@@ -40,12 +41,14 @@ def measure(
         note: .
         deep: whether.
         into: where to.
+        between: lowest and highest.
         say: prints a line.
 
     Returns:
         a line.
     """
-    CALLS.append((folder, {"people": people, "speed": speed, "note": note, "deep": deep, "into": into, "say": say}))
+    told = {"people": people, "speed": speed, "note": note, "deep": deep, "into": into, "between": between, "say": say}
+    CALLS.append((folder, told))
     return "measured"
 
 
@@ -56,11 +59,11 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixture[str]) -> None:
-    line = ["power", "mine", "people=20", "speed=2", "note=a, b", "deep=true", "into=there"]
+    line = ["power", "mine", "people=20", "speed=2", "note=a, b", "deep=true", "into=there", "between=0.5,1"]
     assert study_command(line) == 0
-    settings = {"people": 20, "speed": 2.0, "note": "a, b", "deep": True, "into": Path("there"), "say": None}
+    settings = {"people": 20, "speed": 2.0, "note": "a, b", "deep": True, "into": Path("there")}
     [call] = CALLS
-    assert call == (Path("mine"), settings)
+    assert call == (Path("mine"), {**settings, "between": (0.5, 1.0), "say": None})
     assert capsys.readouterr().out == "measured\n"
     study_command(["power", "note=null", "mine"])
     assert CALLS[1][1]["note"] is None
@@ -69,7 +72,7 @@ def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("srve", "study srve: allowed is one of make, serve, pilot, power, analyse; did you mean serve"),
+        ("srve", "study srve: allowed is one of make, serve, pilot, power, register, analyse; did you mean serve"),
         ("power", "study power: allowed is the folder of one study, and settings KEY=VALUE"),
         ("power one other", "study power: allowed is the folder of one study"),
         ("power mine poeple=3", "poeple=3: no such setting; allowed are people, .*; did you mean people"),
@@ -77,6 +80,8 @@ def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixtur
         ("power mine people=few", "people=few: allowed is a whole number"),
         ("power mine people=1.5", "people=1.5: allowed is a whole number"),
         ("power mine people=", "people=: allowed is a whole number"),
+        ("power mine between=1", "between=1: allowed is two numbers with a comma between"),
+        ("power mine between=1,a", "between=1,a: allowed is two numbers"),
         ("power mine deep=3", "deep=3: allowed is true or false"),
         ("power mine deep=[", r"deep=\[: allowed is true or false"),
         ("make runs=here", "runs=here: no such setting; allowed are run, .*trials.task, .*; did you mean run"),
@@ -116,7 +121,10 @@ def test_help_says_what_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
     assert max(map(len, page.splitlines()[3:])) <= PAGE_COLUMNS
 
 
-def test_real_commands_have_settings() -> None:
+def test_real_commands_have_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    assert {name: command_of(name).page()[:5] for name in commands.FUNCTIONS}.keys() == commands.FUNCTIONS.keys()
+    assert "reliance" in command_of("pilot").parameters
     assert command_of("serve").function is serving.serve
     assert {"host", "port", "admin_port"} <= {*command_of("serve").parameters}
     assert {"run", "out", "other", "until", "flights", "seed"} <= {*command_of("make").parameters}
