@@ -65,7 +65,7 @@ def _minari(arguments: Sequence[str]) -> None:
 
 
 def _study(arguments: Sequence[str]) -> None:
-    """Run a study with people: make, serve, pilot, power, register, analyse."""
+    """Run a study with people: make, serve, pilot, power, register, withdraw, analyse."""
     sys.exit(load_app("study")(arguments))
 
 

@@ -5,6 +5,7 @@ python -m ibe_rl.apps.study serve STUDY                its pages; on this machin
 python -m ibe_rl.apps.study pilot STUDY people=60      simulated people through the real pages
 python -m ibe_rl.apps.study power STUDY                how many people each comparison needs
 python -m ibe_rl.apps.study register STUDY             a registration filled from study.yaml, to complete and deposit
+python -m ibe_rl.apps.study withdraw STUDY             delete somebody who asks for it later: participant=ID
 python -m ibe_rl.apps.study analyse STUDY              table, figures, report.html, a row for each answer
 """
 
@@ -40,6 +41,7 @@ FUNCTIONS = {
     "pilot": f"{_HERE}.pilot:pilot",
     "power": f"{_HERE}.power:power",
     "register": f"{_HERE}.registration:write_registration",
+    "withdraw": f"{_HERE}.withdrawal:withdraw_participant",
     "analyse": f"{_HERE}.analysis:analyse",
 }
 """StudyCommand to the function that does it; its arguments are the settings of the command."""
@@ -183,7 +185,11 @@ def _do(command: StudyCommand, arguments: Sequence[str]) -> None:
     if command.name == _MAKE:
         _make(command, settings)
         return
-    done = command.function(Path(folders[0]), **dict(map(command.read, settings)))
+    given = dict(map(command.read, settings))
+    for key, one in command.parameters.items():
+        if one.default is one.empty and key not in given:
+            raise ConfigError(f"{key}=: has to be given with study {command.name}")
+    done = command.function(Path(folders[0]), **given)
     if isinstance(done, str | Path):
         sys.stdout.write(f"{visible(str(done))}\n")
 

@@ -178,6 +178,11 @@ def test_an_arm_that_cannot_be_learnt_is_named(tmp_path: Path, monkeypatch: pyte
         make(DEMO, str(tmp_path / "study"), arms=["none", "paper"], **{"test.arms": ["paper", "none"]}, **BRIEF)
 
 
+def test_the_demo_is_found_wherever_one_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert preparing.opened("demo").run.folder == ROOT / "demo"
+
+
 @pytest.fixture
 def two_policies(tmp_path: Path) -> Path:
     """The demo's run with an earlier policy, which never does anything."""

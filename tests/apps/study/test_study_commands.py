@@ -72,7 +72,10 @@ def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("srve", "study srve: allowed is one of make, serve, pilot, power, register, analyse; did you mean serve"),
+        (
+            "srve",
+            "study srve: allowed is one of make, serve, pilot, power, register, withdraw, analyse; did you mean serve",
+        ),
         ("power", "study power: allowed is the folder of one study, and settings KEY=VALUE"),
         ("power one other", "study power: allowed is the folder of one study"),
         ("power mine poeple=3", "poeple=3: no such setting; allowed are people, .*; did you mean people"),
@@ -88,6 +91,7 @@ def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixtur
         ("make here", "here: no such setting"),
         ("make trials.tsk=landing", "did you mean trials.task"),
         ("make serve=maybe", "serve=maybe: allowed is true or false"),
+        ("withdraw mine", "participant=: has to be given with study withdraw"),
         ("serve nowhere", "study=nowhere: it has no study.yaml"),
     ],
 )
