@@ -14,7 +14,7 @@ from ibe_rl.apps.study.analysis_page import write_analysis_page
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.codebook import data_file, write_dataset, write_texts
 from ibe_rl.apps.study.columns import counted
-from ibe_rl.apps.study.comparisons import ANALYSIS, comparisons
+from ibe_rl.apps.study.comparisons import ANALYSIS, comparisons, reference_of
 from ibe_rl.apps.study.data import StudyData, answers_given, free_texts, tables_of
 from ibe_rl.apps.study.exclusions import exclusion_counts, reasons
 from ibe_rl.apps.study.findings import outcome
@@ -102,7 +102,7 @@ def findings(study: Study, data: StudyData, pilot: bool, seed: int = 0) -> dict[
     trials = data.trials[data.trials["person"].isin(kept["person"])]
     items = data.items[data.items["person"].isin(kept["person"])]
     some, pair = counted(trials), (settings.test.arms[0], settings.test.arms[1])
-    pairs, reference = comparisons(settings), comparisons(settings)[-1][1]
+    pairs, reference = comparisons(settings), reference_of(settings)
     of_episodes = measures.episodes(study, some, arms, pair)
     return {
         "title": settings.title,

@@ -73,6 +73,13 @@ def caveats(found: dict[str, Any]) -> list[str]:
         lines.append(
             f"fewer than {FEWEST} people count with {', '.join(few)}: these numbers are no more than an impression"
         )
+    test = found["registered"]
+    if test["episodes_of_both"] < test["episodes"]:
+        one_arm = test["episodes"] - test["episodes_of_both"]
+        lines.append(
+            f"{one_arm} of {test['episodes']} episodes were seen under one arm of the registered test only; they tell "
+            "nothing about it"
+        )
     if found["model"] and not found["model"]["converged"]:
         lines.append("the fit of the mixed model did not converge: its numbers mean nothing")
     return lines
