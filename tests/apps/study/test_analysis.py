@@ -113,6 +113,7 @@ def test_choices_within_people(tmp_path: Path) -> None:
     analyse(folder)
     found = json.loads((folder / "analysis/results.json").read_text())
     assert (found["registered"]["paired"], found["choices"]) == (True, True)
+    assert found["people"]["by_arms"] == {"none and ibe": 8}
     assert found["calibration"] == {}
     assert found["transfer"] is None
     assert not (folder / "analysis/confidence.png").exists()
