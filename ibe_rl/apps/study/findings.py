@@ -110,7 +110,7 @@ def beside_paper(found: dict[str, Any]) -> list[tuple[str, str, str]]:
             "nine students, five of them with explanations",
             f"{people['counted']} {who}; {counts} in the registered test{paired}",
         ),
-        ("Episodes", "20 for each person", f"{len(found['episodes'])} in all"),
+        ("Episodes", "20", f"{len(found['episodes'])} in all"),
         ("Single episodes, corrected for all of them", TESTED[AT_END], _single(found)),
         ("Over all episodes", "not reported", registered_sentence(test, unit(found))),
     ]
