@@ -13,8 +13,8 @@ from ibe_rl.apps.study import measures
 from ibe_rl.apps.study.analysis_page import write_analysis_page
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.codebook import data_file, write_dataset, write_texts
-from ibe_rl.apps.study.columns import counted
-from ibe_rl.apps.study.comparisons import ANALYSIS, comparisons
+from ibe_rl.apps.study.columns import THEN, counted
+from ibe_rl.apps.study.comparisons import ANALYSIS, comparisons, reference_of
 from ibe_rl.apps.study.data import StudyData, answers_given, free_texts, tables_of
 from ibe_rl.apps.study.exclusions import exclusion_counts, reasons
 from ibe_rl.apps.study.findings import outcome
@@ -102,7 +102,7 @@ def findings(study: Study, data: StudyData, pilot: bool, seed: int = 0) -> dict[
     trials = data.trials[data.trials["person"].isin(kept["person"])]
     items = data.items[data.items["person"].isin(kept["person"])]
     some, pair = counted(trials), (settings.test.arms[0], settings.test.arms[1])
-    pairs, reference = comparisons(settings), comparisons(settings)[-1][1]
+    pairs, reference = comparisons(settings), reference_of(settings)
     of_episodes = measures.episodes(study, some, arms, pair)
     return {
         "title": settings.title,
@@ -115,7 +115,7 @@ def findings(study: Study, data: StudyData, pilot: bool, seed: int = 0) -> dict[
         "arms": list(arms),
         "reference": reference,
         "hypotheses": list(settings.hypotheses),
-        "people": {"begun": len(data.people), "counted": len(kept), "by_arms": kept["arms"].value_counts().to_dict()},
+        "people": {"begun": len(data.people), "counted": len(kept), "by_arms": _by_arms(kept, arms)},
         "excluded": exclusion_counts(excluded),
         "trials": len(some),
         "resamples": resamples,
@@ -131,6 +131,12 @@ def findings(study: Study, data: StudyData, pilot: bool, seed: int = 0) -> dict[
         "scales": measures.scales(items, arms, resamples, seed),
         "demographics": measures.demographics(study, items),
     }
+
+
+def _by_arms(people: pd.DataFrame, arms: Sequence[str]) -> dict[str, int]:
+    """How many people had which arms, in whatever order."""
+    had = people["arms"].map(lambda each: " and ".join(arm for arm in arms if arm in each.split(THEN)))
+    return {str(name): int(count) for name, count in had.value_counts(sort=False).sort_index().items()}
 
 
 def _others(trials: pd.DataFrame, pairs: Sequence[tuple[str, str]], resamples: int, seed: int) -> list[dict[str, Any]]:

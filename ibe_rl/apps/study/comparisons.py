@@ -11,8 +11,13 @@ WANTED = 0.8
 
 
 def comparisons(settings: StudySettings) -> list[tuple[str, str]]:
-    """The registered comparison, then every other arm against none, or against the last of them."""
+    """The registered comparison, then every other arm against the arm of reference."""
     first, second = settings.test.arms
-    other = NONE if NONE in settings.arms else settings.arms[-1]
+    other = reference_of(settings)
     pairs = [(first, second), *((arm, other) for arm in settings.arms if arm != other)]
-    return list(dict.fromkeys(pairs))
+    return [pair for at, pair in enumerate(pairs) if {*pair} not in [{*earlier} for earlier in pairs[:at]]]
+
+
+def reference_of(settings: StudySettings) -> str:
+    """The arm that the others are held against: none, or where there is none the second registered one."""
+    return NONE if NONE in settings.arms else settings.test.arms[1]

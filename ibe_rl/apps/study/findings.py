@@ -73,6 +73,13 @@ def caveats(found: dict[str, Any]) -> list[str]:
         lines.append(
             f"fewer than {FEWEST} people count with {', '.join(few)}: these numbers are no more than an impression"
         )
+    test = found["registered"]
+    if test["episodes_of_both"] < test["episodes"]:
+        one_arm = test["episodes"] - test["episodes_of_both"]
+        lines.append(
+            f"{one_arm} of {test['episodes']} episodes were seen under one arm of the registered test only; they tell "
+            "nothing about it"
+        )
     if found["model"] and not found["model"]["converged"]:
         lines.append("the fit of the mixed model did not converge: its numbers mean nothing")
     return lines
@@ -103,7 +110,7 @@ def beside_paper(found: dict[str, Any]) -> list[tuple[str, str, str]]:
             "nine students, five of them with explanations",
             f"{people['counted']} {who}; {counts} in the registered test{paired}",
         ),
-        ("Episodes", "20 for each person", f"{len(found['episodes'])} in all"),
+        ("Episodes", "20", f"{len(found['episodes'])} in all"),
         ("Single episodes, corrected for all of them", TESTED[AT_END], _single(found)),
         ("Over all episodes", "not reported", registered_sentence(test, unit(found))),
     ]

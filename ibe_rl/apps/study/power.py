@@ -170,7 +170,7 @@ def people_needed(people: Sequence[int], shares: Sequence[float], wanted: float 
                 return int(people[0])
             below = shares[at - 1]
             part = (wanted - below) / (power_there - below)
-            return int(np.ceil(people[at - 1] + part * (people[at] - people[at - 1])))
+            return int(np.ceil(round(people[at - 1] + part * (people[at] - people[at - 1]), 6)))
     return None
 
 

@@ -1,7 +1,8 @@
 """The registered test: a permutation test over persons, crossed with episodes, and its interval.
 
 The unit is a person. From each loss the mean of its episode over both arms is taken away, so that hard episodes do not
-count as differences between people. This mean knows no arm, so the test stays exact.
+count as differences between people. This mean knows no arm, so the test stays exact. An episode that was seen under one
+arm only tells nothing about the arms then; where most are like that, the difference is understated.
 """
 
 from __future__ import annotations
@@ -62,6 +63,11 @@ class TwoArms:
     def counts(self) -> tuple[int, int]:
         """People of each arm."""
         return int(self.first.any(axis=1).sum()), int(self.second.any(axis=1).sum())
+
+    @property
+    def episodes_of_both(self) -> int:
+        """Episodes that were seen under both arms."""
+        return int((self.first.any(axis=0) & self.second.any(axis=0)).sum())
 
     @property
     def enough(self) -> bool:
@@ -186,7 +192,13 @@ def compared(trials: pd.DataFrame, arms: tuple[str, str], resamples: int, seed: 
         For JSON; ``p`` and the estimates are None if there are too few people.
     """
     two = TwoArms.of(trials, arms)
-    found: dict[str, Any] = {"arms": list(arms), "paired": two.paired, "people": list(two.counts)}
+    found: dict[str, Any] = {
+        "arms": list(arms),
+        "paired": two.paired,
+        "people": list(two.counts),
+        "episodes": two.loss.shape[1],
+        "episodes_of_both": two.episodes_of_both,
+    }
     if not two.enough:
         return {**found, **dict.fromkeys(("means", "difference", "effect", "p", "p_episodes"))}
     return {

@@ -69,7 +69,7 @@ def _design(study: Study) -> str:
         f"Arms, design `{settings.design}`, given out evenly over people who have finished or are under way:\n\n"
         f"{_list(lines)}\n\nA person sees {seen} of {len(study.stimuli)} episodes, none twice: {trials.practice} for "
         f"practice, {trials.each_arm} in each block of an arm, {trials.transfer} afterwards without explanations. "
-        f"Feedback: {trials.feedback}. The seed of orders is {settings.seed}."
+        f"Feedback, what really came: {trials.feedback}. The seed of orders is {settings.seed}."
     )
 
 
@@ -107,11 +107,12 @@ def _measures(settings: StudySettings) -> str:
 def _exclusions(settings: StudySettings) -> str:
     rules = settings.exclusions
     lines = [
+        "who withdraws (the answers are deleted), or does not agree to take part",
         f"who fails the comprehension check {settings.comprehension_attempts} times (does not begin the trials)",
+        *(["who does not finish"] if rules.unfinished else []),
         f"who fails more than {rules.failed_attention_checks} of {settings.trials.attention_checks} attention checks",
         f"whose median time of an answer is below {rules.median_answer_s:g} s",
     ]
-    lines += ["who does not finish"] if rules.unfinished else []
     return f"Not counted are people, in this order of rules:\n\n{_list(lines)}\n\nNo single answer is left out."
 
 
