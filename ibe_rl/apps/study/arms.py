@@ -14,10 +14,16 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.observer import Observer, carries_on
-from ibe_rl.types import Array, Explanation, Moment, Predictor
+from ibe_rl.types import Array, Explanation, Instructor, Moment, Predictor
 
 _DIGITS = 4
+
+
+def instructor_of(run: TrainedRun) -> Instructor:
+    """Who instructs the agent of a run."""
+    return make_instructor(stand_in(run.config.instructor), run.task)
 
 
 @dataclass(frozen=True)

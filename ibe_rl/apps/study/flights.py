@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ibe_rl.apps.paper.vocabularies import best_of
+from ibe_rl.apps.study.arms import instructor_of
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.hydra_setup import choice, settings_at_hand
 from ibe_rl.evaluation.rollouts import seeds_for
@@ -17,9 +18,8 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.space import TooLittleDataError
-from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.observer import Observer, calibrate_observer
-from ibe_rl.types import ConfigError, Episode, Instructor
+from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import fit_mapping
 
 _ENVS_AT_ONCE = 25
@@ -51,11 +51,6 @@ class FlownAgent:
         changes = cut_windows(self.episodes, self.run.horizon_steps, "clamp").delta[:, self.run.task.explained[0]]
         known = calibrate_observer(changes.astype(float), self.run.task.explained_band[0])
         return Observer(0.0) if np.isnan(known.typical) else known
-
-
-def instructor_of(run: TrainedRun) -> Instructor:
-    """Who instructs the agent of a run."""
-    return make_instructor(stand_in(run.config.instructor), run.task)
 
 
 def fly(run: TrainedRun, flights: int, seed: int) -> FlownAgent:

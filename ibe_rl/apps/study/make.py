@@ -17,9 +17,10 @@ from ibe_rl.apps.study.assignment import mixed_orders, orders_of
 from ibe_rl.apps.study.folder import STIMULI, STUDY_YAML, TEXTS, open_study
 from ibe_rl.apps.study.schedule import episodes_needed
 from ibe_rl.apps.study.settings import MIXED, NONE, WHICH_AGENT, WITHIN, StudySettings, read_settings
-from ibe_rl.apps.study.shipped_texts import write_texts
+from ibe_rl.apps.study.shipped_texts import copy_texts
 from ibe_rl.config.declared import meanings
 from ibe_rl.config.limits import allowed_values
+from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.operating_system import lock_file
 from ibe_rl.storage.run_folder import PARTIAL
 from ibe_rl.types import ConfigError
@@ -60,8 +61,6 @@ def make(
     Raises:
         ConfigError: naming the key, the value and what is allowed; nothing is left behind.
     """
-    from ibe_rl.apps.study.preparing import StimuliPlan, pairs_from, stimuli_from  # imports torch
-
     settings, folder = read_settings(nested({"seed": seed, **study}), "make"), Path(out)
     needed = episodes_needed(settings, arms_each(settings))
     _check(stimuli, flights, pace, seed, needed)
@@ -69,9 +68,10 @@ def make(
     if (other if not paired else until) is not None:
         key, value = ("until", until) if paired else ("other", other)
         raise ConfigError(f"{key}={value} with trials.task={settings.trials.task}: allowed is null")
-    plan = StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until)
+    preparing = load_app("study make")  # imports torch
+    plan = preparing.StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until)
     with _new_folder(folder) as partial:
-        made, about = pairs_from(plan) if paired else stimuli_from(plan)
+        made, about = preparing.pairs_from(plan) if paired else preparing.stimuli_from(plan)
         _check_arms(settings, made[0])
         write_study_files(partial, settings, made, about)
         open_study(partial)
@@ -158,7 +158,7 @@ def write_study_files(
     for number, one in enumerate(stimuli):
         text = json.dumps(one, allow_nan=False, separators=(",", ":"))
         (folder / STIMULI / f"{number:03d}.json").write_text(text + "\n", encoding="utf-8")
-    write_texts(folder, settings, about, arms_each(settings))
+    copy_texts(folder, settings, about, arms_each(settings))
     kept = {"version": version("ibe_rl"), "task": settings.trials.task, "stimuli": len(stimuli), **about}
     (folder / ABOUT).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
 

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from ibe_rl.api.explained import ExplainedAgent, open_run
 from ibe_rl.apps.paper.report_context import hidden_goal_env
-from ibe_rl.apps.study.arms import Speaker
-from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, fly, instructor_of
+from ibe_rl.apps.study.arms import Speaker, instructor_of
+from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, fly
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.sides import pairs_of
 from ibe_rl.apps.study.stimuli import (
@@ -25,12 +24,15 @@ from ibe_rl.apps.study.stimuli import (
     cut_episodes,
     stimuli_of,
 )
-from ibe_rl.config.settings import EnvConfig
+from ibe_rl.config.command_line import composed
+from ibe_rl.config.settings import EnvConfig, ExplainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rollouts import seeds_for
-from ibe_rl.evaluation.run_predictor import predictor_of
+from ibe_rl.evaluation.run_predictor import as_trained, predictor_of
+from ibe_rl.evaluation.runs import open_trained
+from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.runtime.installation import shipped
 from ibe_rl.types import ConfigError
 from ibe_rl.view.clip import FRAMES_PER_S
@@ -62,7 +64,15 @@ class StimuliPlan:
     until: str | None = None
 
 
-def opened(run: str | None) -> ExplainedAgent:
+@dataclass(frozen=True)
+class OpenedAgent:
+    """A run and the settings with which it explains itself."""
+
+    run: TrainedRun
+    config: ExplainConfig
+
+
+def opened(run: str | None) -> OpenedAgent:
     """Open a run, also the one that comes along.
 
     Raises:
@@ -70,7 +80,8 @@ def opened(run: str | None) -> ExplainedAgent:
     """
     if run == _DEMO and not Path(_DEMO).exists():
         run = str(shipped(_DEMO))
-    return open_run(run)
+    found = open_trained(run)
+    return OpenedAgent(found, as_trained(composed("explain", []), found, named=()))
 
 
 def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -128,7 +139,7 @@ def pairs_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]
 
 
 @contextmanager
-def _speaker(agent: ExplainedAgent, flown: FlownAgent, seed: int, env: EnvConfig | None = None) -> Iterator[Speaker]:
+def _speaker(agent: OpenedAgent, flown: FlownAgent, seed: int, env: EnvConfig | None = None) -> Iterator[Speaker]:
     config = agent.config
     with predictor_of(agent.run, config.predictor, seed, env) as predictor:
         yield Speaker(agent.run, predictor, flown.paper, config.predictor.futures, config.min_confidence)

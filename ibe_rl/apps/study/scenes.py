@@ -12,6 +12,8 @@ from ibe_rl.task import RecordedRollout, Shape, Task
 from ibe_rl.types import Array, Episode
 from ibe_rl.view import palette as colours
 
+FORMAT = 1
+"""Of the files of episodes."""
 LINES_SIZE = (16.0, 10.0)
 """Width and height of a scene of lines."""
 _WITHIN = 0.01, 0.99
@@ -75,6 +77,11 @@ def as_json(shape: Shape) -> dict[str, Any]:
     """A shape for the page."""
     points = np.round(np.asarray(shape.points, float), _DIGITS).tolist()
     return {"points": points, "colour": [int(part) for part in shape.colour], "closed": shape.closed}
+
+
+def about_episode(seed: int, episode: Episode) -> dict[str, Any]:
+    """Which episode it is."""
+    return {"seed": seed, "context": episode.context, "success": bool(episode.success)}
 
 
 def scene_of(task: Task, flown: Sequence[Episode], seen_steps: int, goal_may_show: bool = False) -> Scene:

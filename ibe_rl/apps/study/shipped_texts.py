@@ -19,7 +19,7 @@ _SECONDS = {"page": 25.0, "trial": 25.0, "question": 7.0}
 """How long people take, for what the consent says of it; generous."""
 
 
-def write_texts(folder: Path, settings: StudySettings, about: Mapping[str, Any], arms_each: int) -> None:
+def copy_texts(folder: Path, settings: StudySettings, about: Mapping[str, Any], arms_each: int) -> None:
     """Copy the texts of all languages into a study.
 
     Args:
@@ -30,15 +30,15 @@ def write_texts(folder: Path, settings: StudySettings, about: Mapping[str, Any],
     """
     words = _words(settings, about, episodes_needed(settings, arms_each))
     for language in files(__package__).joinpath(TEXTS).iterdir():
-        _copy_texts(language, folder / TEXTS / language.name, settings.trials.task, words)
+        _copy_language(language, folder / TEXTS / language.name, settings.trials.task, words)
 
 
-def _copy_texts(source: Traversable, to: Path, task: str, words: Mapping[str, str]) -> None:
+def _copy_language(source: Traversable, to: Path, task: str, words: Mapping[str, str]) -> None:
     """Texts of a language; of those for one task, ``NAME.TASK.md``, the ones for this task."""
     to.mkdir(parents=True, exist_ok=True)
     for one in source.iterdir():
         if one.is_dir():
-            _copy_texts(one, to / one.name, task, words)
+            _copy_language(one, to / one.name, task, words)
             continue
         name, *tasks, ending = one.name.split(".")
         if tasks in ([], [task]):

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.study.arms import Speaker, SpokenFrames, words_of_others
-from ibe_rl.apps.study.flights import instructor_of
-from ibe_rl.apps.study.scenes import Scene
+from ibe_rl.apps.study.arms import Speaker, SpokenFrames, instructor_of, words_of_others
+from ibe_rl.apps.study.scenes import FORMAT, Scene, about_episode
 from ibe_rl.apps.study.settings import IBE, NONE, PLACEBIC, TRUE_FUTURE
-from ibe_rl.apps.study.stimuli import FORMAT, about_episode
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.task import RecordedRollout

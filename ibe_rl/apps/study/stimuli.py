@@ -14,7 +14,7 @@ import numpy as np
 
 from ibe_rl.apps.paper.names import AT_CONTACT, AT_END
 from ibe_rl.apps.study.arms import Asked, Speaker, SpokenFrames, expectations, words_of_others
-from ibe_rl.apps.study.scenes import Scene
+from ibe_rl.apps.study.scenes import FORMAT, Scene, about_episode
 from ibe_rl.apps.study.settings import IBE, PAPER, PLACEBIC, TRUE_FUTURE
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.limits import nearest
@@ -23,9 +23,8 @@ from ibe_rl.ibe.delta import delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.observer import Observer
 from ibe_rl.task import RecordedRollout, Task
-from ibe_rl.types import Array, ConfigError, Episode, Instructor, Policy
+from ibe_rl.types import Array, ConfigError, Instructor, Policy
 
-FORMAT = 1
 BY_LOT = "lot"
 UNTIL = (AT_CONTACT, AT_END, BY_LOT)
 """What people are asked about: where it first touches, where the episode ends (the paper), or a moment drawn by lot."""
@@ -204,11 +203,6 @@ def stimuli_of(
         }
         for one, each in zip(chosen, said, strict=True)
     ]
-
-
-def about_episode(seed: int, episode: Episode) -> dict[str, Any]:
-    """Which episode it is."""
-    return {"seed": seed, "context": episode.context, "success": bool(episode.success)}
 
 
 def real_changes(one: CutEpisode, horizon_steps: int) -> Array:
