@@ -15,7 +15,7 @@ from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.study.answers import FINISHED, NO_CONSENT, SCREENED_OUT, TIMED_OUT, WITHDRAWN, Answers, Person
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.server import ANSWERS, LOOPBACK, STUDY, guard, host_name, page_part, refused
+from ibe_rl.apps.study.guarding import ANSWERS, LOOPBACK, STUDY, guard, host_name, page_part, refused
 
 UNDER_WAY = "under_way"
 STATES = (FINISHED, UNDER_WAY, TIMED_OUT, SCREENED_OUT, NO_CONSENT, WITHDRAWN)
