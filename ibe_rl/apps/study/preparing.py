@@ -27,7 +27,6 @@ from ibe_rl.apps.study.stimuli import (
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig, ExplainConfig
 from ibe_rl.envs.make import make_env
-from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rollouts import seeds_for
 from ibe_rl.evaluation.run_predictor import as_trained, predictor_of
@@ -53,6 +52,7 @@ class StimuliPlan:
         pace: 1 is as fast as the environment, 0.5 half as fast.
         seed: of everything.
         until: see ``check_until``.
+        frames: that people see.
     """
 
     run: str | None
@@ -61,7 +61,8 @@ class StimuliPlan:
     flights: int
     pace: float
     seed: int
-    until: str | None = None
+    until: str | None
+    frames: int
 
 
 @dataclass(frozen=True)
@@ -95,11 +96,11 @@ def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any
     run = agent.run
     until = check_until(plan.until, run.task)
     flown, random = fly(run, plan.flights, plan.seed), np.random.default_rng(plan.seed)
-    scene = scene_of(run.task, flown.episodes, SEEN_STEPS + run.horizon_steps)
+    scene = scene_of(run.task, flown.episodes, plan.frames + run.horizon_steps)
     hidden = hidden_goal_env(run.config.env, run.task)
     seeds = seeds_for("foretold", plan.seed, TRIES_EACH_STIMULUS * plan.count)
     env = make_env(hidden)
-    found = cut_episodes(env, run.task, run.policy, instructor_of(run), seeds, run.horizon_steps, until)
+    found = cut_episodes(env, run.task, run.policy, instructor_of(run), seeds, run.horizon_steps, until, plan.frames)
     with progress_bar("episodes", plan.count) as step:
         chosen = balanced_episodes(found, scene, plan.count, random, step)
     with _speaker(agent, flown, plan.seed, hidden) as speaker, progress_bar("explanations", plan.count) as step:

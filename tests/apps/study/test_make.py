@@ -107,6 +107,7 @@ def test_settings_of_groups() -> None:
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "stimuli": ({"stimuli": 2}, "stimuli=2: allowed is 0, or 14 to 1000"),
+    "frames": ({"frames": 1}, "frames=1: allowed is 2 to 1000"),
     "flights": ({"flights": 1}, "flights=1: allowed is 2 to 5000"),
     "pace": ({"pace": 0.0}, "pace=0.0: allowed is 0.01 to 10"),
     "seed": ({"seed": 1000}, "seed=1000: allowed is 0 to 999"),
