@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import sqlite3
 import traceback
 from collections.abc import Mapping
 from importlib.resources import files
@@ -16,13 +15,13 @@ from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.study.answers import WITHDRAWN, Answers, Person
-from ibe_rl.apps.study.commits import Commits
 from ibe_rl.apps.study.content import about, feedback_on, shown_now
 from ibe_rl.apps.study.folder import Study
+from ibe_rl.apps.study.joint_writer import JointWriter
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, is_known_code, recruit_of
 from ibe_rl.apps.study.settings import CODES
-from ibe_rl.apps.study.sitting import FullError, enter, schedule_of, take
+from ibe_rl.apps.study.sitting import FullError, enter, schedule_of
 
 PAGE_PARTS = {
     "page.js": "text/javascript",
@@ -39,7 +38,7 @@ SECURITY_HEADERS = {
     "Cache-Control": "no-store",
 }
 STUDY, ANSWERS = web.AppKey("study", Study), web.AppKey("answers", Answers)
-COMMITS = web.AppKey("commits", Commits)
+WRITER = web.AppKey("writer", JointWriter)
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _log = logging.getLogger("ibe_rl.study")
 
@@ -47,7 +46,7 @@ _log = logging.getLogger("ibe_rl.study")
 def study_app(study: Study, answers: Answers) -> web.Application:
     """The pages of a study, and what they ask."""
     app = web.Application(middlewares=[guard], client_max_size=MAX_ANSWER_BYTES)
-    app[STUDY], app[ANSWERS], app[COMMITS] = study, answers, Commits(answers.store)
+    app[STUDY], app[ANSWERS], app[WRITER] = study, answers, JointWriter(study, answers)
     app.add_routes(
         [
             web.get("/", _page),
@@ -65,26 +64,17 @@ def study_app(study: Study, answers: Answers) -> web.Application:
 
 @web.middleware
 async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse what other sites send; answer all others with JSON or a page, once what they brought is on disk."""
+    """Refuse what other sites send; answer every request with JSON or a page, and log nothing about the person."""
     try:
         response = await handler(request) if _is_own(request) else refused(403, "only the page of this study may send")
     except web.HTTPException as error:
         response = refused(error.status, error.reason)
-    except Exception as error:
-        response = _failed(error)
-    try:
-        await request.app[COMMITS].confirmed()
-    except sqlite3.Error as error:
-        response = _failed(error)
+    except Exception as error:  # a message may hold what somebody wrote, so it is not logged
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        _log.error("failed: %s in %s, line %d", type(error).__name__, Path(frame.filename).name, frame.lineno or 0)
+        response = refused(500, "this failed; it is tried again")
     response.headers.update(SECURITY_HEADERS)
     return response
-
-
-def _failed(error: Exception) -> web.Response:
-    """A reply after which the page tries again; the message may hold what somebody wrote, so it is not logged."""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    _log.error("failed: %s in %s, line %d", type(error).__name__, Path(frame.filename).name, frame.lineno or 0)
-    return refused(500, "this failed; it is tried again")
 
 
 def refused(status: int, why: str, **more: Any) -> web.Response:
@@ -169,7 +159,7 @@ async def _answer(request: web.Request) -> web.Response:
     body = await request.read()
     try:
         answer = parse_answer(body)
-        became = take(study, answers, person, answer)
+        became = await request.app[WRITER].take(person, answer)
     except BadAnswerError as error:
         return refused(409, str(error), now=shown_now(study, answers, _person(request)))
     page = next(one for one in schedule_of(study, person) if one.name == answer.page)
@@ -199,4 +189,9 @@ def _parameters(body: bytes) -> dict[str, str]:
     known = {one for recruiter in KNOWN.values() for one in (recruiter.id, *recruiter.fields)} | {"pilot"}
     if not isinstance(given, Mapping):
         return {}
-    return {name: value for name, value in given.items() if name in known and isinstance(value, str)}
+    return {name: value for name, value in given.items() if name in known and _is_text(value)}
+
+
+def _is_text(value: Any) -> bool:
+    """Whether this can be written down: half a character, as JSON allows it, cannot."""
+    return isinstance(value, str) and value.isprintable()
