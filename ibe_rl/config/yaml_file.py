@@ -45,5 +45,7 @@ def _refuse_unknown(values: Mapping[Any, Any], default: Any, prefix: str) -> Non
     for name, value in values.items():
         if name not in known:
             raise ConfigError(f"{prefix}{name}={value}: {no_such_setting(str(name), type(default))}")
-        if is_dataclass(known[name]) and isinstance(value, Mapping):
+        if is_dataclass(known[name]):
+            if not isinstance(value, Mapping):
+                raise ConfigError(f"{prefix}{name}={value}: allowed are settings, KEY: VALUE")
             _refuse_unknown(value, known[name], f"{prefix}{name}.")

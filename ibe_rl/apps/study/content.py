@@ -8,15 +8,13 @@ from typing import Any
 from markdown_it import MarkdownIt
 
 from ibe_rl.apps.study.answers import Answers, Person
-from ibe_rl.apps.study.episode_file import sides_of
+from ibe_rl.apps.study.episode_file import PLAYED, sides_of
 from ibe_rl.apps.study.folder import INFORMATION, Study
 from ibe_rl.apps.study.recruiters import way_out
 from ibe_rl.apps.study.schedule import CONSENT, NONE, PRACTICE, SCALE, TRIAL, Page
 from ibe_rl.apps.study.settings import ALWAYS, LANDING, NEVER, WHICH_AGENT
 from ibe_rl.apps.study.sitting import position, questions_of
 
-PLAYED = ("size", "frame_ms", "background", "frames")
-"""What a page gets of a recording, beside the explanations of one arm."""
 _MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")
 
 

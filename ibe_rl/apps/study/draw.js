@@ -4,7 +4,7 @@
 const STEPS = { ArrowLeft: -0.01, ArrowRight: 0.01, PageDown: -0.1, PageUp: 0.1, Home: -1, End: 1 };
 const TRUE_COLOUR = "rgb(86 180 233)";
 const CHOSEN_COLOUR = "rgb(240 228 66)";
-const MOST_OF_SCREEN = 55; // percent of its height
+const MOST_OF_SCREEN = 45; // percent of its height, but for small screens
 
 class Recording {
   // `recording` as the server gave it; `label` names it for those who do not see it.
@@ -13,10 +13,10 @@ class Recording {
     this.canvas = make("canvas", { role: "img", ariaLabel: label });
     const [width, height] = this.size;
     this.canvas.style.aspectRatio = `${width} / ${height}`;
-    this.canvas.style.maxWidth = `${(MOST_OF_SCREEN * width) / height}vh`;
     this.words = make("p", { className: "words" });
     this.needle = make("i", { hidden: true });
     this.element = make("div", { className: "recording" }, ...(this.said ? [this.words, make("div", { className: "gauge" }, this.needle)] : []), this.canvas);
+    this.element.style.maxWidth = `max(20rem, ${(MOST_OF_SCREEN * width) / height}vh)`;
     new ResizeObserver(() => this.draw()).observe(this.canvas);
   }
 

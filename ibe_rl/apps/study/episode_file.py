@@ -9,8 +9,8 @@ from typing import Any
 from ibe_rl.apps.study.settings import LANDING, NEXT_WORDS, WHICH_AGENT
 from ibe_rl.types import ConfigError
 
-SHOWN = ("size", "frame_ms", "background", "frames", "explanations")
-"""What a recording needs to be played."""
+PLAYED = ("size", "frame_ms", "background", "frames")
+"""What a page gets of a recording, beside the explanations of one arm."""
 
 
 def read_episode(text: str, task: str, source: str) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def _unfit(one: dict[str, Any], task: str) -> str:
 
 def _unplayable(side: Any) -> str:
     """Why a recording cannot be played; empty if it can."""
-    missing = [name for name in SHOWN if not isinstance(side, dict) or name not in side]
+    missing = [name for name in (*PLAYED, "explanations") if not isinstance(side, dict) or name not in side]
     if missing:
         return f"it has no {missing[0]}"
     if not side["frames"] or not all(isinstance(frame, list) for frame in side["frames"]):

@@ -12,7 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,12 @@ from ibe_rl.apps.study.answers import FILE, Answers
 from ibe_rl.apps.study.assignment import Order, mixed_orders, orders_of
 from ibe_rl.apps.study.episode_file import arms_of, read_episode
 from ibe_rl.apps.study.questions import Question, read_questions
-from ibe_rl.apps.study.schedule import episodes_needed
+from ibe_rl.apps.study.schedule import Page, episodes_needed
 from ibe_rl.apps.study.settings import ARMS, MIXED, NONE, WITHIN, StudySettings, read_settings
 from ibe_rl.apps.study.words import read_words
 from ibe_rl.types import ConfigError
 
-STUDY_YAML, TEXTS, STIMULI, SCALES, WORDS = "study.yaml", "texts", "stimuli", "scales", "words.yaml"
+STUDY_YAML, TEXTS, STIMULI, SCALES, WORDS_YAML = "study.yaml", "texts", "stimuli", "scales", "words.yaml"
 INFORMATION = "information"
 TEXT_PAGES = ("consent", "instructions", "debriefing")
 QUESTIONS = ("comprehension", "demographics", "attention")
@@ -49,6 +50,7 @@ class Study:
         words: key to a word of the pages, see ``words``.
         stimuli: the episodes, see ``stimuli.Stimulus``.
         files: path in the folder to the hash of what it holds.
+        schedules: the pages of people who were here, by their number and arms.
     """
 
     folder: Path
@@ -59,13 +61,14 @@ class Study:
     words: dict[str, str]
     stimuli: Sequence[dict[str, Any]]
     files: dict[str, str]
+    schedules: dict[tuple[int, Order], list[Page]] = field(default_factory=dict, repr=False)
 
-    @property
+    @cached_property
     def protocol(self) -> str:
         """One hash of everything that a person sees and that decides what counts."""
         return _hash(json.dumps(self.files, sort_keys=True).encode())
 
-    @property
+    @cached_property
     def orders(self) -> list[Order]:
         """The orders of arms that are given out."""
         if self.settings.design == MIXED:
@@ -96,7 +99,7 @@ def open_study(folder: Path) -> Study:
         {name: _text(texts / f"{name}.md") for name in told},
         {name: read_questions(values, str(asked[name])) for name, values in written.items()},
         {name: values.get("lead", "") for name, values in written.items()},
-        read_words(_yaml(texts / WORDS), str(texts / WORDS)),
+        read_words(_yaml(texts / WORDS_YAML), str(texts / WORDS_YAML)),
         [
             {**read_episode(_text(path), settings.trials.task, str(path)), "name": path.stem}
             for path in sorted((folder / STIMULI).glob("*.json"))

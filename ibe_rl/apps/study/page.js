@@ -113,6 +113,7 @@ async function begin() {
     start.disabled = false;
   };
   show(make("h1", {}, about.title), form);
+  (asks ? field : start).focus();
 }
 
 function next(now) {
@@ -170,9 +171,14 @@ function comment(now) {
 
 function questions(now) {
   const chosen = now.questions.map(() => null);
-  const asked = now.questions.map((one, index) => questionOf(one, index, now.kind, (value) => (chosen[index] = value)));
   const on = makeButton("next", say(now.kind === "debriefing" ? "finish" : "next"));
   const missing = alertLine();
+  const take = (index) => (value) => {
+    chosen[index] = value;
+    if (asked[index].classList.contains("left-out")) missing.textContent = "";
+    asked[index].classList.remove("left-out");
+  };
+  const asked = now.questions.map((one, index) => questionOf(one, index, now.kind, take(index)));
   on.onclick = () => {
     const left = now.questions.findIndex((one, index) => !one.optional && chosen[index] === null);
     asked.forEach((one, index) => one.classList.toggle("left-out", index === left));

@@ -151,9 +151,14 @@ def report(found: Piloted) -> list[object]:
         f"doubled, {refused} refused, {wrong} wrong pages after a reload",
     ]
     if found.confirmation_s:
-        slowest = 1000 * float(np.quantile(found.confirmation_s, SLOWEST))
+        slowest = slowest_ms(found.confirmation_s)
         lines.append(f"the slowest {1 - SLOWEST:.0%} of the answers were confirmed after {slowest:.0f} ms or more")
     return lines
+
+
+def slowest_ms(confirmation_s: Sequence[float]) -> float:
+    """The time in ms that the slowest 1 % of the confirmations took at least."""
+    return 1000 * float(np.quantile(confirmation_s, SLOWEST))
 
 
 def _row(visits: Sequence[Visit]) -> list[str]:

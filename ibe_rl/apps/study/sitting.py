@@ -81,8 +81,11 @@ def enter(
 
 def position(study: Study, answers: Answers, person: Person) -> Position:
     """Where a person is, from what they have answered."""
+    return _position(study, person, answers.answers_of(person))
+
+
+def _position(study: Study, person: Person, given: Sequence[Answer]) -> Position:
     pages = schedule_of(study, person)
-    given = answers.answers_of(person)
     if person.ended is not None and person.ended != TIMED_OUT:
         return Position(None, 1, person.ended, len(pages), len(pages))
     place, attempt = _place(study, pages, given)
@@ -100,9 +103,10 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     Raises:
         BadAnswerError: if it answers another page, or does not fit.
     """
-    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in answers.answers_of(person)):
+    given = answers.answers_of(person)
+    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in given):
         return ANSWERED_BEFORE
-    at = position(study, answers, person)
+    at = _position(study, person, given)
     if at.page is None or (answer.page, answer.attempt) != (at.page.name, at.attempt):
         raise BadAnswerError(f"the page to answer is {at.page.name if at.page else 'none'}, attempt {at.attempt}")
     check_answer(
@@ -118,7 +122,10 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
 
 def schedule_of(study: Study, person: Person) -> list[Page]:
     """All pages of a person."""
-    return pages_of(study.settings, person.arms, len(study.stimuli), person.number)
+    key = (person.number, person.arms)
+    if key not in study.schedules:
+        study.schedules[key] = pages_of(study.settings, person.arms, len(study.stimuli), person.number)
+    return study.schedules[key]
 
 
 def questions_of(study: Study, page: Page) -> list[Question]:

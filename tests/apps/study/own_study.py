@@ -8,6 +8,9 @@ from typing import Any
 
 import yaml
 
+from ibe_rl.apps.study.folder import Study
+from ibe_rl.apps.study.settings import LANDING
+from ibe_rl.apps.study.sitting import questions_of
 from ibe_rl.apps.study.words import WORD_KEYS
 
 SETTINGS: dict[str, Any] = {
@@ -25,7 +28,11 @@ QUESTIONS: dict[str, Any] = {
         "questions": ["How old are you?", {"text": "Do you fly?", "options": ["y", "n"]}],
     },
     "attention": {"questions": [{"text": "Choose the second one.", "options": ["a", "b", "c"], "right": 1}]},
-    "scales/satisfaction": {"options": ["no", "a little", "yes"], "questions": ["I understood it.", "I liked it."]},
+    "scales/satisfaction": {
+        "lead": "How much do you agree?",
+        "options": ["no", "a little", "yes"],
+        "questions": ["I understood it.", "I liked it."],
+    },
 }
 
 
@@ -84,3 +91,19 @@ def write_study(folder: Path, episodes: int = 3, **settings: Any) -> Path:
         task = settings.get("trials", {}).get("task", "landing")
         (folder / f"stimuli/{number:03}.json").write_text(json.dumps(stimulus(number, task)))
     return folder
+
+
+def right_value(study: Study, page: Any) -> dict[str, Any]:
+    """An answer that fits a page; a right one where there is one."""
+    asked = questions_of(study, page)
+    if page.kind == "consent":
+        return {"agrees": True}
+    if page.kind == "trial":
+        said: dict[str, Any] = {"at": 0.5} if study.settings.trials.task == LANDING else {"choice": 0}
+        return {**said, "confidence": 70}
+    if page.kind == "comment":
+        return {"text": "fine"}
+    if page.kind == "attention":
+        return {"choice": asked[0].right}
+    chosen = [(one.right or 0) if one.options else "40" for one in asked]
+    return {"choices": chosen} if asked else {}

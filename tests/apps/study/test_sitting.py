@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from own_study import write_study
+from own_study import right_value, write_study
 
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import BadAnswerError
-from ibe_rl.apps.study.sitting import ANSWERED_BEFORE, ANSWER_TAKEN, FullError, enter, position, questions_of, take
+from ibe_rl.apps.study.sitting import ANSWER_TAKEN, ANSWERED_BEFORE, FullError, enter, position, take
 
 Desk = tuple[Study, Answers]
 
@@ -22,21 +22,6 @@ def desk(tmp_path: Path):
     answers = Answers(tmp_path / FILE)
     yield study, answers
     answers.close()
-
-
-def right_value(study: Study, page: Any) -> dict[str, Any]:
-    """An answer that fits a page; a right one where there is one."""
-    asked = questions_of(study, page)
-    if page.kind == "consent":
-        return {"agrees": True}
-    if page.kind == "trial":
-        return {"at": 0.5, "confidence": 70}
-    if page.kind == "comment":
-        return {"text": "fine"}
-    if page.kind == "attention":
-        return {"choice": asked[0].right}
-    chosen = [(one.right or 0) if one.options else "40" for one in asked]
-    return {"choices": chosen} if asked else {}
 
 
 def give(desk: Desk, person: Person, **value: Any) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ibe_rl.apps.sweep.jobs import RUN_FINISHED, NEW, UNFINISHED, make_way, plan, read_summary, state_of
+from ibe_rl.apps.sweep.jobs import NEW, RUN_FINISHED, UNFINISHED, make_way, plan, read_summary, state_of
 from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.types import ConfigError
 
