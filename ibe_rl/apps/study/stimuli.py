@@ -29,7 +29,7 @@ UNTIL = (AT_CONTACT, AT_END, BY_LOT)
 """What people are asked about: where it first touches, where the episode ends (the paper), or a moment drawn by lot."""
 TRIES_EACH_STIMULUS = 10
 """Most episodes flown for each that is shown."""
-MOST_OPTIONS = 8
+MOST_PHRASES = 8
 """Phrases to choose from."""
 _PLACES, _DIGITS, _MOVING = 3, 4, 2 / 3
 
@@ -245,10 +245,10 @@ def phrases_in_order(speaker: Speaker, said: Sequence[dict[str, SpokenFrames]]) 
 
 
 def options_of(order: Sequence[str], said: dict[str, SpokenFrames], random: np.random.Generator) -> list[str]:
-    """Phrases to choose from: what came true, what any arm says last, and others up to ``MOST_OPTIONS``."""
+    """Phrases to choose from: what came true, what any arm says last, and others up to ``MOST_PHRASES``."""
     needed = {words.phrases[-1] for words in said.values() if words.known[-1]}
     others = [phrase for phrase in order if phrase not in needed]
-    room = max(0, MOST_OPTIONS - len(needed))
+    room = max(0, MOST_PHRASES - len(needed))
     needed |= {others[index] for index in random.permutation(len(others))[:room]}
     return [phrase for phrase in order if phrase in needed]
 

@@ -17,7 +17,7 @@ from ibe_rl.apps.study.arms import SpokenFrames
 from ibe_rl.apps.study.episode_file import read_episode
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.stimuli import (
-    MOST_OPTIONS,
+    MOST_PHRASES,
     CutEpisode,
     balanced_episodes,
     check_until,
@@ -88,7 +88,7 @@ def test_options_are_what_is_said_and_what_came_true_and_some_more() -> None:
         )
     }
     options = options_of(order, said, np.random.default_rng(0))
-    assert len(options) == MOST_OPTIONS
+    assert len(options) == MOST_PHRASES
     assert {"word 3", "word 17"} < {*options}
     assert options == sorted(options, key=order.index)
     assert options_of(order[:5], {"true": said["true"]}, np.random.default_rng(0)) == order[:5]
