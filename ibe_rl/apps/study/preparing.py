@@ -17,7 +17,6 @@ from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, f
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.sides import pairs_of
 from ibe_rl.apps.study.stimuli import (
-    BY_LOT,
     TRIES_EACH_STIMULUS,
     balanced_episodes,
     check_until,
@@ -107,8 +106,7 @@ def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any
         pace_ms = _frame_ms(env.metadata, plan.pace)
         made = stimuli_of(chosen, speaker, flown.observer, scene, pace_ms, random, step)
     env.close()
-    asked_s = pace_ms * run.horizon_steps / _MS_PER_S if until == BY_LOT else None
-    return made, {**_about(plan, flown), "until": until, "asked_s_after_clip": asked_s}
+    return made, {**_about(plan, flown, pace_ms), "until": until}
 
 
 def pairs_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -136,7 +134,7 @@ def pairs_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]
         progress_bar("pairs of episodes", plan.count) as step,
     ):
         made = pairs_of(first, worse, scene, seeds, pace_ms, random, step)
-    return made, {**_about(plan, skilled), "other": _about(plan, less)}
+    return made, {**_about(plan, skilled, pace_ms), "other": _about(plan, less, pace_ms)}
 
 
 @contextmanager
@@ -150,7 +148,7 @@ def _frame_ms(metadata: dict[str, Any], pace: float) -> float:
     return round(_MS_PER_S / float(metadata.get("render_fps") or FRAMES_PER_S) / pace, 3)
 
 
-def _about(plan: StimuliPlan, flown: FlownAgent) -> dict[str, Any]:
+def _about(plan: StimuliPlan, flown: FlownAgent, step_ms: float) -> dict[str, Any]:
     run, (success, mean_return) = flown.run, flown.skill
     return {
         "run": run.folder.resolve().name,
@@ -158,6 +156,8 @@ def _about(plan: StimuliPlan, flown: FlownAgent) -> dict[str, Any]:
         "policy_frame": run.policy_frame,
         "vocabulary_frame": run.mapping_frame,
         "horizon_steps": run.horizon_steps,
+        "ahead_s": step_ms * run.horizon_steps / _MS_PER_S,
+        "until": None,
         "seed": plan.seed,
         "flights": plan.flights,
         "success": success,
