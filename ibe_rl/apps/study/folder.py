@@ -12,7 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from ibe_rl.apps.study.answers import FILE, Answers
 from ibe_rl.apps.study.assignment import Order, mixed_orders, orders_of
 from ibe_rl.apps.study.episode_file import arms_of, read_episode
 from ibe_rl.apps.study.questions import Question, read_questions
-from ibe_rl.apps.study.schedule import episodes_needed
+from ibe_rl.apps.study.schedule import Page, episodes_needed
 from ibe_rl.apps.study.settings import ARMS, MIXED, NONE, WITHIN, StudySettings, read_settings
 from ibe_rl.apps.study.words import read_words
 from ibe_rl.types import ConfigError
@@ -36,7 +37,7 @@ PROTOCOL = "protocol.json"
 HASH_DIGITS = 16
 
 
-@dataclass(frozen=True, eq=False)  # each opening is another one
+@dataclass(frozen=True)
 class Study:
     """An opened study.
 
@@ -49,6 +50,7 @@ class Study:
         words: key to a word of the pages, see ``words``.
         stimuli: the episodes, see ``stimuli.Stimulus``.
         files: path in the folder to the hash of what it holds.
+        schedules: the pages of people who were here, by their number and arms.
     """
 
     folder: Path
@@ -59,13 +61,14 @@ class Study:
     words: dict[str, str]
     stimuli: Sequence[dict[str, Any]]
     files: dict[str, str]
+    schedules: dict[tuple[int, Order], list[Page]] = field(default_factory=dict, repr=False)
 
-    @property
+    @cached_property
     def protocol(self) -> str:
         """One hash of everything that a person sees and that decides what counts."""
         return _hash(json.dumps(self.files, sort_keys=True).encode())
 
-    @property
+    @cached_property
     def orders(self) -> list[Order]:
         """The orders of arms that are given out."""
         if self.settings.design == MIXED:

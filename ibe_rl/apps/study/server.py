@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import sqlite3
 import traceback
 from collections.abc import Mapping
 from importlib.resources import files
@@ -15,13 +16,13 @@ from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.study.answers import WITHDRAWN, Answers, Person
+from ibe_rl.apps.study.commits import Commits
 from ibe_rl.apps.study.content import about, feedback_on, shown_now
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.joint_writer import JointWriter
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, is_known_code, recruit_of
 from ibe_rl.apps.study.settings import CODES
-from ibe_rl.apps.study.sitting import FullError, enter, schedule_of
+from ibe_rl.apps.study.sitting import FullError, enter, schedule_of, take
 
 PAGE_PARTS = {
     "page.js": "text/javascript",
@@ -38,7 +39,7 @@ SECURITY_HEADERS = {
     "Cache-Control": "no-store",
 }
 STUDY, ANSWERS = web.AppKey("study", Study), web.AppKey("answers", Answers)
-WRITER = web.AppKey("writer", JointWriter)
+COMMITS = web.AppKey("commits", Commits)
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _log = logging.getLogger("ibe_rl.study")
 
@@ -46,7 +47,7 @@ _log = logging.getLogger("ibe_rl.study")
 def study_app(study: Study, answers: Answers) -> web.Application:
     """The pages of a study, and what they ask."""
     app = web.Application(middlewares=[guard], client_max_size=MAX_ANSWER_BYTES)
-    app[STUDY], app[ANSWERS], app[WRITER] = study, answers, JointWriter(study, answers)
+    app[STUDY], app[ANSWERS], app[COMMITS] = study, answers, Commits(answers.store)
     app.add_routes(
         [
             web.get("/", _page),
@@ -64,17 +65,26 @@ def study_app(study: Study, answers: Answers) -> web.Application:
 
 @web.middleware
 async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse what other sites send; answer every request with JSON or a page, and log nothing about the person."""
+    """Refuse what other sites send; answer all others with JSON or a page, once what they brought is on disk."""
     try:
         response = await handler(request) if _is_own(request) else refused(403, "only the page of this study may send")
     except web.HTTPException as error:
         response = refused(error.status, error.reason)
-    except Exception as error:  # a message may hold what somebody wrote, so it is not logged
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        _log.error("failed: %s in %s, line %d", type(error).__name__, Path(frame.filename).name, frame.lineno or 0)
-        response = refused(500, "this failed; it is tried again")
+    except Exception as error:
+        response = _failed(error)
+    try:
+        await request.app[COMMITS].confirmed()
+    except sqlite3.Error as error:
+        response = _failed(error)
     response.headers.update(SECURITY_HEADERS)
     return response
+
+
+def _failed(error: Exception) -> web.Response:
+    """A reply after which the page tries again; the message may hold what somebody wrote, so it is not logged."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    _log.error("failed: %s in %s, line %d", type(error).__name__, Path(frame.filename).name, frame.lineno or 0)
+    return refused(500, "this failed; it is tried again")
 
 
 def refused(status: int, why: str, **more: Any) -> web.Response:
@@ -155,11 +165,11 @@ async def _now(request: web.Request) -> web.Response:
 
 async def _answer(request: web.Request) -> web.Response:
     """Keep an answer; the reply tells what became of it, what really happened, and what comes next."""
-    study, answers, person = request.app[STUDY], request.app[ANSWERS], _person(request)
-    body = await request.read()
+    study, answers, body = request.app[STUDY], request.app[ANSWERS], await request.read()
+    person = _person(request)  # after the body has come: somebody may withdraw meanwhile
     try:
         answer = parse_answer(body)
-        became = await request.app[WRITER].take(person, answer)
+        became = take(study, answers, person, answer)
     except BadAnswerError as error:
         return refused(409, str(error), now=shown_now(study, answers, _person(request)))
     page = next(one for one in schedule_of(study, person) if one.name == answer.page)

@@ -92,6 +92,7 @@ function isLeftOut(value) {
 
 async function lookBack(now, recording, feedback, value, below) {
   const on = makeButton("next", say("next"));
+  const left = clicked(on); // also while it still plays
   const line = (kind, text) => make("p", { className: `key ${kind}` }, now.task === "landing" ? make("i") : null, text);
   const named = (choice) => (now.questions.length ? `: ${now.questions[0].options[choice]}` : "");
   const keys = [line("true", say("true_answer") + named(feedback.choice)), line("chosen", say("your_answer") + named(value.choice))];
@@ -101,10 +102,10 @@ async function lookBack(now, recording, feedback, value, below) {
   if (feedback.frames.length) {
     recording.element.scrollIntoView({ block: "nearest" });
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    await recording.play(still ? feedback.frames.slice(-1) : feedback.frames, null);
+    await Promise.race([left, recording.play(still ? feedback.frames.slice(-1) : feedback.frames, null)]);
   }
   if (now.task === "landing") recording.truth = feedback.at;
   recording.draw();
   on.focus({ preventScroll: true });
-  await clicked(on);
+  await left;
 }
