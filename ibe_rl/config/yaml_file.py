@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ibe_rl.config.error_line import one_line
 from ibe_rl.config.limits import check, no_such_setting
 from ibe_rl.types import ConfigError
 
@@ -34,7 +33,7 @@ def settings_from(values: Any, schema: type[Schema]) -> Schema:
         settings = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), dict(values)))
     except (OmegaConfBaseException, ValueError) as error:
         key = getattr(error, "full_key", None)
-        raise ConfigError(f"{f'{key}: ' if key else ''}{one_line(error)[:LONGEST_REASON]}") from None
+        raise ConfigError(f"{f'{key}: ' if key else ''}{str(error).splitlines()[0][:LONGEST_REASON]}") from None
     assert isinstance(settings, schema)
     check(settings)
     return settings

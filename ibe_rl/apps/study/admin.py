@@ -14,9 +14,8 @@ from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.study.answers import FINISHED, NO_CONSENT, SCREENED_OUT, TIMED_OUT, WITHDRAWN, Answers, Person
-from ibe_rl.apps.study.commits import Commits
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.server import ANSWERS, COMMITS, LOOPBACK, STUDY, guard, host_name, page_part, refused
+from ibe_rl.apps.study.guarding import ANSWERS, LOOPBACK, STUDY, guard, host_name, page_part, refused
 
 UNDER_WAY = "under_way"
 STATES = (FINISHED, UNDER_WAY, TIMED_OUT, SCREENED_OUT, NO_CONSENT, WITHDRAWN)
@@ -31,7 +30,7 @@ MAX_REQUEST_BYTES = 1024
 def admin_app(study: Study, answers: Answers) -> web.Application:
     """The admin page of a study, and what it asks."""
     app = web.Application(middlewares=[guard, _only_here], client_max_size=MAX_REQUEST_BYTES)
-    app[STUDY], app[ANSWERS], app[COMMITS] = study, answers, Commits(answers.store)
+    app[STUDY], app[ANSWERS] = study, answers
     app.add_routes([web.get(path, _admin_part) for path in ADMIN_PARTS])
     app.add_routes([web.get("/state", _state), web.post("/recruiting", _recruit)])
     return app

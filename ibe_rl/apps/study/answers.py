@@ -8,24 +8,19 @@ from __future__ import annotations
 import json
 import secrets
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from ibe_rl.apps.study.assignment import Order
-from ibe_rl.apps.study.durable import DurableStore
 from ibe_rl.types import ConfigError
 
 FILE = "answers.sqlite"
-FINISHED, SCREENED_OUT, NO_CONSENT, WITHDRAWN, TIMED_OUT = (
-    "finished",
-    "screened_out",
-    "no_consent",
-    "withdrawn",
-    "timed_out",
-)
+FINISHED, SCREENED_OUT, NO_CONSENT = "finished", "screened_out", "no_consent"
+WITHDRAWN, TIMED_OUT = "withdrawn", "timed_out"
 TABLES = """
 CREATE TABLE IF NOT EXISTS people (
     number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -59,6 +54,7 @@ CREATE TABLE IF NOT EXISTS switches (name TEXT PRIMARY KEY, value TEXT NOT NULL)
 """
 RECRUITING, ON, OFF = "recruiting", "on", "off"
 TOKEN_BYTES = 24
+BUSY_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -107,22 +103,24 @@ class Answers:
     Args:
         path: of the file; made if it is not there.
 
-    Attributes:
-        store: the file; what is written is on disk at once, unless its ``commits_later`` is set.
-
     Raises:
         ConfigError: if it cannot be opened or is no such file.
     """
 
     def __init__(self, path: Path):
         try:
-            self.store = DurableStore(path, TABLES)
+            self._store = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+            self._store.execute("PRAGMA journal_mode=WAL")
+            self._store.execute("PRAGMA synchronous=FULL")  # survives a power cut, not only a killed server
+            self._store.execute("PRAGMA foreign_keys=ON")
+            self._store.execute("PRAGMA secure_delete=ON")  # who withdraws is gone from the file as well
+            self._store.executescript(TABLES)
         except sqlite3.Error as error:
             raise ConfigError(f"{path}: allowed is the file that holds a study's answers ({error})") from None
 
     def close(self) -> None:
-        """Close the file; what was written is on disk."""
-        self.store.close()
+        """Close the file."""
+        self._store.close()
 
     def begin(
         self, arms: Order, protocol: str, pilot: bool, recruiter: str = "", external: str = "", fields: Any = None
@@ -141,15 +139,15 @@ class Answers:
             sqlite3.IntegrityError: if this ID takes part already; ask ``of_recruit`` before.
         """
         token, now = secrets.token_urlsafe(TOKEN_BYTES), _now()
-        with self.store.transaction():
-            row = self.store.execute(
+        with self.transaction():
+            row = self._store.execute(
                 "INSERT INTO people (token, arms, protocol, pilot, begun_at, last_at) VALUES (?, ?, ?, ?, ?, ?)",
                 (token, json.dumps(arms), protocol, pilot, now, now),
             )
             number = row.lastrowid
             assert number is not None
             if recruiter:
-                self.store.execute(
+                self._store.execute(
                     "INSERT INTO recruits VALUES (?, ?, ?, ?)", (number, recruiter, external, json.dumps(fields or {}))
                 )
         return Person(number, token, tuple(arms), protocol, pilot, None)
@@ -166,11 +164,11 @@ class Answers:
 
     def recruit_fields(self, person: Person) -> dict[str, Any]:
         """What the recruiter needs back; empty if nobody sent them."""
-        row = self.store.execute("SELECT fields FROM recruits WHERE person = ?", (person.number,)).fetchone()
+        row = self._store.execute("SELECT fields FROM recruits WHERE person = ?", (person.number,)).fetchone()
         return dict(json.loads(row[0])) if row else {}
 
     def keep(self, person: Person, answer: Answer, ended: str | None = None) -> bool:
-        """Write an answer, together with what it does to the person.
+        """Write an answer; on disk when this returns, together with what it does to the person.
 
         Args:
             person: under way, or given up; these are under way again.
@@ -180,8 +178,8 @@ class Answers:
         Returns:
             False if this attempt at the page was answered before; the first answer stays.
         """
-        with self.store.transaction():
-            row = self.store.execute(
+        with self.transaction():
+            row = self._store.execute(
                 "INSERT OR IGNORE INTO answers VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     person.number,
@@ -195,7 +193,7 @@ class Answers:
                 ),
             )
             if row.rowcount:
-                self.store.execute(
+                self._store.execute(
                     "UPDATE people SET last_at = ?, ended = ? WHERE number = ? AND (ended IS NULL OR ended = ?)",
                     (_now(), ended, person.number, TIMED_OUT),
                 )
@@ -203,7 +201,7 @@ class Answers:
 
     def answers_of(self, person: Person) -> list[Answer]:
         """A person's answers in the order in which they came."""
-        rows = self.store.execute(
+        rows = self._store.execute(
             "SELECT page, attempt, value, took_ms, hidden_ms FROM answers WHERE person = ? ORDER BY at, page, attempt",
             (person.number,),
         )
@@ -211,28 +209,28 @@ class Answers:
 
     def end(self, person: Person, how: str) -> None:
         """Note how somebody left; what is noted first stays."""
-        with self.store.transaction():
-            self.store.execute(
+        with self.transaction():
+            self._store.execute(
                 "UPDATE people SET ended = ?, last_at = ? WHERE number = ? AND ended IS NULL",
                 (how, _now(), person.number),
             )
 
     def withdraw(self, person: Person) -> None:
         """Delete a person's answers and the recruiter's ID; that somebody withdrew stays, as a count."""
-        with self.store.transaction():
-            self.store.execute("DELETE FROM answers WHERE person = ?", (person.number,))
-            self.store.execute("DELETE FROM recruits WHERE person = ?", (person.number,))
-            self.store.execute(
+        with self.transaction():
+            self._store.execute("DELETE FROM answers WHERE person = ?", (person.number,))
+            self._store.execute("DELETE FROM recruits WHERE person = ?", (person.number,))
+            self._store.execute(
                 "UPDATE people SET ended = ?, token = ? WHERE number = ?",
                 (WITHDRAWN, secrets.token_urlsafe(TOKEN_BYTES), person.number),
             )
-        self.store.forget()
+        self._store.execute("PRAGMA wal_checkpoint(TRUNCATE)")  # the journal still has the pages as they were
 
     def release(self, after_minutes: float) -> int:
         """Give back the places of people who have not answered for so long; returns how many."""
         limit = (datetime.now(UTC) - timedelta(minutes=after_minutes)).isoformat(timespec="milliseconds")
-        with self.store.transaction():
-            row = self.store.execute(
+        with self.transaction():
+            row = self._store.execute(
                 "UPDATE people SET ended = ? WHERE ended IS NULL AND last_at < ?", (TIMED_OUT, limit)
             )
         return row.rowcount
@@ -240,7 +238,7 @@ class Answers:
     def people(self, pilots: bool = False) -> list[Person]:
         """All who have begun, without the pilots unless they are asked for."""
         where = "" if pilots else "WHERE pilot = 0"
-        return [_person(row) for row in self.store.execute(f"{_PERSON} {where} ORDER BY number")]
+        return [_person(row) for row in self._store.execute(f"{_PERSON} {where} ORDER BY number")]
 
     def held(self, pilots: bool) -> tuple[Sequence[Order], Sequence[Order]]:
         """The arms of the people, or of the pilots, who have finished, and of those under way."""
@@ -250,27 +248,40 @@ class Answers:
 
     def newest_pages(self) -> dict[int, str]:
         """The page that each person answered last, by their number."""
-        rows = self.store.execute("SELECT person, page, max(at) FROM answers GROUP BY person")
+        rows = self._store.execute("SELECT person, page, max(at) FROM answers GROUP BY person")
         return {person: page for person, page, _ in rows}
 
     @property
     def recruiting(self) -> bool:
         """Whether new people are let in; outlives the server."""
-        row = self.store.execute("SELECT value FROM switches WHERE name = ?", (RECRUITING,)).fetchone()
+        row = self._store.execute("SELECT value FROM switches WHERE name = ?", (RECRUITING,)).fetchone()
         return row is None or row[0] == ON
 
     @recruiting.setter
     def recruiting(self, wanted: bool) -> None:
-        with self.store.transaction():
-            self.store.execute("INSERT OR REPLACE INTO switches VALUES (?, ?)", (RECRUITING, ON if wanted else OFF))
+        with self.transaction():
+            self._store.execute("INSERT OR REPLACE INTO switches VALUES (?, ?)", (RECRUITING, ON if wanted else OFF))
 
     def begun(self) -> bool:
         """Whether anybody who counts has begun."""
-        return self.store.execute("SELECT 1 FROM people WHERE pilot = 0 LIMIT 1").fetchone() is not None
+        return self._store.execute("SELECT 1 FROM people WHERE pilot = 0 LIMIT 1").fetchone() is not None
 
     def _one(self, where: str, *values: str) -> Person | None:
-        row = self.store.execute(f"{_PERSON} {where}", values).fetchone()
+        row = self._store.execute(f"{_PERSON} {where}", values).fetchone()
         return _person(row) if row else None
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """Write all or nothing, on disk when it is left; one inside another is on disk with the outer one."""
+        inside = self._store.in_transaction
+        self._store.execute("SAVEPOINT inner" if inside else "BEGIN IMMEDIATE")
+        try:
+            yield
+            self._store.execute("RELEASE inner" if inside else "COMMIT")
+        except BaseException:
+            if self._store.in_transaction:  # a disk that is full may have ended it
+                self._store.execute("ROLLBACK TO inner" if inside else "ROLLBACK")
+            raise
 
 
 _PERSON = "SELECT number, token, arms, protocol, pilot, ended FROM people"

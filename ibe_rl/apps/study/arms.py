@@ -135,7 +135,8 @@ def expectations(
 ) -> dict[str, dict[str, Any]]:
     """What the simulated observer expects with each arm's words, as truth is kept.
 
-    Without words the motion goes on. Where an agent does not know, it is as without words.
+    Without words the motion goes on; if that is no option, the middle one is chosen. Where an agent does not know, it
+    is as without words.
 
     Args:
         asked: what is seen.
@@ -156,7 +157,7 @@ def expectations(
         state[explained] = value
         return round(float(scene.share(state[None])[0]), _DIGITS)
 
-    without = {"at": place(float(goes_on)), "choice": options.index(phrase) if phrase in options else 0}
+    without = {"at": place(float(goes_on)), "choice": options.index(phrase) if phrase in options else len(options) // 2}
     found = {NONE: without}
     for arm, words in said.items():
         read = observer.reads(np.array([position], float), np.array(words.expressions[-1:]))[0]

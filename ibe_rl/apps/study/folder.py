@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from ibe_rl.apps.study.answers import FILE, Answers
 from ibe_rl.apps.study.assignment import Order, mixed_orders, orders_of
 from ibe_rl.apps.study.episode_file import arms_of, read_episode
 from ibe_rl.apps.study.questions import Question, read_questions
-from ibe_rl.apps.study.schedule import Page, episodes_needed
+from ibe_rl.apps.study.schedule import episodes_needed
 from ibe_rl.apps.study.settings import ARMS, MIXED, NONE, WITHIN, StudySettings, read_settings
 from ibe_rl.apps.study.words import read_words
 from ibe_rl.types import ConfigError
@@ -37,7 +37,7 @@ PROTOCOL = "protocol.json"
 HASH_DIGITS = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each opening is another one
 class Study:
     """An opened study.
 
@@ -50,7 +50,6 @@ class Study:
         words: key to a word of the pages, see ``words``.
         stimuli: the episodes, see ``stimuli.Stimulus``.
         files: path in the folder to the hash of what it holds.
-        schedules: the pages of people who were here, by their number and arms.
     """
 
     folder: Path
@@ -61,7 +60,6 @@ class Study:
     words: dict[str, str]
     stimuli: Sequence[dict[str, Any]]
     files: dict[str, str]
-    schedules: dict[tuple[int, Order], list[Page]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def protocol(self) -> str:

@@ -20,6 +20,7 @@ from ibe_rl.apps.study.settings import MIXED, NONE, WHICH_AGENT, WITHIN, StudySe
 from ibe_rl.apps.study.shipped_texts import copy_texts
 from ibe_rl.config.declared import meanings
 from ibe_rl.config.limits import allowed_values
+from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.operating_system import lock_file
 from ibe_rl.storage.run_folder import PARTIAL
@@ -35,6 +36,7 @@ def make(
     out: str = "study",
     other: str | None = None,
     until: str | None = None,
+    frames: int = SEEN_STEPS,
     stimuli: int = 0,
     flights: int = 200,
     pace: float = 1.0,
@@ -49,6 +51,7 @@ def make(
         other: of which_agent: folder of a second run; null: an earlier policy of the same run
         until: what is asked about: "contact", where it first touches, "end", as in the paper, or "lot", any
             moment; null: contact if the environment declares it, else lot
+        frames: of an episode that people see, before the moment that they are asked about
         stimuli: how many episodes; 0: as many as a person sees, and one as the example in the instructions
         flights: flown beforehand, for the paper's vocabulary and the simulated observers
         pace: 1 plays as fast as the environment is, 0.5 half as fast
@@ -63,13 +66,13 @@ def make(
     """
     settings, folder = read_settings(nested({"seed": seed, **study}), "make"), Path(out)
     needed = episodes_needed(settings, arms_each(settings))
-    _check(stimuli, flights, pace, seed, needed)
+    _check(stimuli, frames, flights, pace, seed, needed)
     paired = settings.trials.task == WHICH_AGENT
     if (other if not paired else until) is not None:
         key, value = ("until", until) if paired else ("other", other)
         raise ConfigError(f"{key}={value} with trials.task={settings.trials.task}: allowed is null")
     preparing = load_app("study make")  # imports torch
-    plan = preparing.StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until)
+    plan = preparing.StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until, frames)
     with _new_folder(folder) as partial:
         made, about = preparing.pairs_from(plan) if paired else preparing.stimuli_from(plan)
         _check_arms(settings, made[0])
@@ -103,9 +106,10 @@ def nested(study: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _check(stimuli: int, flights: int, pace: float, seed: int, needed: int) -> None:
+def _check(stimuli: int, frames: int, flights: int, pace: float, seed: int, needed: int) -> None:
     limits = (
         ("stimuli", stimuli, stimuli == 0 or max(needed, 2) <= stimuli <= 1000, f"0, or {max(needed, 2)} to 1000"),
+        ("frames", frames, 2 <= frames <= 1000, "2 to 1000"),
         ("flights", flights, 2 <= flights <= 5000, "2 to 5000"),
         ("pace", pace, 0.01 <= pace <= 10, "0.01 to 10"),
         ("seed", seed, 0 <= seed < 1000, "0 to 999"),

@@ -95,7 +95,7 @@ def rejections(
             for column, most in enumerate(people):
                 some = trials[trials["person"].to_numpy() <= most]
                 for pair, rejected in found.items():
-                    p = permutation_p(TwoArms.of(some, pair), resamples, seed + row)
+                    p = permutation_p(TwoArms.of(some, pair), resamples, seed)
                     rejected[row, column] = p < settings.test.alpha
             step()
     return found

@@ -17,7 +17,6 @@ from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, f
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.sides import pairs_of
 from ibe_rl.apps.study.stimuli import (
-    BY_LOT,
     TRIES_EACH_STIMULUS,
     balanced_episodes,
     check_until,
@@ -27,7 +26,6 @@ from ibe_rl.apps.study.stimuli import (
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig, ExplainConfig
 from ibe_rl.envs.make import make_env
-from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rollouts import seeds_for
 from ibe_rl.evaluation.run_predictor import as_trained, predictor_of
@@ -53,6 +51,7 @@ class StimuliPlan:
         pace: 1 is as fast as the environment, 0.5 half as fast.
         seed: of everything.
         until: see ``check_until``.
+        frames: that people see.
     """
 
     run: str | None
@@ -61,7 +60,8 @@ class StimuliPlan:
     flights: int
     pace: float
     seed: int
-    until: str | None = None
+    until: str | None
+    frames: int
 
 
 @dataclass(frozen=True)
@@ -95,19 +95,18 @@ def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any
     run = agent.run
     until = check_until(plan.until, run.task)
     flown, random = fly(run, plan.flights, plan.seed), np.random.default_rng(plan.seed)
-    scene = scene_of(run.task, flown.episodes, SEEN_STEPS + run.horizon_steps)
+    scene = scene_of(run.task, flown.episodes, plan.frames + run.horizon_steps)
     hidden = hidden_goal_env(run.config.env, run.task)
     seeds = seeds_for("foretold", plan.seed, TRIES_EACH_STIMULUS * plan.count)
     env = make_env(hidden)
-    found = cut_episodes(env, run.task, run.policy, instructor_of(run), seeds, run.horizon_steps, until)
+    found = cut_episodes(env, run.task, run.policy, instructor_of(run), seeds, run.horizon_steps, until, plan.frames)
     with progress_bar("episodes", plan.count) as step:
         chosen = balanced_episodes(found, scene, plan.count, random, step)
     with _speaker(agent, flown, plan.seed, hidden) as speaker, progress_bar("explanations", plan.count) as step:
         pace_ms = _frame_ms(env.metadata, plan.pace)
         made = stimuli_of(chosen, speaker, flown.observer, scene, pace_ms, random, step)
     env.close()
-    asked_s = pace_ms * run.horizon_steps / _MS_PER_S if until == BY_LOT else None
-    return made, {**_about(plan, flown), "until": until, "asked_s_after_clip": asked_s}
+    return made, {**_about(plan, flown, pace_ms), "until": until}
 
 
 def pairs_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -135,7 +134,7 @@ def pairs_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any]]
         progress_bar("pairs of episodes", plan.count) as step,
     ):
         made = pairs_of(first, worse, scene, seeds, pace_ms, random, step)
-    return made, {**_about(plan, skilled), "other": _about(plan, less)}
+    return made, {**_about(plan, skilled, pace_ms), "other": _about(plan, less, pace_ms)}
 
 
 @contextmanager
@@ -149,7 +148,7 @@ def _frame_ms(metadata: dict[str, Any], pace: float) -> float:
     return round(_MS_PER_S / float(metadata.get("render_fps") or FRAMES_PER_S) / pace, 3)
 
 
-def _about(plan: StimuliPlan, flown: FlownAgent) -> dict[str, Any]:
+def _about(plan: StimuliPlan, flown: FlownAgent, step_ms: float) -> dict[str, Any]:
     run, (success, mean_return) = flown.run, flown.skill
     return {
         "run": run.folder.resolve().name,
@@ -157,6 +156,8 @@ def _about(plan: StimuliPlan, flown: FlownAgent) -> dict[str, Any]:
         "policy_frame": run.policy_frame,
         "vocabulary_frame": run.mapping_frame,
         "horizon_steps": run.horizon_steps,
+        "ahead_s": step_ms * run.horizon_steps / _MS_PER_S,
+        "until": None,
         "seed": plan.seed,
         "flights": plan.flights,
         "success": success,

@@ -7,19 +7,21 @@ arm only tells nothing about the arms then; where most are like that, the differ
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from ibe_rl.metrics.bootstrap import Estimate, estimate, ratio
-from ibe_rl.metrics.effect import paired_p
 from ibe_rl.types import Array
 
 MOST_BOOTSTRAPS = 10_000
 _BATCH = 10_000
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -99,21 +101,43 @@ def permutation_p(two: TwoArms, resamples: int, seed: int = 0) -> float:
         return 1.0
     first, second = two.person_means()
     if two.paired:
-        return paired_p(first - second, resamples, seed)
-    return float(
-        stats.permutation_test(
-            (first, second),
-            _mean_difference,
-            vectorized=True,
-            n_resamples=resamples,
-            batch=_BATCH,
-            rng=np.random.default_rng(seed),
-        ).pvalue
-    )
+        return flip_p(first - second, resamples, seed)
+    values = np.concatenate([first, second])
+    return _p_value(values, len(first), resamples, seed)
 
 
-def _mean_difference(first: Array, second: Array, axis: int) -> Array:
-    return np.mean(first, axis=axis) - np.mean(second, axis=axis)
+def flip_p(differences: Array, resamples: int, seed: int = 0) -> float:
+    """Two-sided p-value that differences ``(N,)`` have mean 0, by flips of their signs."""
+    return _p_value(differences, None, resamples, seed)
+
+
+def _p_value(values: Array, first: int | None, resamples: int, seed: int) -> float:
+    """Share of permutations that are as extreme as what was seen; of drawn ones, with what was seen among them."""
+    count = len(values)
+    possible = 2**count if first is None else math.comb(count, first)
+    seen = values.mean() if first is None else values[:first].mean() - values[first:].mean()
+    least = abs(seen) * (1 - _ROUNDING)
+    exact = possible <= resamples
+    sizes = [possible] if exact else [min(_BATCH, resamples - begun) for begun in range(0, resamples, _BATCH)]
+    rows = (_permutations(count, first, size, exact, seed + at) for at, size in enumerate(sizes))
+    hits = sum(int(np.sum(np.abs(each @ values) >= least)) for each in rows)
+    return hits / possible if exact else (hits + 1) / (resamples + 1)
+
+
+@lru_cache(maxsize=32)
+def _permutations(count: int, first: int | None, size: int, exact: bool, seed: int) -> Array:
+    """Weights ``(size, count)`` of the values: all permutations or drawn ones. Tests of as many people share them."""
+    random = np.random.default_rng(seed)
+    if first is None:
+        every = np.arange(size)[:, None] >> np.arange(count) & 1
+        return (2.0 * (every if exact else random.integers(2, size=(size, count))) - 1) / count
+    weights = np.full((size, count), -1 / (count - first))
+    if exact:
+        members = np.array(list(combinations(range(count), first)))
+        np.put_along_axis(weights, members, 1 / first, axis=1)
+        return weights
+    weights[:, :first] = 1 / first
+    return random.permuted(weights, axis=1)
 
 
 def crossed_interval(two: TwoArms, resamples: int, seed: int = 0) -> Estimate:
@@ -216,4 +240,4 @@ def _over_episodes(two: TwoArms, resamples: int, seed: int) -> float | None:
     values = np.nan_to_num(two.loss)
     means = [ratio((values * seen).sum(axis=0), seen.sum(axis=0).astype(float)) for seen in (two.first, two.second)]
     differences = (means[0] - means[1])[~np.isnan(means[0] - means[1])]
-    return paired_p(differences, resamples, seed) if len(differences) > 1 else None
+    return flip_p(differences, resamples, seed) if len(differences) > 1 else None

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import json
-import logging
-import sqlite3
-import traceback
 from collections.abc import Mapping
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from aiohttp import web
-from aiohttp.typedefs import Handler
 
 from ibe_rl.apps.study.answers import WITHDRAWN, Answers, Person
-from ibe_rl.apps.study.commits import Commits
 from ibe_rl.apps.study.content import about, feedback_on, shown_now
 from ibe_rl.apps.study.folder import Study
+from ibe_rl.apps.study.guarding import ANSWERS, LOOPBACK, STUDY, guard, host_name, page_part, refused
+from ibe_rl.apps.study.joint_writer import JointWriter
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, is_known_code, recruit_of
 from ibe_rl.apps.study.settings import CODES
-from ibe_rl.apps.study.sitting import FullError, enter, schedule_of, take
+from ibe_rl.apps.study.sitting import FullError, enter, schedule_of
 
 PAGE_PARTS = {
     "page.js": "text/javascript",
@@ -30,24 +24,13 @@ PAGE_PARTS = {
     "draw.js": "text/javascript",
     "page.css": "text/css",
 }
-SECURITY_HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'self'; img-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
-    ),
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-store",
-}
-STUDY, ANSWERS = web.AppKey("study", Study), web.AppKey("answers", Answers)
-COMMITS = web.AppKey("commits", Commits)
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_log = logging.getLogger("ibe_rl.study")
+WRITER = web.AppKey("writer", JointWriter)
 
 
 def study_app(study: Study, answers: Answers) -> web.Application:
     """The pages of a study, and what they ask."""
     app = web.Application(middlewares=[guard], client_max_size=MAX_ANSWER_BYTES)
-    app[STUDY], app[ANSWERS], app[COMMITS] = study, answers, Commits(answers.store)
+    app[STUDY], app[ANSWERS], app[WRITER] = study, answers, JointWriter(study, answers)
     app.add_routes(
         [
             web.get("/", _page),
@@ -61,52 +44,6 @@ def study_app(study: Study, answers: Answers) -> web.Application:
         ]
     )
     return app
-
-
-@web.middleware
-async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse what other sites send; answer all others with JSON or a page, once what they brought is on disk."""
-    try:
-        response = await handler(request) if _is_own(request) else refused(403, "only the page of this study may send")
-    except web.HTTPException as error:
-        response = refused(error.status, error.reason)
-    except Exception as error:
-        response = _failed(error)
-    try:
-        await request.app[COMMITS].confirmed()
-    except sqlite3.Error as error:
-        response = _failed(error)
-    response.headers.update(SECURITY_HEADERS)
-    return response
-
-
-def _failed(error: Exception) -> web.Response:
-    """A reply after which the page tries again; the message may hold what somebody wrote, so it is not logged."""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    _log.error("failed: %s in %s, line %d", type(error).__name__, Path(frame.filename).name, frame.lineno or 0)
-    return refused(500, "this failed; it is tried again")
-
-
-def refused(status: int, why: str, **more: Any) -> web.Response:
-    """A reply that says why not, in the log too."""
-    _log.warning("refused: %s", why)
-    return web.json_response({"refused": why, **more}, status=status)
-
-
-def host_name(request: web.Request) -> str:
-    """The name or address under which the request reached the server, without its port."""
-    return urlsplit(f"//{request.headers.get('Host', '')}").hostname or ""
-
-
-def page_part(name: str, kind: str) -> web.Response:
-    """A file of the package."""
-    return web.Response(body=files(__package__).joinpath(name).read_bytes(), content_type=kind, charset="utf-8")
-
-
-def _is_own(request: web.Request) -> bool:
-    """Whether a request only reads, or comes from no other site."""
-    origin = request.headers.get("Origin")
-    return request.method != "POST" or origin is None or origin.partition("://")[2] == request.headers.get("Host")
 
 
 async def _page(_: web.Request) -> web.Response:
@@ -165,11 +102,12 @@ async def _now(request: web.Request) -> web.Response:
 
 async def _answer(request: web.Request) -> web.Response:
     """Keep an answer; the reply tells what became of it, what really happened, and what comes next."""
-    study, answers, body = request.app[STUDY], request.app[ANSWERS], await request.read()
-    person = _person(request)  # after the body has come: somebody may withdraw meanwhile
+    study, answers = request.app[STUDY], request.app[ANSWERS]
+    body = await request.read()
+    person = _person(request)  # who withdrew while the answer came in is not there any more
     try:
         answer = parse_answer(body)
-        became = take(study, answers, person, answer)
+        became = await request.app[WRITER].take(person, answer)
     except BadAnswerError as error:
         return refused(409, str(error), now=shown_now(study, answers, _person(request)))
     page = next(one for one in schedule_of(study, person) if one.name == answer.page)

@@ -9,12 +9,16 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import yaml
+
+from ibe_rl.apps.paper.names import AT_END
 from ibe_rl.apps.study.folder import TEXTS
 from ibe_rl.apps.study.schedule import episodes_needed
 from ibe_rl.apps.study.settings import StudySettings
 
 TO_FILL_IN = "[["
 """Begins what only the lab itself can say in a text."""
+_PARTS = "parts.yaml"
 _SECONDS = {"page": 25.0, "trial": 25.0, "question": 7.0}
 """How long people take, for what the consent says of it; generous."""
 
@@ -25,11 +29,15 @@ def copy_texts(folder: Path, settings: StudySettings, about: Mapping[str, Any], 
     Args:
         folder: of the study.
         settings: of it.
-        about: what it was made from.
+        about: what it was made from: ``until`` and ``ahead_s``, how long after the clip that is.
         arms_each: arms that a person goes through.
     """
-    words = _words(settings, about, episodes_needed(settings, arms_each))
+    numbers = _numbers_of(settings, about, episodes_needed(settings, arms_each))
     for language in files(__package__).joinpath(TEXTS).iterdir():
+        parts = yaml.safe_load(language.joinpath(_PARTS).read_text(encoding="utf-8"))
+        contact = settings.contact or parts["no_contact"]
+        asked = {name: Template(text).substitute(numbers) for name, text in parts[about["until"] or AT_END].items()}
+        words = {**numbers, **asked, "title": settings.title, "contact": contact}
         _copy_language(language, folder / TEXTS / language.name, settings.trials.task, words)
 
 
@@ -41,26 +49,18 @@ def _copy_language(source: Traversable, to: Path, task: str, words: Mapping[str,
             _copy_language(one, to / one.name, task, words)
             continue
         name, *tasks, ending = one.name.split(".")
-        if tasks in ([], [task]):
+        if tasks in ([], [task]) and one.name != _PARTS:
             text = Template(one.read_text(encoding="utf-8")).safe_substitute(words)
             (to / f"{name}.{ending}").write_text(text, encoding="utf-8")
 
 
-def _words(settings: StudySettings, about: Mapping[str, Any], seen: int) -> dict[str, str]:
-    """What texts say of this study."""
-    ahead_s = about.get("asked_s_after_clip")
-    trials = settings.trials
-    pages = 6 + len(settings.scales)
-    seconds = pages * _SECONDS["page"] + seen * _SECONDS["trial"] + 8 * len(settings.scales) * _SECONDS["question"]
-    return {
-        "title": settings.title,
-        "minutes": str(max(5, 5 * round(seconds / 300))),
-        "moment": f"{ahead_s:.1f} seconds after the clip" if ahead_s else "in the end, when it has come down",
-        "later": f"{ahead_s:.1f} seconds later" if ahead_s else "in the end",
-        "practice": str(trials.practice),
-        "trials": str(seen - trials.practice),
-        "contact": settings.contact or f"{TO_FILL_IN}who answers questions, with an address]]",
-    }
+def _numbers_of(settings: StudySettings, about: Mapping[str, Any], seen: int) -> dict[str, str]:
+    """The numbers that texts tell."""
+    practice, scales = settings.trials.practice, len(settings.scales)
+    took_s = (6 + scales) * _SECONDS["page"] + seen * _SECONDS["trial"] + 8 * scales * _SECONDS["question"]
+    minutes = max(5, 5 * round(took_s / 300))
+    numbers = {"minutes": str(minutes), "practice": str(practice), "trials": str(seen - practice)}
+    return {**numbers, "ahead_s": f"{about['ahead_s']:.1f}"}
 
 
 def to_fill_in(folder: Path) -> list[str]:

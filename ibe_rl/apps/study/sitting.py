@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from ibe_rl.apps.study.answers import (
@@ -15,7 +16,7 @@ from ibe_rl.apps.study.answers import (
     Answers,
     Person,
 )
-from ibe_rl.apps.study.assignment import assign
+from ibe_rl.apps.study.assignment import Order, assign
 from ibe_rl.apps.study.folder import Study
 from ibe_rl.apps.study.messages import BadAnswerError, check_answer
 from ibe_rl.apps.study.questions import Question
@@ -35,6 +36,9 @@ from ibe_rl.apps.study.settings import NEXT_WORDS, WHICH_AGENT
 
 ANSWER_TAKEN, ANSWERED_BEFORE = "taken", "answered before"
 """What became of an answer."""
+
+
+MOST_SCHEDULES = 1024
 
 
 class FullError(Exception):
@@ -120,12 +124,14 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     return ANSWER_TAKEN if kept else ANSWERED_BEFORE
 
 
-def schedule_of(study: Study, person: Person) -> list[Page]:
+def schedule_of(study: Study, person: Person) -> Sequence[Page]:
     """All pages of a person."""
-    key = (person.number, person.arms)
-    if key not in study.schedules:
-        study.schedules[key] = pages_of(study.settings, person.arms, len(study.stimuli), person.number)
-    return study.schedules[key]
+    return _schedule(study, person.arms, person.number)
+
+
+@lru_cache(maxsize=MOST_SCHEDULES)  # each message asks for it several times
+def _schedule(study: Study, arms: Order, number: int) -> tuple[Page, ...]:
+    return tuple(pages_of(study.settings, arms, len(study.stimuli), number))
 
 
 def questions_of(study: Study, page: Page) -> list[Question]:

@@ -15,10 +15,9 @@ import numpy as np
 from ibe_rl.apps.paper.names import AT_CONTACT, AT_END
 from ibe_rl.apps.study.arms import Asked, Speaker, SpokenFrames, expectations, words_of_others
 from ibe_rl.apps.study.scenes import FORMAT, Scene, about_episode
-from ibe_rl.apps.study.settings import IBE, PAPER, PLACEBIC, TRUE_FUTURE
+from ibe_rl.apps.study.settings import IBE, PLACEBIC, TRUE_FUTURE
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.limits import nearest
-from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.observer import Observer
@@ -30,7 +29,9 @@ UNTIL = (AT_CONTACT, AT_END, BY_LOT)
 """What people are asked about: where it first touches, where the episode ends (the paper), or a moment drawn by lot."""
 TRIES_EACH_STIMULUS = 10
 """Most episodes flown for each that is shown."""
-_PLACES, _DIGITS = 3, 4
+MOST_PHRASES = 8
+"""Phrases to choose from."""
+_PLACES, _DIGITS, _MOVING = 3, 4, 2 / 3
 
 
 @dataclass(frozen=True)
@@ -42,17 +43,19 @@ class CutEpisode:
         watched: the episode itself, with what is needed to draw it.
         last: step of the last frame that is seen.
         end: step that people are asked about.
+        frames: how many are seen.
     """
 
     seed: int
     watched: RecordedRollout
     last: int
     end: int
+    frames: int
 
     @property
     def first(self) -> int:
         """Step of the first frame."""
-        return self.last - SEEN_STEPS + 1
+        return self.last - self.frames + 1
 
     @property
     def states(self) -> Array:
@@ -73,18 +76,29 @@ def check_until(until: str | None, task: Task) -> str:
     return until or (BY_LOT if task.first_contact is None else AT_CONTACT)
 
 
-def cut_episode(seed: int, watched: RecordedRollout, task: Task, horizon_steps: int, until: str) -> CutEpisode | None:
+def cut_episode(
+    seed: int, watched: RecordedRollout, task: Task, horizon_steps: int, until: str, frames: int
+) -> CutEpisode | None:
     """Cut an episode a horizon before the step that people are asked about; None if it is too short."""
     episode = watched.episode
     contact = len(episode) if task.first_contact is None else task.first_contact(episode.states)
     latest = contact - horizon_steps
     comes_down = task.first_contact is None or until == BY_LOT or episode.terminated
-    if latest < SEEN_STEPS or not comes_down:
+    if latest < frames or not comes_down:
         return None
-    end = len(episode) if until == AT_END else contact
+    last = len(episode) - horizon_steps if until == AT_END else latest
     if until == BY_LOT:
-        end = horizon_steps + int(np.random.default_rng(seed).integers(SEEN_STEPS, latest + 1))
-    return CutEpisode(seed, watched, end - horizon_steps, end)
+        last = _drawn_step(episode.states, task, horizon_steps, range(frames, latest + 1), np.random.default_rng(seed))
+    return CutEpisode(seed, watched, last, last + horizon_steps, frames)
+
+
+def _drawn_step(states: Array, task: Task, horizon_steps: int, steps: range, random: np.random.Generator) -> int:
+    """One of the steps; two times of three one after which it moves, as much as there are ways to go or to stay."""
+    dimensions = list(task.explained)
+    change = np.abs(states[[step + horizon_steps for step in steps]] - states[list(steps)])[:, dimensions]
+    moves = (change > np.array(task.explained_band)).any(axis=1) == (random.random() < _MOVING)
+    kind = np.array(steps)[moves]
+    return int(random.choice(kind if len(kind) else np.array(steps)))
 
 
 def cut_episodes(
@@ -95,10 +109,11 @@ def cut_episodes(
     seeds: Sequence[int],
     horizon_steps: int,
     until: str,
+    frames: int,
 ) -> Iterator[CutEpisode]:
     """Fly an episode for each seed, and cut those that suit."""
     for seed in seeds:
-        found = cut_episode(seed, record_rollout(env, policy, instructor, seed), task, horizon_steps, until)
+        found = cut_episode(seed, record_rollout(env, policy, instructor, seed), task, horizon_steps, until, frames)
         if found is not None:
             yield found
 
@@ -136,9 +151,8 @@ def balanced_episodes(
     chosen += spare[: count - len(chosen)]
     if len(chosen) < count:
         raise ConfigError(
-            f"{count} episodes are needed, {len(chosen)} are long enough: a person sees {SEEN_STEPS} steps, and what "
-            "is explained comes after; allowed are fewer trials, a run that learnt more, or a shorter "
-            "mapping.horizon_steps in its training"
+            f"{count} episodes are needed, {len(chosen)} are long enough for the frames that are seen and for what is "
+            "explained, which comes after; allowed are fewer trials, fewer frames, or a run that learnt more"
         )
     return [chosen[index] for index in random.permutation(count)]
 
@@ -176,42 +190,45 @@ def stimuli_of(
         step()
     for each, placebo in zip(said, words_of_others([each[IBE] for each in said], random), strict=True):
         each[PLACEBIC] = placebo
-    options = options_of(speaker, said)
+    order = phrases_in_order(speaker, said)
     return [
-        {
-            "format": FORMAT,
-            "size": list(scene.size),
-            "frame_ms": frame_ms,
-            "background": scene.background(one.watched),
-            "frames": _frames(one, scene, range(one.first, one.last + 1)),
-            "later": _frames(one, scene, range(one.last + 1, one.end + 1)),
-            "phrases": options,
-            "explanations": {arm: words.as_json() for arm, words in each.items()},
-            "truth": {
-                "at": round(ends_at(one, scene), _DIGITS),
-                "choice": options.index(each[TRUE_FUTURE].phrases[-1]),
-            },
-            "observers": expectations(
-                Asked(one.states[one.last - 1], one.states[one.last], one.end - one.last),
-                each,
-                speaker,
-                observer,
-                scene,
-                options,
-            ),
-            **about_episode(one.seed, one.watched.episode),
-        }
+        _stimulus(one, each, speaker, observer, scene, frame_ms, options_of(order, each, random))
         for one, each in zip(chosen, said, strict=True)
     ]
 
 
+def _stimulus(
+    one: CutEpisode,
+    said: dict[str, SpokenFrames],
+    speaker: Speaker,
+    observer: Observer,
+    scene: Scene,
+    frame_ms: float,
+    options: list[str],
+) -> dict[str, Any]:
+    asked = Asked(one.states[one.last - 1], one.states[one.last], one.end - one.last)
+    return {
+        "format": FORMAT,
+        "size": list(scene.size),
+        "frame_ms": frame_ms,
+        "background": scene.background(one.watched),
+        "frames": _frames(one, scene, range(one.first, one.last + 1)),
+        "later": _frames(one, scene, range(one.last + 1, one.end + 1)),
+        "phrases": options,
+        "explanations": {arm: words.as_json() for arm, words in said.items()},
+        "truth": {"at": round(ends_at(one, scene), _DIGITS), "choice": options.index(said[TRUE_FUTURE].phrases[-1])},
+        "observers": expectations(asked, said, speaker, observer, scene, options),
+        **about_episode(one.seed, one.watched.episode),
+    }
+
+
 def real_changes(one: CutEpisode, horizon_steps: int) -> Array:
-    """The real changes ``(SEEN_STEPS, S)`` over the horizon from each frame, or to the end if that is sooner."""
+    """The real changes ``(frames, S)`` over the horizon from each frame, or to the end if that is sooner."""
     return delta_states(one.states, horizon_steps, "clamp")[one.first : one.last + 1]
 
 
-def options_of(speaker: Speaker, said: Sequence[dict[str, SpokenFrames]]) -> list[str]:
-    """The phrases that people choose from: those of the vocabularies and those that came true, from -1 to +1."""
+def phrases_in_order(speaker: Speaker, said: Sequence[dict[str, SpokenFrames]]) -> list[str]:
+    """The phrases of the vocabularies, those that were said and those that came true, from -1 to +1."""
     run = speaker.run
     known = [run.mapping, *([speaker.paper] if speaker.paper is not None else [])]
     order: dict[str, float] = {}
@@ -220,12 +237,20 @@ def options_of(speaker: Speaker, said: Sequence[dict[str, SpokenFrames]]) -> lis
         for phrase, expression in zip(phrases, mapping.expressions[:, 0].tolist(), strict=True):
             order.setdefault(phrase, expression)
     for each in said:
-        for arm in (IBE, PAPER, TRUE_FUTURE):
-            words = each.get(arm)
-            for phrase, value, sure in zip(words.phrases, words.expressions, words.known, strict=True) if words else ():
+        for words in each.values():
+            for phrase, value, sure in zip(words.phrases, words.expressions, words.known, strict=True):
                 if sure:
                     order.setdefault(phrase, value)
     return sorted(order, key=lambda phrase: order[phrase])
+
+
+def options_of(order: Sequence[str], said: dict[str, SpokenFrames], random: np.random.Generator) -> list[str]:
+    """Phrases to choose from: what came true, what any arm says last, and others up to ``MOST_PHRASES``."""
+    needed = {words.phrases[-1] for words in said.values() if words.known[-1]}
+    others = [phrase for phrase in order if phrase not in needed]
+    room = max(0, MOST_PHRASES - len(needed))
+    needed |= {others[index] for index in random.permutation(len(others))[:room]}
+    return [phrase for phrase in order if phrase in needed]
 
 
 def _frames(one: CutEpisode, scene: Scene, steps: range) -> list[list[dict[str, Any]]]:

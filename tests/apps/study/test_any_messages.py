@@ -74,7 +74,7 @@ class House:
     async def restart(self) -> None:
         """What a killed server had not put on disk is gone."""
         await self.client.close()
-        self._served.store._file.close()
+        self._served._store.close()
         await self.open()
 
     async def close(self) -> None:

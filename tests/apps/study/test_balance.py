@@ -42,7 +42,7 @@ def leave(answers: Answers, person: Person, lot: random.Random) -> None:
     if how == "withdraws":
         answers.withdraw(person)
     elif how == "stays away":  # until the place is given to another
-        answers.store.execute("UPDATE people SET last_at = '2000' WHERE number = ?", (person.number,))
+        answers._store.execute("UPDATE people SET last_at = '2000' WHERE number = ?", (person.number,))
     else:
         answers.end(person, how)
 

@@ -42,6 +42,7 @@ def test_what_is_made_opens_and_says_from_what(made: Path) -> None:
 def test_texts_name_what_is_asked_of_people(made: Path) -> None:
     study = open_study(made)
     assert "1 short clips for practice and 4 more that count" in study.texts["information"]
+    assert not (made / "texts/en/parts.yaml").exists()
     assert "lab@example.org" in study.texts["debriefing"]
     assert "in the end, when it has come down" in " ".join(study.texts["instructions"].split())
     assert study.words["ask_landing"] == "Where will it be in the end?"
@@ -54,7 +55,7 @@ def test_texts_name_what_is_asked_of_people(made: Path) -> None:
 def test_each_task_has_its_own_instructions(task: str, tmp_path: Path) -> None:
     settings = read_settings({"trials": {"task": task}}, "make")
     (tmp_path / "stimuli").mkdir()
-    write_study_files(tmp_path, settings, [], {"asked_s_after_clip": 1.24})
+    write_study_files(tmp_path, settings, [], {"until": "lot", "ahead_s": 1.24})
     texts = tmp_path / "texts/en"
     assert {path.stem for path in texts.glob("*.md")} == {"consent", "debriefing", "information", "instructions"}
     told, asked = (texts / "instructions.md").read_text(), yaml.safe_load((texts / "comprehension.yaml").read_text())
@@ -86,7 +87,7 @@ def test_study_yaml_says_what_everything_means_and_reads_back() -> None:
 
 def test_a_person_needs_a_quarter_of_an_hour_at_most(tmp_path: Path) -> None:
     (tmp_path / "stimuli").mkdir()
-    write_study_files(tmp_path, StudySettings(), [], {})
+    write_study_files(tmp_path, StudySettings(), [], {"until": None, "ahead_s": 1.0})
     assert "It takes about 10 minutes" in (tmp_path / "texts/en/information.md").read_text()
 
 
@@ -107,6 +108,7 @@ def test_settings_of_groups() -> None:
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "stimuli": ({"stimuli": 2}, "stimuli=2: allowed is 0, or 14 to 1000"),
+    "frames": ({"frames": 1}, "frames=1: allowed is 2 to 1000"),
     "flights": ({"flights": 1}, "flights=1: allowed is 2 to 5000"),
     "pace": ({"pace": 0.0}, "pace=0.0: allowed is 0.01 to 10"),
     "seed": ({"seed": 1000}, "seed=1000: allowed is 0 to 999"),
@@ -160,7 +162,7 @@ def test_what_a_killed_program_left_is_no_hindrance(
     (tmp_path / "study.partial" / "stimuli").mkdir(parents=True)
     (tmp_path / "study.partial" / "stimuli" / "099.json").write_text("{}")
     shown = [json.loads(path.read_text()) for path in sorted((made / "stimuli").glob("*.json"))]
-    monkeypatch.setattr(preparing, "stimuli_from", lambda plan: (shown[: plan.count], {}))
+    monkeypatch.setattr(preparing, "stimuli_from", lambda plan: (shown[: plan.count], {"until": "end", "ahead_s": 1.0}))
     folder = make(DEMO, str(tmp_path / "study"), **BRIEF)
     assert len([*(folder / "stimuli").iterdir()]) == 3
     assert [*tmp_path.iterdir()] == [folder]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from answered_study import trials
+from scipy import stats
 
-from ibe_rl.apps.study.registered import TwoArms, compared, crossed_interval, effect_size, permutation_p
+from ibe_rl.apps.study.registered import TwoArms, compared, crossed_interval, effect_size, flip_p, permutation_p
+from ibe_rl.metrics.effect import paired_p
 
 ARMS = ("ibe", "none")
 
@@ -41,6 +43,19 @@ def test_flips_within_four_people() -> None:
 
 def test_the_other_sign_is_as_sure() -> None:
     assert permutation_p(TwoArms.of(between([4, 5, 6], [1, 2, 3]), ARMS), 10_000) == pytest.approx(2 / 20)
+
+
+@pytest.mark.parametrize("resamples", [2_000, 25_000])
+def test_drawn_permutations_are_as_those_of_scipy(resamples: int) -> None:
+    random = np.random.default_rng(5)
+    first, second = random.normal(0, 1, 14), random.normal(0.7, 1, 16)
+    found = permutation_p(TwoArms.of(between([*first], [*second]), ARMS), resamples)
+    test = stats.permutation_test(
+        (first, second), lambda a, b, axis: a.mean(axis=axis) - b.mean(axis=axis), n_resamples=20_000, rng=random
+    )
+    assert 0.01 < found == pytest.approx(test.pvalue, abs=0.02)
+    differences = random.normal(0.4, 1, 20)
+    assert flip_p(differences, resamples) == pytest.approx(paired_p(differences, 20_000), abs=0.02)
 
 
 def test_no_difference_is_none() -> None:

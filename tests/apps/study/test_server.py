@@ -15,7 +15,7 @@ from aiohttp import ClientResponse
 from aiohttp.test_utils import TestClient, TestServer
 from own_study import right_value, write_study
 
-from ibe_rl.apps.study import server
+from ibe_rl.apps.study import joint_writer
 from ibe_rl.apps.study.answers import FILE, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES
@@ -309,7 +309,7 @@ def test_a_failure_is_answered_and_logged_without_what_was_said(
     async def send(visit: Visit) -> None:
         await visit.begin()
         message = visit.message()
-        monkeypatch.setattr(server, "take", fail)
+        monkeypatch.setattr(joint_writer, "take", fail)
         assert (await visit.answer(message))[0] == 500  # the page tries again
         monkeypatch.undo()
         assert (await visit.answer(message))[1]["became"] == "taken"
