@@ -86,18 +86,18 @@ def pilot(  # noqa: PLR0913 - each is a setting of the command line
 
     Args:
         folder: of the study.
-        people: how many.
+        people: how many simulated people.
         at_once: how many at the same time.
-        through: the real ``page`` in a headless browser, or its ``protocol`` alone.
+        through: page, the real one in a headless browser, or protocol, its messages alone.
         seed: of who they are and how they answer.
         address: of a server of this study on this machine; empty to start one for the pilot.
         chromium: path of the browser; empty to look for one.
-        noise: see ``simulated.draw_people``, as are the next four.
-        lapse: of all.
-        reliance: lowest and highest.
-        drop_out: at each page.
+        noise: median of people, in widths of the picture; of choices the share of others chosen.
+        lapse: share of pages answered at random.
+        reliance: lowest and highest belief in the words, 0 to 1.
+        drop_out: probability of leaving at each page.
         pace_s: median time of an answer.
-        times_faster: than people, through the protocol; infinite for no pauses.
+        times_faster: than people, through the protocol; inf for no pauses.
         say: prints a line or a table.
 
     Raises:

@@ -116,10 +116,10 @@ def lost_and_changed(answers: Answers, visits: list[Visit]) -> tuple[int, int]:
 
 async def _answer(visit: Visit, way: Way, study: Study, shown: Shown, page: Page) -> Shown:
     value = answer_page(visit.person, study, page, shown["attempt"], visit.random)
-    took_s = time_s(visit.person, visit.random) + played_s(study, page)
+    took_s = time_s(visit.person, visit.random)  # once the episode was played, as the page counts
     sent, reply = await way.give(shown, page, value, took_s)
     if REFUSED not in reply:
-        visit.needed_s += took_s
+        visit.needed_s += played_s(study, page) + took_s
         visit.confirmed.append(sent)
     return reply
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES
 from ibe_rl.apps.study.server import study_app
-from ibe_rl.apps.study.sitting import position, schedule_of
+from ibe_rl.apps.study.sitting import enter, position, schedule_of
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
@@ -60,18 +60,27 @@ class Guest:
         return f"/p/{self.person.token}"
 
 
-@dataclass
 class House:
-    """The real server of a study; after ``restart`` another one for the same file."""
+    """The real server of a study; ``answers`` reads its file as somebody else would, who sees only what is on disk."""
 
-    study: Study
-    answers: Answers
-    client: TestClient[Any, Any]
+    def __init__(self, study: Study, path: Path):
+        self.study, self.path, self.answers = study, path, Answers(path)
+
+    async def open(self) -> None:
+        self._served = Answers(self.path)
+        self.client: TestClient[Any, Any] = TestClient(TestServer(study_app(self.study, self._served)))
+        await self.client.start_server()
 
     async def restart(self) -> None:
+        """What a killed server had not put on disk is gone."""
         await self.client.close()
-        self.client = TestClient(TestServer(study_app(self.study, self.answers)))
-        await self.client.start_server()
+        self._served._store.close()
+        await self.open()
+
+    async def close(self) -> None:
+        await self.client.close()
+        self._served.close()
+        self.answers.close()
 
     async def ask(self, path: str, body: Any = None) -> tuple[int, dict[str, Any]]:
         data = body if isinstance(body, str | bytes | None) else json.dumps(body)
@@ -202,8 +211,8 @@ async def act(house: House, guest: Guest, what: str | bytes) -> None:
 async def live(study: Study, folder: Path, acts: list[tuple[int, str | bytes]]) -> None:
     """Two people act in turn; after each act everything is as it should be."""
     (folder / FILE).unlink(missing_ok=True)
-    house = House(study, Answers(folder / FILE), TestClient(TestServer(study_app(study, Answers(folder / FILE)))))
-    await house.restart()
+    house = House(study, folder / FILE)
+    await house.open()
     guests = []
     for code in ("k1", "k2"):
         _, reply = await house.ask("/begin", {"code": code})
@@ -214,8 +223,29 @@ async def live(study: Study, folder: Path, acts: list[tuple[int, str | bytes]]) 
         await act(house, guests[who], what)
         for guest in guests:
             await house.check(guest)
-    await house.client.close()
-    house.answers.close()
+    await house.close()
+
+
+def test_who_withdraws_while_an_answer_is_on_its_way_leaves_nothing(study: Study, tmp_path: Path) -> None:
+    async def answer_slowly() -> None:
+        house = House(study, tmp_path / FILE)
+        await house.open()
+        person = enter(study, house.answers)
+        path, withdrawn = f"/p/{person.token}", asyncio.Event()
+
+        async def body() -> AsyncIterator[bytes]:
+            yield json.dumps(asdict(Answer("consent", 1, {"agrees": True}, 1, 0))).encode()
+            await withdrawn.wait()
+
+        on_its_way = asyncio.ensure_future(house.client.post(f"{path}/answer", data=body()))
+        await asyncio.sleep(0.1)
+        await house.ask(f"{path}/withdraw", {})
+        withdrawn.set()
+        assert (await on_its_way).status == 404
+        assert house.answers.answers_of(person) == []
+        await house.close()
+
+    asyncio.run(answer_slowly())
 
 
 @pytest.mark.slow
@@ -250,13 +280,11 @@ def test_all_kinds_of_messages_after_one_another(study: Study, tmp_path: Path) -
 )
 def test_nobody_comes_in_by_accident_and_nothing_fails(study: Study, tmp_path: Path, body: str | bytes) -> None:
     async def begin() -> None:
-        answers = Answers(tmp_path / FILE)
-        house = House(study, answers, TestClient(TestServer(study_app(study, answers))))
-        await house.client.start_server()
+        house = House(study, tmp_path / FILE)
+        await house.open()
         status, reply = await house.ask("/begin", body)
         assert (status, "address" in reply) in ((400, False), (200, True))
-        assert len(answers.people(pilots=True)) == (status == 200)
-        await house.client.close()
-        answers.close()
+        assert len(house.answers.people(pilots=True)) == (status == 200)
+        await house.close()
 
     asyncio.run(begin())
