@@ -64,8 +64,13 @@ def _minari(arguments: Sequence[str]) -> None:
     sys.exit(load_app("minari")(arguments))
 
 
+def _study(arguments: Sequence[str]) -> None:
+    """Run a study with people: make, serve, pilot, power, register, withdraw, analyse."""
+    sys.exit(load_app("study")(arguments))
+
+
 COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
-    one.__name__[1:]: one for one in (_train, _explain, _view, _demo, _teach, _sweep, _minari)
+    one.__name__[1:]: one for one in (_train, _explain, _view, _demo, _teach, _sweep, _minari, _study)
 }
 
 

@@ -76,7 +76,7 @@ def test_help_version_and_what_is_mistyped(monkeypatch: pytest.MonkeyPatch, caps
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("ibe-rl tr", "train explain view demo teach sweep minari"),
+        ("ibe-rl tr", "train explain view demo teach sweep minari study"),
         ("ibe-rl train viewer=", "viewer=file viewer=live viewer=off"),
         ("ibe-rl explain predictor=e", "predictor=ensemble"),
     ],

@@ -9,7 +9,11 @@ import pytest
 from processes import ROOT, SMALL, call
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-WHOLE_PAGES = {"OWN_AGENT.md": "test_own_docs.py", "OWN_LOG.md": "test_own_docs.py"}
+WHOLE_PAGES = {
+    "OWN_AGENT.md": "test_own_docs.py",
+    "OWN_LOG.md": "test_own_docs.py",
+    "STUDY.md": "apps/study/test_study_docs.py",
+}
 """Pages whose commands are all run by one test of theirs; docs/LOG.md has none."""
 SWEPT = "apps/sweep/test_launch.py::test_a_sweep_with_a_killed_run_goes_on_and_is_taken_up_again"
 SERVED = "view/test_viewer.py::test_runs_are_served_until_they_are_closed"
@@ -56,6 +60,9 @@ ELSEWHERE = {
     "explain.py run=RUN task=predictors": "test_scripts.py::test_predictors_are_held_against_the_exact_one",
     "explain.py run=RUN predictor=ensemble": (
         "test_scripts.py::test_an_episode_is_explained_by_what_is_learnt_from_the_log"
+    ),
+    "-m ibe_rl.apps.study make run=demo serve=true": (
+        "apps/study/test_study_commands.py::test_a_study_is_made_and_served"
     ),
     "-m ibe_rl.viewer DIR": SERVED,
     "-m ibe_rl.viewer runs/2026-01-31_12-00-00": SERVED,

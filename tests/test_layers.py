@@ -171,11 +171,22 @@ def test_only_env_knows_the_games():
         module: path.read_text() for module, path in FILES.items() if unit(module) != "envs" and module not in SCRIPTS
     }
     scripts = {name: code(FILES[name]) for name in SCRIPTS}
-    pages = {path.name: path.read_text() for path in (ROOT / PACKAGE).rglob("*.*") if path.suffix in WRITTEN}
-    found = {name: GAMES.findall(text) for name, text in (elsewhere | scripts | pages).items()}
+    pages = {
+        ".".join(path.relative_to(ROOT).parts): path.read_text()
+        for path in (ROOT / PACKAGE).rglob("*.*")
+        if path.suffix in WRITTEN
+    }
+    found = {name: games_in(name, text) for name, text in (elsewhere | scripts | pages).items()}
     assert {name: words for name, words in found.items() if words} == {}
 
 
+def games_in(name: str, text: str) -> list[str]:
+    """The words of games in a text, but for those of the paper: it has one game, and calls its task landing."""
+    allowed = next((words for start, words in OF_THE_PAPER.items() if name.startswith(start)), set())
+    return [word for word in GAMES.findall(text) if word.lower() not in allowed]
+
+
+OF_THE_PAPER = {"ibe_rl.apps.study.": {"landing"}, "ibe_rl.apps.paper.report.html": {"rocket", "land"}}
 WRITTEN = (".html", ".js", ".css", ".jinja")
 
 

@@ -37,7 +37,7 @@ def write_page(
             files.append(save(draw(), folder / name))
             step()
     environment = Environment(
-        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader("ibe_rl.apps", ".")]),
+        loader=ChoiceLoader([PackageLoader("ibe_rl.apps", "."), PackageLoader(package, ".")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

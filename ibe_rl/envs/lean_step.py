@@ -12,9 +12,9 @@ from typing import Any
 
 from gymnasium.envs.box2d import lunar_lander as game
 
-SCALE = game.SCALE
-HALF_WIDTH, HALF_HEIGHT = game.VIEWPORT_W / SCALE / 2, game.VIEWPORT_H / SCALE / 2
-LEGS_BELOW = game.LEG_DOWN / SCALE
+_SCALE = game.SCALE
+HALF_WIDTH, HALF_HEIGHT = game.VIEWPORT_W / _SCALE / 2, game.VIEWPORT_H / _SCALE / 2
+LEGS_BELOW = game.LEG_DOWN / _SCALE
 ENGINES = ((0.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))
 """Power of the main engine, and of the side engines to the right, for each discrete action."""
 
@@ -50,7 +50,7 @@ def throttles(action: Sequence[float]) -> tuple[float, float]:
 def _fire(lunar: Any, main: float, side: float) -> None:
     """Apply the engines' impulses; always draws two random numbers."""
     draw, body = lunar.np_random.random, lunar.lander
-    first, second = (-1.0 + 2.0 * draw()) / SCALE, (-1.0 + 2.0 * draw()) / SCALE  # as uniform(-1, 1) computes them
+    first, second = (-1.0 + 2.0 * draw()) / _SCALE, (-1.0 + 2.0 * draw()) / _SCALE  # as uniform(-1, 1) computes them
     if not (main or side):
         return
     angle, position = body.angle, body.position  # reading x and y costs half of unpacking
@@ -58,13 +58,13 @@ def _fire(lunar: Any, main: float, side: float) -> None:
     side_x, side_y = -tip_y, tip_x
     x, y = position.x, position.y
     if main:
-        along = game.MAIN_ENGINE_Y_LOCATION / SCALE + 2 * first
+        along = game.MAIN_ENGINE_Y_LOCATION / _SCALE + 2 * first
         push_x, push_y = tip_x * along + side_x * second, -tip_y * along - side_y * second
         _push(body, (push_x, push_y), game.MAIN_ENGINE_POWER, main, (x + push_x, y + push_y))
     if side:
-        across = 3 * second + math.copysign(1.0, side) * game.SIDE_ENGINE_AWAY / SCALE
+        across = 3 * second + math.copysign(1.0, side) * game.SIDE_ENGINE_AWAY / _SCALE
         push_x, push_y = tip_x * first + side_x * across, -tip_y * first - side_y * across
-        point = (x + push_x - tip_x * 17 / SCALE, y + push_y + tip_y * game.SIDE_ENGINE_HEIGHT / SCALE)
+        point = (x + push_x - tip_x * 17 / _SCALE, y + push_y + tip_y * game.SIDE_ENGINE_HEIGHT / _SCALE)
         _push(body, (push_x, push_y), game.SIDE_ENGINE_POWER, abs(side), point)
 
 

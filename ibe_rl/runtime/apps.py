@@ -16,6 +16,8 @@ APPS = {
     "minari": "ibe_rl.apps.minari:minari_command",
     "open_run(agent=)": "ibe_rl.apps.external.explaining:open_for",
     "report=true": "ibe_rl.apps.paper.report_context",
+    "study": "ibe_rl.apps.study.commands:study_command",
+    "study make": "ibe_rl.apps.study.preparing",
     "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
     "task=figures": "ibe_rl.apps.paper.experiments:reproduce",
 }

@@ -14,7 +14,7 @@ _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "shipped"
 """Where a wheel has what lies beside the package in the repository; see pyproject.toml."""
 _STARTED = Path(sys.argv[0])  # runpy changes it later
-_MODULES = {"view": "ibe_rl.viewer", "minari": "ibe_rl.apps.minari"}
+_MODULES = {"view": "ibe_rl.viewer", "minari": "ibe_rl.apps.minari", "study": "ibe_rl.apps.study"}
 """Commands that have no script in the repository."""
 
 

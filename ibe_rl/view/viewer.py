@@ -163,7 +163,7 @@ class Messages:
         return not self._ended
 
 
-def serve(runs: Mapping[str, Path], ports: Ports) -> int:
+def serve_runs(runs: Mapping[str, Path], ports: Ports) -> int:
     """Show runs until Ctrl-C; returns the exit status, 1 if the server died.
 
     Args:
@@ -221,7 +221,7 @@ def open_recordings(arguments: Sequence[str] | None = None) -> int:
     try:
         places = asked.run or [_newest()]
         runs = list(dict.fromkeys(run.resolve() for place in places for run in runs_at(place)))
-        return serve(dict(zip(run_names(runs), runs, strict=True)), choose_ports(asked.grpc_port, asked.web_port))
+        return serve_runs(dict(zip(run_names(runs), runs, strict=True)), choose_ports(asked.grpc_port, asked.web_port))
     except (ConfigError, RuntimeError, OSError) as error:
         parser.error(str(error))
     except KeyboardInterrupt:

@@ -31,7 +31,7 @@ TESTED = {
     AT_CONTACT: "not done",
 }
 """What the paper says."""
-MIXED = {
+MIXED_UP = {
     PAPERS: "the paper's vocabulary",
     SIGNS_KEPT: "its split, signs kept instead of min-max",
     SPLIT_MINMAX: "our split with mean instructions and min-max",
@@ -173,7 +173,7 @@ def _small(results: dict[str, Any]) -> str:
     if any(side is None for sides in missed.values() for side in sides):
         return f"Agent {results['agent']}: too few small movements to say when they are called straight."
     parts = "; ".join(
-        f"{MIXED[name]} {100 * left:.0f} and {100 * right:.0f} %" for name, (left, right) in missed.items()
+        f"{MIXED_UP[name]} {100 * left:.0f} and {100 * right:.0f} %" for name, (left, right) in missed.items()
     )
     total = {name: sum(sides) / 2 for name, sides in missed.items()}
     minmax, split = total[PAPERS] - total[SIGNS_KEPT], total[SIGNS_KEPT] - total[DEFAULT]

@@ -19,13 +19,8 @@ from ibe_rl.apps.study.assignment import Order
 from ibe_rl.types import ConfigError
 
 FILE = "answers.sqlite"
-FINISHED, SCREENED_OUT, NO_CONSENT, WITHDRAWN, TIMED_OUT = (
-    "finished",
-    "screened_out",
-    "no_consent",
-    "withdrawn",
-    "timed_out",
-)
+FINISHED, SCREENED_OUT, NO_CONSENT = "finished", "screened_out", "no_consent"
+WITHDRAWN, TIMED_OUT = "withdrawn", "timed_out"
 TABLES = """
 CREATE TABLE IF NOT EXISTS people (
     number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -55,7 +50,9 @@ CREATE TABLE IF NOT EXISTS answers (
     protocol TEXT NOT NULL,
     PRIMARY KEY (person, page, attempt)
 ) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS switches (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
+RECRUITING, ON, OFF = "recruiting", "on", "off"
 TOKEN_BYTES = 24
 BUSY_S = 10.0
 
@@ -89,7 +86,7 @@ class Answer:
         page: its name.
         attempt: from 1; above it only where a page may be repeated.
         value: JSON object.
-        took_ms: from the page's appearance to the answer.
+        took_ms: from the page's appearance, or from the end of a trial's recording, to the answer.
         hidden_ms: how long of this another window hid it.
     """
 
@@ -142,7 +139,7 @@ class Answers:
             sqlite3.IntegrityError: if this ID takes part already; ask ``of_recruit`` before.
         """
         token, now = secrets.token_urlsafe(TOKEN_BYTES), _now()
-        with self._transaction():
+        with self.transaction():
             row = self._store.execute(
                 "INSERT INTO people (token, arms, protocol, pilot, begun_at, last_at) VALUES (?, ?, ?, ?, ?, ?)",
                 (token, json.dumps(arms), protocol, pilot, now, now),
@@ -170,13 +167,18 @@ class Answers:
         row = self._store.execute("SELECT fields FROM recruits WHERE person = ?", (person.number,)).fetchone()
         return dict(json.loads(row[0])) if row else {}
 
-    def keep(self, person: Person, answer: Answer) -> bool:
-        """Write an answer; on disk when this returns.
+    def keep(self, person: Person, answer: Answer, ended: str | None = None) -> bool:
+        """Write an answer; on disk when this returns, together with what it does to the person.
+
+        Args:
+            person: under way, or given up; these are under way again.
+            answer: to a page.
+            ended: how the person leaves with it; None if they go on.
 
         Returns:
             False if this attempt at the page was answered before; the first answer stays.
         """
-        with self._transaction():
+        with self.transaction():
             row = self._store.execute(
                 "INSERT OR IGNORE INTO answers VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                 (
@@ -190,7 +192,11 @@ class Answers:
                     person.protocol,
                 ),
             )
-            self._store.execute("UPDATE people SET last_at = ? WHERE number = ?", (_now(), person.number))
+            if row.rowcount:
+                self._store.execute(
+                    "UPDATE people SET last_at = ?, ended = ? WHERE number = ? AND (ended IS NULL OR ended = ?)",
+                    (_now(), ended, person.number, TIMED_OUT),
+                )
         return row.rowcount == 1
 
     def answers_of(self, person: Person) -> list[Answer]:
@@ -203,7 +209,7 @@ class Answers:
 
     def end(self, person: Person, how: str) -> None:
         """Note how somebody left; what is noted first stays."""
-        with self._transaction():
+        with self.transaction():
             self._store.execute(
                 "UPDATE people SET ended = ?, last_at = ? WHERE number = ? AND ended IS NULL",
                 (how, _now(), person.number),
@@ -211,7 +217,7 @@ class Answers:
 
     def withdraw(self, person: Person) -> None:
         """Delete a person's answers and the recruiter's ID; that somebody withdrew stays, as a count."""
-        with self._transaction():
+        with self.transaction():
             self._store.execute("DELETE FROM answers WHERE person = ?", (person.number,))
             self._store.execute("DELETE FROM recruits WHERE person = ?", (person.number,))
             self._store.execute(
@@ -223,24 +229,16 @@ class Answers:
     def release(self, after_minutes: float) -> int:
         """Give back the places of people who have not answered for so long; returns how many."""
         limit = (datetime.now(UTC) - timedelta(minutes=after_minutes)).isoformat(timespec="milliseconds")
-        with self._transaction():
+        with self.transaction():
             row = self._store.execute(
                 "UPDATE people SET ended = ? WHERE ended IS NULL AND last_at < ?", (TIMED_OUT, limit)
             )
         return row.rowcount
 
-    def take_back(self, person: Person) -> None:
-        """Let somebody who was given up go on."""
-        with self._transaction():
-            self._store.execute(
-                "UPDATE people SET ended = NULL, last_at = ? WHERE number = ? AND ended = ?",
-                (_now(), person.number, TIMED_OUT),
-            )
-
     def people(self, pilots: bool = False) -> list[Person]:
         """All who have begun, without the pilots unless they are asked for."""
         where = "" if pilots else "WHERE pilot = 0"
-        return [_person(row) for row in self._store.execute(f"{PERSON} {where} ORDER BY number")]
+        return [_person(row) for row in self._store.execute(f"{_PERSON} {where} ORDER BY number")]
 
     def held(self, pilots: bool) -> tuple[Sequence[Order], Sequence[Order]]:
         """The arms of the people, or of the pilots, who have finished, and of those under way."""
@@ -248,26 +246,45 @@ class Answers:
         finished = [one.arms for one in people if one.ended == FINISHED]
         return finished, [one.arms for one in people if one.ended is None]
 
+    def newest_pages(self) -> dict[int, str]:
+        """The page that each person answered last, by their number."""
+        rows = self._store.execute("SELECT person, page, max(at) FROM answers GROUP BY person")
+        return {person: page for person, page, _ in rows}
+
+    @property
+    def recruiting(self) -> bool:
+        """Whether new people are let in; outlives the server."""
+        row = self._store.execute("SELECT value FROM switches WHERE name = ?", (RECRUITING,)).fetchone()
+        return row is None or row[0] == ON
+
+    @recruiting.setter
+    def recruiting(self, wanted: bool) -> None:
+        with self.transaction():
+            self._store.execute("INSERT OR REPLACE INTO switches VALUES (?, ?)", (RECRUITING, ON if wanted else OFF))
+
     def begun(self) -> bool:
         """Whether anybody who counts has begun."""
         return self._store.execute("SELECT 1 FROM people WHERE pilot = 0 LIMIT 1").fetchone() is not None
 
     def _one(self, where: str, *values: str) -> Person | None:
-        row = self._store.execute(f"{PERSON} {where}", values).fetchone()
+        row = self._store.execute(f"{_PERSON} {where}", values).fetchone()
         return _person(row) if row else None
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._store.execute("BEGIN IMMEDIATE")
+    def transaction(self) -> Iterator[None]:
+        """Write all or nothing, on disk when it is left; one inside another is on disk with the outer one."""
+        inside = self._store.in_transaction
+        self._store.execute("SAVEPOINT inner" if inside else "BEGIN IMMEDIATE")
         try:
             yield
+            self._store.execute("RELEASE inner" if inside else "COMMIT")
         except BaseException:
-            self._store.execute("ROLLBACK")
+            if self._store.in_transaction:  # a disk that is full may have ended it
+                self._store.execute("ROLLBACK TO inner" if inside else "ROLLBACK")
             raise
-        self._store.execute("COMMIT")
 
 
-PERSON = "SELECT number, token, arms, protocol, pilot, ended FROM people"
+_PERSON = "SELECT number, token, arms, protocol, pilot, ended FROM people"
 
 
 def _person(row: Sequence[Any]) -> Person:

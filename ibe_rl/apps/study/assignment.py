@@ -32,6 +32,17 @@ def orders_of(arms: Sequence[str], within: bool) -> list[Order]:
     return [tuple(arms[index] for index in row) for row in rows]
 
 
+def mixed_orders(arms: Sequence[str], without: str) -> list[Order]:
+    """All orders in which a person has a block of one arm and a block without explanations, in either order.
+
+    Args:
+        arms: of the study.
+        without: the arm without explanations.
+    """
+    pairs = [(without, arm) for arm in arms if arm != without]
+    return [order for pair in pairs for order in (pair, pair[::-1])]
+
+
 def assign(orders: Sequence[Order], finished: Sequence[Order], under_way: Sequence[Order], seed: int) -> Order:
     """The order for the next person.
 

@@ -8,13 +8,21 @@ from typing import Any
 from markdown_it import MarkdownIt
 
 from ibe_rl.apps.study.answers import Answers, Person
-from ibe_rl.apps.study.folder import Study
+from ibe_rl.apps.study.episode_file import PLAYED, sides_of
+from ibe_rl.apps.study.folder import INFORMATION, Study
 from ibe_rl.apps.study.recruiters import way_out
-from ibe_rl.apps.study.schedule import NONE, PRACTICE, TRIAL, Page
-from ibe_rl.apps.study.settings import ALWAYS, NEVER
+from ibe_rl.apps.study.schedule import CONSENT, NONE, PRACTICE, SCALE, TRIAL, Page
+from ibe_rl.apps.study.settings import ALWAYS, LANDING, NEVER, WHICH_AGENT
 from ibe_rl.apps.study.sitting import position, questions_of
 
-_MARKDOWN = MarkdownIt("commonmark", {"html": False})
+_MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")
+
+
+def about(study: Study) -> dict[str, Any]:
+    """What all pages need: title, contact, language, recruiter, words."""
+    settings = study.settings
+    named = {name: getattr(settings, name) for name in ("title", "contact", "language", "recruiter")}
+    return {**named, "words": study.words}
 
 
 def shown_now(study: Study, answers: Answers, person: Person) -> dict[str, Any]:
@@ -35,29 +43,40 @@ def shown_now(study: Study, answers: Answers, person: Person) -> dict[str, Any]:
 
 
 def content_of(study: Study, page: Page) -> dict[str, Any]:
-    """The text, the questions, or the episode of a page."""
-    content: dict[str, Any] = {"block": page.block}
-    if page.kind in study.texts:
-        content["html"] = _MARKDOWN.render(study.texts[page.kind])
-    if page.kind == TRIAL:
-        content |= {"task": study.settings.trials.task, "confidence": study.settings.trials.confidence}
-        content["episode"] = _unspoilt(study.stimuli[page.episode], page.arm)
+    """The text, the questions, or the recordings of a page."""
+    trials = study.settings.trials
+    content: dict[str, Any] = {"block": page.block, "html": _html(study, page)}
+    content["lead"] = study.leads.get(page.block if page.kind == SCALE else page.kind, "")
     asked = questions_of(study, page)
     content["questions"] = [{"text": one.text, "options": list(one.options), "optional": one.optional} for one in asked]
+    if page.kind == TRIAL:
+        content |= {"task": trials.task, "confidence": trials.confidence}
+    if page.episode >= 0:
+        content["recordings"] = recordings_of(study.stimuli[page.episode], trials.task, page.arm)
     return content
 
 
 def feedback_on(study: Study, page: Page) -> dict[str, Any] | None:
-    """What really happened in a trial, for after its answer; None where the study does not show it."""
-    when = study.settings.trials.feedback
+    """What really happened in a trial, for after its answer; None where the study does not show it.
+
+    ``at`` is a place in the picture, ``choice`` the index of an option; ``frames`` are what came after those shown.
+    """
+    when, task = study.settings.trials.feedback, study.settings.trials.task
     if page.kind != TRIAL or when == NEVER or (when != ALWAYS and page.block != PRACTICE):
         return None
     one = study.stimuli[page.episode]
-    return {"truth": one["truth"], "frames": one.get("later", [])}
+    truth = "at" if task == LANDING else "choice"
+    return {truth: one["truth"][truth], "frames": [] if task == WHICH_AGENT else one.get("later", [])}
 
 
-def _unspoilt(stimulus: Mapping[str, Any], arm: str) -> dict[str, Any]:
-    """An episode with the explanations of an arm, and without its end."""
-    hidden = ("truth", "later", "explanations", "seed", "context", "name")
-    shown = {name: value for name, value in stimulus.items() if name not in hidden}
-    return {**shown, "said": None if arm == NONE else stimulus["explanations"][arm]}
+def recordings_of(episode: Mapping[str, Any], task: str, arm: str) -> list[dict[str, Any]]:
+    """The recordings that an episode shows, each with the explanations of an arm, and nothing that comes after."""
+    return [
+        {**{name: side[name] for name in PLAYED}, "said": None if arm == NONE else side["explanations"][arm]}
+        for side in sides_of(episode, task)
+    ]
+
+
+def _html(study: Study, page: Page) -> str:
+    names = (INFORMATION, CONSENT) if page.kind == CONSENT else (page.kind,)
+    return "".join(str(_MARKDOWN.render(study.texts[name])) for name in names if name in study.texts)

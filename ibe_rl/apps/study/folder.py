@@ -1,8 +1,8 @@
 """The folder of a study: read whole, checked, and hashed into the protocol that is kept with every answer.
 
 study.yaml              settings, see ``settings``
-texts/LANGUAGE/*.md     consent, instructions, debriefing
-texts/LANGUAGE/*.yaml   comprehension, demographics, and a file for each scale in scales/
+texts/LANGUAGE/*.md     consent, instructions, debriefing; information, if there is one, stands above the consent
+texts/LANGUAGE/*.yaml   words, comprehension, demographics, attention, and a file for each scale in scales/
 stimuli/*.json          episodes, see ``stimuli``
 answers.sqlite          what people answered
 """
@@ -13,27 +13,31 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from ibe_rl.apps.study.answers import FILE, Answers
-from ibe_rl.apps.study.assignment import Order, orders_of
+from ibe_rl.apps.study.assignment import Order, mixed_orders, orders_of
+from ibe_rl.apps.study.episode_file import arms_of, read_episode
 from ibe_rl.apps.study.questions import Question, read_questions
 from ibe_rl.apps.study.schedule import episodes_needed
-from ibe_rl.apps.study.settings import ARMS, NONE, WITHIN, StudySettings, read_settings
+from ibe_rl.apps.study.settings import ARMS, MIXED, NONE, WITHIN, StudySettings, read_settings
+from ibe_rl.apps.study.words import read_words
 from ibe_rl.types import ConfigError
 
-SETTINGS, TEXTS, STIMULI, SCALES = "study.yaml", "texts", "stimuli", "scales"
-PAGES = ("consent", "instructions", "debriefing")
+STUDY_YAML, TEXTS, STIMULI, SCALES, WORDS_YAML = "study.yaml", "texts", "stimuli", "scales", "words.yaml"
+INFORMATION = "information"
+TEXT_PAGES = ("consent", "instructions", "debriefing")
 QUESTIONS = ("comprehension", "demographics", "attention")
 PROTOCOL = "protocol.json"
 """The hashes of all files as they were when the first person began."""
 HASH_DIGITS = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each opening is another one
 class Study:
     """An opened study.
 
@@ -41,7 +45,9 @@ class Study:
         folder: of it.
         settings: of study.yaml.
         texts: page to its Markdown.
-        questions: ``comprehension``, ``demographics`` and each scale to what is asked there.
+        questions: ``comprehension``, ``demographics``, ``attention`` and each scale to what is asked there.
+        leads: the same names to what is shown above the questions.
+        words: key to a word of the pages, see ``words``.
         stimuli: the episodes, see ``stimuli.Stimulus``.
         files: path in the folder to the hash of what it holds.
     """
@@ -50,17 +56,21 @@ class Study:
     settings: StudySettings
     texts: dict[str, str]
     questions: dict[str, list[Question]]
+    leads: dict[str, str]
+    words: dict[str, str]
     stimuli: Sequence[dict[str, Any]]
     files: dict[str, str]
 
-    @property
+    @cached_property
     def protocol(self) -> str:
         """One hash of everything that a person sees and that decides what counts."""
         return _hash(json.dumps(self.files, sort_keys=True).encode())
 
-    @property
+    @cached_property
     def orders(self) -> list[Order]:
         """The orders of arms that are given out."""
+        if self.settings.design == MIXED:
+            return mixed_orders(self.settings.arms, NONE)
         return orders_of(self.settings.arms, self.settings.design == WITHIN)
 
 
@@ -70,21 +80,28 @@ def open_study(folder: Path) -> Study:
     Raises:
         ConfigError: naming the file, the key, the value and what is allowed.
     """
-    if not (folder / SETTINGS).is_file():
-        raise ConfigError(f"study={folder}: it has no {SETTINGS}; allowed is a folder that `study make` made")
-    settings = read_settings(_yaml(folder / SETTINGS), str(folder / SETTINGS))
+    if not (folder / STUDY_YAML).is_file():
+        raise ConfigError(f"study={folder}: it has no {STUDY_YAML}; allowed is a folder that `study make` made")
+    settings = read_settings(_yaml(folder / STUDY_YAML), str(folder / STUDY_YAML))
     texts = folder / TEXTS / settings.language
     if not texts.is_dir():
         there = sorted(one.name for one in (folder / TEXTS).glob("*") if one.is_dir())
-        raise ConfigError(f"{folder / SETTINGS}: language={settings.language}: allowed is one of {', '.join(there)}")
+        raise ConfigError(f"{folder / STUDY_YAML}: language={settings.language}: allowed is one of {', '.join(there)}")
     asked = {name: texts / f"{name}.yaml" for name in QUESTIONS}
     asked |= {name: texts / SCALES / f"{name}.yaml" for name in settings.scales}
+    written = {name: _yaml(path) for name, path in asked.items()}
+    told = [*TEXT_PAGES, *([INFORMATION] if (texts / f"{INFORMATION}.md").exists() else [])]
     study = Study(
         folder,
         settings,
-        {name: _text(texts / f"{name}.md") for name in PAGES},
-        {name: read_questions(_yaml(path), str(path)) for name, path in asked.items()},
-        [_stimulus(path) for path in sorted((folder / STIMULI).glob("*.json"))],
+        {name: _text(texts / f"{name}.md") for name in told},
+        {name: read_questions(values, str(asked[name])) for name, values in written.items()},
+        {name: values.get("lead", "") for name, values in written.items()},
+        read_words(_yaml(texts / WORDS_YAML), str(texts / WORDS_YAML)),
+        [
+            {**read_episode(_text(path), settings.trials.task, str(path)), "name": path.stem}
+            for path in sorted((folder / STIMULI).glob("*.json"))
+        ],
         _files(folder, [texts, folder / STIMULI]),
     )
     _check_stimuli(study)
@@ -115,21 +132,22 @@ def _check_stimuli(study: Study) -> None:
     needed = episodes_needed(study.settings, len(study.orders[0]))
     if len(study.stimuli) < needed:
         raise ConfigError(
-            f"{study.folder / SETTINGS}: trials: a person sees {needed} episodes, {len(study.stimuli)} are in "
+            f"{study.folder / STUDY_YAML}: trials: a person sees {needed} episodes, {len(study.stimuli)} are in "
             f"{STIMULI}/; allowed are fewer trials, or more episodes"
         )
+    task = study.settings.trials.task
     for arm in study.settings.arms:
-        without = [one["name"] for one in study.stimuli if arm != NONE and arm not in one["explanations"]]
+        without = [one["name"] for one in study.stimuli if arm != NONE and arm not in arms_of(one, task)]
         if without:
-            has = ", ".join([NONE, *(one for one in ARMS if one in study.stimuli[0]["explanations"])])
+            has = ", ".join([NONE, *(one for one in ARMS if one in arms_of(study.stimuli[0], task))])
             raise ConfigError(
-                f"{study.folder / SETTINGS}: arms={study.settings.arms}: {STIMULI}/{without[0]}.json has no "
+                f"{study.folder / STUDY_YAML}: arms={study.settings.arms}: {STIMULI}/{without[0]}.json has no "
                 f"explanations of {arm}; allowed are {has}"
             )
 
 
 def _files(folder: Path, parts: Sequence[Path]) -> dict[str, str]:
-    paths = [folder / SETTINGS, *(one for part in parts for one in part.rglob("*") if one.is_file())]
+    paths = [folder / STUDY_YAML, *(one for part in parts for one in part.rglob("*") if one.is_file())]
     return {str(path.relative_to(folder)): _hash(path.read_bytes()) for path in sorted(paths)}
 
 
@@ -150,13 +168,3 @@ def _yaml(path: Path) -> Any:
         return yaml.safe_load(_text(path))
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: allowed is YAML ({' '.join(str(error).split())[:200]})") from None
-
-
-def _stimulus(path: Path) -> dict[str, Any]:
-    try:
-        one = json.loads(_text(path))
-        if not isinstance(one, dict) or not {"explanations", "frames", "truth"} <= one.keys():
-            raise ValueError
-    except ValueError:
-        raise ConfigError(f"{path}: allowed is an episode that `study make` wrote") from None
-    return {**one, "name": path.stem}

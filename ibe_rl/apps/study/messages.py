@@ -9,24 +9,24 @@ from typing import Any
 from ibe_rl.apps.study.answers import Answer
 from ibe_rl.apps.study.questions import MOST_CHARACTERS, Question
 from ibe_rl.apps.study.schedule import ATTENTION, COMMENT, CONSENT, SCALE, TRIAL, Page
+from ibe_rl.apps.study.settings import LANDING
 
-MAX_BYTES = 64 * 1024
+MAX_ANSWER_BYTES = 64 * 1024
 MOST_MS = 7 * 24 * 3600 * 1000
-LANDING = "landing"
 
 
 class BadAnswerError(ValueError):
     """Not an answer to the page that was shown; the message says why."""
 
 
-def parse(body: bytes | str) -> Answer:
+def parse_answer(body: bytes | str) -> Answer:
     """Read the message of a page.
 
     Raises:
         BadAnswerError: if it is no answer.
     """
-    if len(body) > MAX_BYTES:
-        raise BadAnswerError(f"longer than {MAX_BYTES} bytes")
+    if len(body) > MAX_ANSWER_BYTES:
+        raise BadAnswerError(f"longer than {MAX_ANSWER_BYTES} bytes")
     try:
         given = json.loads(body, parse_constant=_no_number)
     except (ValueError, RecursionError):

@@ -46,15 +46,18 @@ def read_questions(values: Any, source: str) -> list[Question]:
     """Read a file of questions: a list ``questions``, and ``options`` for those that have none of their own.
 
     Args:
-        values: of the file; ``title``, ``source`` and ``terms`` may say where its items come from.
+        values: of the file; ``lead`` is shown above its questions; ``title``, ``source`` and ``terms`` may say where
+            they come from.
         source: path of the file, for messages.
 
     Raises:
         ConfigError: naming the file, the question, the value and what is allowed.
     """
-    known = ("questions", "options", "title", "source", "terms", "optional")
+    known = ("questions", "options", "title", "lead", "source", "terms", "optional")
     if not isinstance(values, dict) or not isinstance(values.get("questions"), list):
         raise ConfigError(f"{source}: allowed is a list `questions`, and {', '.join(known[1:])}")
+    if not isinstance(values.get("lead", ""), str):
+        raise ConfigError(f"{source}: lead={values['lead']}: allowed is a text")
     if unknown := [str(name) for name in values if name not in known]:
         raise ConfigError(f"{source}: {unknown[0]}: allowed are {', '.join(known)}{nearest(unknown[0], known)}")
     shared = {"options": values.get("options", []), "optional": values.get("optional", False)}

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import quote
 
-from ibe_rl.apps.study.answers import FINISHED, NO_CONSENT, SCREENED_OUT
+from ibe_rl.apps.study.settings import CODES, MTURK, PROLIFIC, SONA
 
 ID_CHARACTERS = 128
+CODES_FILE = "codes.txt"
+"""The one-time codes of a laboratory, one in a line; without this file any code lets one person in."""
+CODE_LETTERS, CODE_LENGTH = "23456789abcdefghjkmnpqrstuvwxyz", 8  # none that looks like another
 
 
 class UnknownRecruitError(ValueError):
@@ -37,7 +42,7 @@ def _prolific(code: str, _: Mapping[str, str]) -> str:
 
 def _sona(code: str, fields: Mapping[str, str]) -> str:
     """The code is the address that SONA shows, up to the ID that it wants back."""
-    return f"{code}&survey_code={quote(fields['survey_code'], safe='')}" if code.startswith("https://") else ""
+    return f"{code}&survey_code={quote(fields.get('survey_code', ''), safe='')}"
 
 
 def _shown(_code: str, _: Mapping[str, str]) -> str:
@@ -45,10 +50,10 @@ def _shown(_code: str, _: Mapping[str, str]) -> str:
 
 
 KNOWN = {
-    "codes": Recruiter("code", (), _shown),
-    "prolific": Recruiter("PROLIFIC_PID", ("STUDY_ID", "SESSION_ID"), _prolific),
-    "sona": Recruiter("survey_code", (), _sona),
-    "mturk": Recruiter("workerId", ("assignmentId", "hitId"), _shown),
+    CODES: Recruiter("code", (), _shown),
+    PROLIFIC: Recruiter("PROLIFIC_PID", ("STUDY_ID", "SESSION_ID"), _prolific),
+    SONA: Recruiter("survey_code", (), _sona),
+    MTURK: Recruiter("workerId", ("assignmentId", "hitId"), _shown),
 }
 
 
@@ -67,6 +72,29 @@ def recruit_of(name: str, parameters: Mapping[str, str]) -> tuple[str, dict[str,
 
 
 def way_out(name: str, ended: str, codes: Mapping[str, str], fields: Mapping[str, str]) -> dict[str, str]:
-    """What somebody who has left is shown: a code, and an address to return to; each may be empty."""
-    code = codes.get(ended if ended in (FINISHED, SCREENED_OUT, NO_CONSENT) else SCREENED_OUT, "")
-    return {"code": code, "address": KNOWN[name].back(code, fields) if code and fields else ""}
+    """What somebody who has left is shown: a code, and an address to return to; each may be empty.
+
+    Args:
+        name: of the recruiter.
+        ended: how they left; who withdraws has no code.
+        codes: the completion code of each way to leave.
+        fields: that the recruiter sent; empty if it sent nobody.
+    """
+    code = codes.get(ended, "")
+    address = KNOWN[name].back(code, fields) if code and fields else ""
+    return {"code": "" if name == SONA else code, "address": address}
+
+
+def is_known_code(folder: Path, code: str) -> bool:
+    """Whether a laboratory gave out this code; any code is known where it listed none."""
+    path = folder / CODES_FILE
+    return not path.exists() or code in path.read_text(encoding="utf-8").split()
+
+
+def write_codes(folder: Path, count: int) -> Path:
+    """Write one-time codes for so many people, unless there are some; returns the file."""
+    path = folder / CODES_FILE
+    if not path.exists():
+        codes = ("".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH)) for _ in range(count))
+        path.write_text("".join(f"{code}\n" for code in codes), encoding="utf-8")
+    return path

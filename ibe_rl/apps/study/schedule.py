@@ -24,8 +24,8 @@ class Page:
         name: unique in the schedule, such as ``trial/ibe/3``; answers are kept under it.
         kind: what it shows.
         block: of a trial: ``PRACTICE``, an arm, or ``TRANSFER``; of a scale its name.
-        arm: whose explanations a trial shows; ``NONE`` for none.
-        episode: index of a trial's episode; -1 elsewhere.
+        arm: whose explanations a trial or an example shows; ``NONE`` for none.
+        episode: index of a trial's or an example's episode; -1 elsewhere.
     """
 
     name: str
@@ -44,9 +44,10 @@ def episodes_needed(settings: StudySettings, arms_of_a_person: int) -> int:
 def pages_of(settings: StudySettings, arms: Order, episodes: int, number: int) -> list[Page]:
     """A person's pages.
 
-    The first episodes are for practice, the same for all. The others are cut into one set for each block. Which set
-    belongs to which block moves on by one from person to person, so an episode is equally often seen in each block.
-    The order within a block is drawn by lot.
+    The first episodes are for practice, the same for all, with the arms in turn. The others are cut into one set for
+    each block. Which set belongs to which block moves on by one from person to person, so an episode is equally often
+    seen in each block. The order within a block is drawn by lot. The example of the instructions is an episode that
+    nobody is asked about; if there is none to spare, it is the first of practice.
 
     Args:
         settings: of the study.
@@ -64,8 +65,13 @@ def pages_of(settings: StudySettings, arms: Order, episodes: int, number: int) -
     sizes = [trials.each_arm] * len(arms) + [trials.transfer]
     pages = [Page(CONSENT, CONSENT)]
     pages += [Page(DEMOGRAPHICS, DEMOGRAPHICS)] if settings.demographics else []
-    pages += [Page(INSTRUCTIONS, INSTRUCTIONS), Page(COMPREHENSION, COMPREHENSION)]
-    pages += _block(PRACTICE, arms[0], range(trials.practice))
+    told = next((arm for arm in arms if arm != NONE), NONE)
+    example = needed if episodes > needed else 0 if trials.practice else -1
+    pages += [Page(INSTRUCTIONS, INSTRUCTIONS, arm=told, episode=example), Page(COMPREHENSION, COMPREHENSION)]
+    pages += [
+        Page(f"{TRIAL}/{PRACTICE}/{place + 1}", TRIAL, PRACTICE, arms[place % len(arms)], place)
+        for place in range(trials.practice)
+    ]
     rest = np.roll(np.arange(trials.practice, needed), -number * trials.each_arm)
     for block, arm, seen in zip([*arms, TRANSFER], [*arms, NONE], np.split(rest, np.cumsum(sizes)[:-1]), strict=True):
         pages += _block(block, arm, random.permutation(seen).tolist())

@@ -3,48 +3,41 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any
 
 from aiohttp import web
-from aiohttp.typedefs import Handler
 
-from ibe_rl.apps.study.answers import Answers, Person
-from ibe_rl.apps.study.content import feedback_on, shown_now
+from ibe_rl.apps.study.answers import WITHDRAWN, Answers, Person
+from ibe_rl.apps.study.content import about, feedback_on, shown_now
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.messages import MAX_BYTES, BadAnswerError, parse
-from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, recruit_of
-from ibe_rl.apps.study.sitting import FullError, enter, schedule_of, take
+from ibe_rl.apps.study.guarding import ANSWERS, LOOPBACK, STUDY, guard, host_name, page_part, refused
+from ibe_rl.apps.study.joint_writer import JointWriter
+from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
+from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, is_known_code, recruit_of
+from ibe_rl.apps.study.settings import CODES
+from ibe_rl.apps.study.sitting import FullError, enter, schedule_of
 
-PARTS = {
+PAGE_PARTS = {
     "page.js": "text/javascript",
+    "trial.js": "text/javascript",
     "draw.js": "text/javascript",
     "page.css": "text/css",
 }
-SECURITY = {
-    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-store",
-}
-STUDY, ANSWERS = web.AppKey("study", Study), web.AppKey("answers", Answers)
-OPEN = web.AppKey("open", dict[str, bool])
-"""Whether new people are let in; the admin page changes it."""
-_log = logging.getLogger("ibe_rl.study")
+WRITER = web.AppKey("writer", JointWriter)
 
 
-def make_app(study: Study, answers: Answers) -> web.Application:
+def study_app(study: Study, answers: Answers) -> web.Application:
     """The pages of a study, and what they ask."""
-    app = web.Application(middlewares=[_guard], client_max_size=MAX_BYTES)
-    app[STUDY], app[ANSWERS], app[OPEN] = study, answers, {"recruiting": True}
+    app = web.Application(middlewares=[guard], client_max_size=MAX_ANSWER_BYTES)
+    app[STUDY], app[ANSWERS], app[WRITER] = study, answers, JointWriter(study, answers)
     app.add_routes(
         [
             web.get("/", _page),
-            web.get("/p/{token}", _page),
+            web.get("/about", _about),
             web.get("/part/{name}", _part),
             web.post("/begin", _begin),
+            web.get("/p/{token}", _page),
             web.get("/p/{token}/now", _now),
             web.post("/p/{token}/answer", _answer),
             web.post("/p/{token}/withdraw", _withdraw),
@@ -53,91 +46,100 @@ def make_app(study: Study, answers: Answers) -> web.Application:
     return app
 
 
-@web.middleware
-async def _guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Only the page itself may send; no answer may be kept by a browser or a proxy."""
-    origin = request.headers.get("Origin")
-    if request.method == "POST" and origin is not None and origin.partition("://")[2] != request.headers.get("Host"):
-        _log.warning("refused: a request of another site")
-        raise web.HTTPForbidden(text="only the page of this study may answer\n")
-    response = await handler(request)
-    response.headers.update(SECURITY)
-    return response
+async def _page(_: web.Request) -> web.Response:
+    return page_part("page.html", "text/html")
 
 
-async def _page(request: web.Request) -> web.Response:
-    body = files(__package__).joinpath("page.html").read_bytes()
-    return web.Response(body=body, content_type="text/html", charset="utf-8")
+async def _about(request: web.Request) -> web.Response:
+    return web.json_response(about(request.app[STUDY]))
 
 
 async def _part(request: web.Request) -> web.Response:
     name = request.match_info["name"]
-    if name not in PARTS:
+    if name not in PAGE_PARTS:
         raise web.HTTPNotFound
-    body = files(__package__).joinpath(name).read_bytes()
-    return web.Response(body=body, content_type=PARTS[name], charset="utf-8")
+    return page_part(name, PAGE_PARTS[name])
 
 
 async def _begin(request: web.Request) -> web.Response:
     """Let somebody in; a link that is only opened, by a preview or a scanner, lets nobody in."""
-    study, answers = request.app[STUDY], request.app[ANSWERS]
     parameters = _parameters(await request.read())
     pilot = parameters.pop("pilot", "") == "1"
+    if pilot and host_name(request) not in LOOPBACK:
+        return refused(403, "refused_pilot")
     try:
-        name = study.settings.recruiter
-        external, fields = recruit_of(name, parameters)
-        known = answers.of_recruit(name, external)
-        if known is None and not (pilot or request.app[OPEN]["recruiting"]):
-            raise FullError
-        person = known or enter(study, answers, pilot, name, external, fields)
-    except UnknownRecruitError as error:
-        return _refused(400, str(error))
+        person = _let_in(request.app[STUDY], request.app[ANSWERS], parameters, pilot)
+    except UnknownRecruitError:
+        return refused(400, "refused_id")
+    except BegunError:
+        return refused(409, "refused_begun")
     except FullError:
-        return _refused(409, "this study has all the people it needs")
+        return refused(409, "refused_full")
     return web.json_response({"address": f"/p/{person.token}"})
 
 
+class BegunError(Exception):
+    """An ID that takes part already, in another session of the recruiter."""
+
+
+def _let_in(study: Study, answers: Answers, parameters: Mapping[str, str], pilot: bool) -> Person:
+    name = study.settings.recruiter
+    external, fields = recruit_of(name, parameters)
+    if name == CODES and not pilot and not is_known_code(study.folder, external):
+        raise UnknownRecruitError("nobody gave out this code")
+    if known := answers.of_recruit(name, external):
+        if answers.recruit_fields(known) != fields:
+            raise BegunError
+        return known
+    if not pilot and not answers.recruiting:
+        raise FullError
+    return enter(study, answers, pilot, name, external, fields)
+
+
 async def _now(request: web.Request) -> web.Response:
-    person = _person(request)
-    return web.json_response(shown_now(request.app[STUDY], request.app[ANSWERS], person))
+    return web.json_response(shown_now(request.app[STUDY], request.app[ANSWERS], _person(request)))
 
 
 async def _answer(request: web.Request) -> web.Response:
     """Keep an answer; the reply tells what became of it, what really happened, and what comes next."""
-    study, answers, person = request.app[STUDY], request.app[ANSWERS], _person(request)
+    study, answers = request.app[STUDY], request.app[ANSWERS]
+    body = await request.read()
+    person = _person(request)  # who withdrew while the answer came in is not there any more
     try:
-        answer = parse(await request.read())
-        became = take(study, answers, person, answer)
+        answer = parse_answer(body)
+        became = await request.app[WRITER].take(person, answer)
     except BadAnswerError as error:
-        _log.warning("refused: %s", error)
-        return _refused(409, str(error), now=shown_now(study, answers, person))
+        return refused(409, str(error), now=shown_now(study, answers, _person(request)))
     page = next(one for one in schedule_of(study, person) if one.name == answer.page)
     reply = {"became": became, "feedback": feedback_on(study, page)}
     return web.json_response({**reply, "now": shown_now(study, answers, _person(request))})
 
 
 async def _withdraw(request: web.Request) -> web.Response:
+    """Delete a person; who has withdrawn is not there any more."""
     request.app[ANSWERS].withdraw(_person(request))
-    return web.json_response({"ended": "withdrawn", "code": "", "address": ""})
+    return web.json_response({"now": {"ended": WITHDRAWN, "code": "", "address": ""}})
 
 
 def _person(request: web.Request) -> Person:
     person = request.app[ANSWERS].person(request.match_info["token"])
     if person is None:
-        raise web.HTTPNotFound(text="nobody takes part under this address\n")
+        raise web.HTTPNotFound(reason="nobody takes part under this address")
     return person
 
 
 def _parameters(body: bytes) -> dict[str, str]:
+    """What a recruiter added to the address, as the page sends it; other parameters are left out."""
     try:
         given = json.loads(body)
-    except ValueError:
-        return {}
+    except (ValueError, RecursionError):
+        given = None
     known = {one for recruiter in KNOWN.values() for one in (recruiter.id, *recruiter.fields)} | {"pilot"}
     if not isinstance(given, Mapping):
         return {}
-    return {name: value for name, value in given.items() if name in known and isinstance(value, str)}
+    return {name: value for name, value in given.items() if name in known and _is_text(value)}
 
 
-def _refused(status: int, why: str, **more: Any) -> web.Response:
-    return web.json_response({"refused": why, **more}, status=status)
+def _is_text(value: Any) -> bool:
+    """Whether this can be written down: half a character, as JSON allows it, cannot."""
+    return isinstance(value, str) and value.isprintable()

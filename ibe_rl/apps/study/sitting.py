@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from ibe_rl.apps.study.answers import (
@@ -15,7 +16,7 @@ from ibe_rl.apps.study.answers import (
     Answers,
     Person,
 )
-from ibe_rl.apps.study.assignment import assign
+from ibe_rl.apps.study.assignment import Order, assign
 from ibe_rl.apps.study.folder import Study
 from ibe_rl.apps.study.messages import BadAnswerError, check_answer
 from ibe_rl.apps.study.questions import Question
@@ -31,9 +32,13 @@ from ibe_rl.apps.study.schedule import (
     Page,
     pages_of,
 )
+from ibe_rl.apps.study.settings import NEXT_WORDS, WHICH_AGENT
 
-TAKEN, AGAIN = "taken", "answered before"
+ANSWER_TAKEN, ANSWERED_BEFORE = "taken", "answered before"
 """What became of an answer."""
+
+
+MOST_SCHEDULES = 1024
 
 
 class FullError(Exception):
@@ -80,8 +85,11 @@ def enter(
 
 def position(study: Study, answers: Answers, person: Person) -> Position:
     """Where a person is, from what they have answered."""
+    return _position(study, person, answers.answers_of(person))
+
+
+def _position(study: Study, person: Person, given: Sequence[Answer]) -> Position:
     pages = schedule_of(study, person)
-    given = answers.answers_of(person)
     if person.ended is not None and person.ended != TIMED_OUT:
         return Position(None, 1, person.ended, len(pages), len(pages))
     place, attempt = _place(study, pages, given)
@@ -94,14 +102,15 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
     """Keep an answer if it answers the page where the person is; on disk when this returns.
 
     Returns:
-        ``TAKEN``, or ``AGAIN`` if this page was answered before: the first answer stays.
+        ``ANSWER_TAKEN``, or ``ANSWERED_BEFORE`` if this page was answered before: the first answer stays.
 
     Raises:
         BadAnswerError: if it answers another page, or does not fit.
     """
-    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in answers.answers_of(person)):
-        return AGAIN
-    at = position(study, answers, person)
+    given = answers.answers_of(person)
+    if any((one.page, one.attempt) == (answer.page, answer.attempt) for one in given):
+        return ANSWERED_BEFORE
+    at = _position(study, person, given)
     if at.page is None or (answer.page, answer.attempt) != (at.page.name, at.attempt):
         raise BadAnswerError(f"the page to answer is {at.page.name if at.page else 'none'}, attempt {at.attempt}")
     check_answer(
@@ -111,16 +120,18 @@ def take(study: Study, answers: Answers, person: Person, answer: Answer) -> str:
         study.settings.trials.task,
         study.settings.trials.confidence,
     )
-    answers.take_back(person)
-    kept = answers.keep(person, answer)
-    if end := _end(study, at, answer.value):
-        answers.end(person, end)
-    return TAKEN if kept else AGAIN
+    kept = answers.keep(person, answer, _end(study, at, answer.value))
+    return ANSWER_TAKEN if kept else ANSWERED_BEFORE
 
 
-def schedule_of(study: Study, person: Person) -> list[Page]:
+def schedule_of(study: Study, person: Person) -> Sequence[Page]:
     """All pages of a person."""
-    return pages_of(study.settings, person.arms, len(study.stimuli), person.number)
+    return _schedule(study, person.arms, person.number)
+
+
+@lru_cache(maxsize=MOST_SCHEDULES)  # each message asks for it several times
+def _schedule(study: Study, arms: Order, number: int) -> tuple[Page, ...]:
+    return tuple(pages_of(study.settings, arms, len(study.stimuli), number))
 
 
 def questions_of(study: Study, page: Page) -> list[Question]:
@@ -132,8 +143,10 @@ def questions_of(study: Study, page: Page) -> list[Question]:
         return study.questions[page.block]
     if page.kind in (COMPREHENSION, DEMOGRAPHICS):
         return study.questions[page.kind]
-    if page.kind == TRIAL and study.settings.trials.task == "next_words":
+    if page.kind == TRIAL and study.settings.trials.task == NEXT_WORDS:
         return [Question("", tuple(study.stimuli[page.episode]["phrases"]))]
+    if page.kind == TRIAL and study.settings.trials.task == WHICH_AGENT:
+        return [Question("", (study.words["first"], study.words["second"]))]
     return []
 
 

@@ -16,7 +16,7 @@ from ibe_rl.storage.run_folder import CHECKPOINTS, CONFIG, NOT_IN_NAMES, OVERRID
 from ibe_rl.types import ConfigError
 from ibe_rl.view.viewer import overrides_of
 
-FINISHED, UNFINISHED, NEW = "finished", "unfinished", "new"
+RUN_FINISHED, UNFINISHED, NEW = "finished", "unfinished", "new"
 """State of a run's folder: done; resumable from a checkpoint; not begun, or begun without a checkpoint."""
 DONE, DONE_BEFORE, FAILED, STOPPED, NOT_BEGUN = "finished", "finished before", "failed", "stopped", "not begun"
 """Outcomes of a run in a sweep."""
@@ -106,14 +106,14 @@ def _safe(name: str) -> str:
 
 
 def state_of(run: Path) -> str:
-    """The state of a run: ``FINISHED``, ``UNFINISHED`` or ``NEW``.
+    """The state of a run: ``RUN_FINISHED``, ``UNFINISHED`` or ``NEW``.
 
     Raises:
         ConfigError: if its summary cannot be read.
     """
     summary = read_summary(run)
     if summary is not None and not summary.get("stopped_early"):
-        return FINISHED
+        return RUN_FINISHED
     return UNFINISHED if (run / CHECKPOINTS / LATEST).is_file() else NEW
 
 

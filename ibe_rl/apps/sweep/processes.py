@@ -15,10 +15,10 @@ from ibe_rl.apps.sweep.jobs import (
     DONE,
     DONE_BEFORE,
     FAILED,
-    FINISHED,
     NEW,
     NOT_BEGUN,
     OUTPUT,
+    RUN_FINISHED,
     STOPPED,
     Job,
     Outcome,
@@ -68,7 +68,7 @@ class Running:
         if status is None:
             return None
         if status == 0:
-            return Outcome(self.job, DONE if state_of(self.job.folder) == FINISHED else STOPPED)
+            return Outcome(self.job, DONE if state_of(self.job.folder) == RUN_FINISHED else STOPPED)
         if self.stop_requested:
             return Outcome(self.job, STOPPED)
         died = f"killed by {ending(status)}; " if status < 0 else ""
@@ -87,7 +87,7 @@ def run_all(jobs: Sequence[Job], command: CommandOf, at_once: int, board: Board)
     Raises:
         ConfigError: if the summary of a job cannot be read.
     """
-    done = [Outcome(job, DONE_BEFORE) for job in jobs if state_of(job.folder) == FINISHED]
+    done = [Outcome(job, DONE_BEFORE) for job in jobs if state_of(job.folder) == RUN_FINISHED]
     waiting = [job for job in jobs if job not in {one.job for one in done}]
     running: list[Running] = []
     board.begin(done, len(jobs))

@@ -77,8 +77,33 @@ def test_a_place_is_given_back_and_may_be_taken_again(store: Answers) -> None:
     assert store.release(-1.0) == 1  # whoever has not answered for a minute to come
     assert store.held(pilots=False) == ([("none",)], [])
     assert [one.ended for one in store.people()] == [FINISHED, TIMED_OUT]
-    store.take_back(slow)
+    store.keep(slow, answer())
     assert store.held(pilots=False)[1] == [("ibe",)]
+
+
+def test_an_answer_and_the_end_that_it_brings_are_kept_together(store: Answers) -> None:
+    person = store.begin(("none",), "hash", False)
+    store.keep(person, answer(page="debriefing"), FINISHED)
+    assert store.person(person.token).ended == FINISHED  # type: ignore[union-attr]
+    assert not store.keep(person, answer(page="debriefing"), SCREENED_OUT)
+    assert store.person(person.token).ended == FINISHED  # type: ignore[union-attr]
+
+
+def test_recruiting_is_stopped_until_it_is_resumed(path: Path, store: Answers) -> None:
+    assert store.recruiting
+    store.recruiting = False
+    again = Answers(path)
+    assert not again.recruiting
+    again.recruiting = True
+    again.close()
+    assert store.recruiting
+
+
+def test_the_newest_page_of_each_person(store: Answers) -> None:
+    first, second = store.begin(("none",), "hash", False), store.begin(("ibe",), "hash", False)
+    store.keep(first, answer(page="consent"))
+    assert store.newest_pages() == {first.number: "consent"}
+    assert second.number not in store.newest_pages()
 
 
 def test_how_somebody_left_is_noted_once(store: Answers) -> None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ibe_rl.apps.study.assignment import assign, orders_of
+from ibe_rl.apps.study.assignment import assign, mixed_orders, orders_of
 
 ARMS = ["none", "paper", "ibe", "placebic", "true_future"]
 
@@ -27,6 +27,11 @@ def test_each_arm_is_equally_often_at_each_place_and_after_each_other(count: int
 
 def test_between_persons_everybody_has_one_arm() -> None:
     assert orders_of(ARMS[:3], within=False) == [("none",), ("paper",), ("ibe",)]
+
+
+def test_mixed_everybody_has_a_block_without_and_one_with_in_either_order() -> None:
+    orders = mixed_orders(["ibe", "none", "paper"], "none")
+    assert sorted(orders) == [("ibe", "none"), ("none", "ibe"), ("none", "paper"), ("paper", "none")]
 
 
 def test_an_arm_that_fewer_hold_comes_next() -> None:

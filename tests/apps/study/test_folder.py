@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from own_study import write_study
+import yaml
+from own_study import QUESTIONS, SETTINGS, stimulus, write_study
 
 from ibe_rl.apps.study.answers import FILE, Answers
 from ibe_rl.apps.study.folder import PROTOCOL, hold_protocol, open_study
@@ -30,7 +31,7 @@ def test_a_whole_study_opens(folder: Path) -> None:
 
 def test_whatever_a_person_sees_is_in_the_protocol(folder: Path) -> None:
     before = open_study(folder)
-    assert {"study.yaml", "texts/en/consent.md", "texts/en/scales/satisfaction.yaml", "stimuli/0.json"} <= {
+    assert {"study.yaml", "texts/en/consent.md", "texts/en/scales/satisfaction.yaml", "stimuli/000.json"} <= {
         *before.files
     }
     assert open_study(folder).protocol == before.protocol
@@ -55,11 +56,21 @@ def test_a_study_that_has_begun_is_not_changed(folder: Path) -> None:
     hold_protocol(study, answers)
     answers.begin(("ibe",), study.protocol, pilot=False)
     hold_protocol(study, answers)
-    (folder / "stimuli/1.json").write_text((folder / "stimuli/2.json").read_text())
+    (folder / "stimuli/001.json").write_text((folder / "stimuli/002.json").read_text())
     (folder / "texts/en/new.md").write_text("")
-    with pytest.raises(ConfigError, match=r"stimuli/1.json, texts/en/new.md changed after the first person had begun"):
+    with pytest.raises(
+        ConfigError, match=r"stimuli/001.json, texts/en/new.md changed after the first person had begun"
+    ):
         hold_protocol(open_study(folder), answers)
     answers.close()
+
+
+def test_mixed_each_person_has_two_blocks(tmp_path: Path) -> None:
+    arms = {"arms": ["none", "paper", "ibe"], "design": "mixed", "trials": {"practice": 0, "each_arm": 2}}
+    study = open_study(write_study(tmp_path / "study", episodes=4, **arms))
+    assert sorted(study.orders) == [("ibe", "none"), ("none", "ibe"), ("none", "paper"), ("paper", "none")]
+    with pytest.raises(ConfigError, match="a person sees 4 episodes, 3 are in stimuli/"):
+        open_study(write_study(tmp_path / "few", episodes=3, **arms))
 
 
 BROKEN = {
@@ -71,13 +82,22 @@ BROKEN = {
     ),
     "no text": (lambda f: (f / "texts/en/consent.md").unlink(), "consent.md: allowed is a text in Markdown .No such"),
     "no utf-8": (lambda f: (f / "texts/en/consent.md").write_bytes(b"\xff"), "consent.md: .*it is no UTF-8"),
+    "no words": (lambda f: (f / "texts/en/words.yaml").write_text("next: go"), "words.yaml: progress=None"),
+    "lead": (
+        lambda f: (f / "texts/en/attention.yaml").write_text(yaml.safe_dump({**QUESTIONS["attention"], "lead": 3})),
+        "attention.yaml: lead=3: allowed is a text",
+    ),
+    "task": (
+        lambda f: (f / "study.yaml").write_text(yaml.safe_dump({**SETTINGS, "trials": {"task": "which_agent"}})),
+        "000.json: it has no two sides; allowed with trials.task=which_agent",
+    ),
     "no scale": (lambda f: (f / "texts/en/scales/satisfaction.yaml").unlink(), "satisfaction.yaml"),
-    "no json": (lambda f: (f / "stimuli/1.json").write_text("{"), "1.json: allowed is an episode"),
-    "another json": (lambda f: (f / "stimuli/1.json").write_text("[1]"), "1.json: allowed is an episode"),
-    "too few": (lambda f: (f / "stimuli/1.json").unlink(), "a person sees 3 episodes, 2 are in stimuli/"),
+    "no json": (lambda f: (f / "stimuli/001.json").write_text("{"), "001.json: allowed is an episode"),
+    "another json": (lambda f: (f / "stimuli/001.json").write_text("[1]"), "001.json: allowed is an episode"),
+    "too few": (lambda f: (f / "stimuli/001.json").unlink(), "a person sees 3 episodes, 2 are in stimuli/"),
     "no explanations": (
-        lambda f: (f / "stimuli/1.json").write_text(json.dumps({"explanations": {}, "frames": [], "truth": {}})),
-        "stimuli/1.json has no explanations of ibe",
+        lambda f: (f / "stimuli/001.json").write_text(json.dumps({**stimulus(1), "explanations": {}})),
+        "stimuli/001.json has no explanations of ibe",
     ),
 }
 

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ibe_rl.apps.study.messages import MAX_BYTES, BadAnswerError, parse
+from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 
 WHOLE = {"page": "trial/ibe/1", "attempt": 1, "value": {"at": 0.5}, "took_ms": 1200, "hidden_ms": 0}
 
 
 def test_an_answer_is_read() -> None:
-    answer = parse(json.dumps(WHOLE))
+    answer = parse_answer(json.dumps(WHOLE))
     assert (answer.page, answer.attempt, answer.value, answer.took_ms) == ("trial/ibe/1", 1, {"at": 0.5}, 1200)
 
 
@@ -34,17 +34,17 @@ def test_an_answer_is_read() -> None:
 )
 def test_what_does_not_fit_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(BadAnswerError, match=message):
-        parse(json.dumps({**WHOLE, **changes}))
+        parse_answer(json.dumps({**WHOLE, **changes}))
 
 
-@pytest.mark.parametrize("body", ["", "{", "[]", "null", "[" * 50_000, " " * (MAX_BYTES + 1), b"\xff\xfe\x00"])
+@pytest.mark.parametrize("body", ["", "{", "[]", "null", "[" * 50_000, " " * (MAX_ANSWER_BYTES + 1), b"\xff\xfe\x00"])
 def test_no_message_at_all(body: str | bytes) -> None:
     with pytest.raises(BadAnswerError):
-        parse(body)
+        parse_answer(body)
 
 
 @given(st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists) | st.binary())
 def test_nothing_else_is_raised(content: Any) -> None:
     body = content if isinstance(content, bytes) else json.dumps(content)
     with pytest.raises(BadAnswerError):
-        parse(body)
+        parse_answer(body)

@@ -73,6 +73,18 @@ def test_attention_is_checked_between_trials_that_count(checks: int) -> None:
         assert pages[index + 1].name.startswith("trial/ibe")
 
 
+def test_the_instructions_show_words_where_there_are_any_and_practice_goes_through_the_arms() -> None:
+    pages = pages_of(study(practice=3), ("none", "ibe"), 9, number=1)
+    assert [page.arm for page in pages if page.kind == "instructions"] == ["ibe"]
+    assert [page.arm for page in pages if page.block == PRACTICE] == ["none", "ibe", "none"]
+
+
+@pytest.mark.parametrize(("practice", "episodes", "example"), [(1, 5, 4), (1, 4, 0), (0, 3, -1), (0, 4, 3)])
+def test_the_example_is_an_episode_to_spare(practice: int, episodes: int, example: int) -> None:
+    pages = pages_of(study(practice=practice), ("ibe",), episodes, number=1)
+    assert [page.episode for page in pages if page.kind == "instructions"] == [example]
+
+
 def test_too_few_episodes_are_refused() -> None:
     with pytest.raises(ConfigError, match="4 episodes needed, 3 are in stimuli/"):
         pages_of(study(), ("ibe",), 3, number=0)

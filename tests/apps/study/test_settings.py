@@ -32,6 +32,20 @@ def test_what_is_given_counts() -> None:
             {"arms": ["ibe"], "test": {"arms": ["ibe"]}, "design": "within"},
             "allowed with design=within are two or more",
         ),
+        (
+            {"arms": ["ibe"], "test": {"arms": ["ibe"]}, "design": "mixed"},
+            "allowed with design=mixed are two or more",
+        ),
+        (
+            {"arms": ["paper", "ibe"], "test": {"arms": ["ibe", "paper"]}, "design": "mixed"},
+            "arms=.*allowed with design=mixed are none and one or more others",
+        ),
+        ({"design": "both"}, "design=both: allowed is one of between, within, mixed"),
+        ({"trials": {"task": "flying"}}, "trials.task=flying: allowed is one of landing, next_words, which_agent"),
+        (
+            {"recruiter": "sona", "completion_codes": {"finished": "C1", "screened_out": "", "no_consent": ""}},
+            "completion_codes.finished=C1: allowed with recruiter=sona is the address",
+        ),
         ({"arms": ["none", "paper"]}, "test.arms=.*one of none, paper"),
         ({"test": {"arms": ["ibe"]}}, "test.arms=.*allowed are two of none, ibe"),
         ({"recruiter": "prolific"}, "completion_codes.finished: needed with recruiter=prolific"),

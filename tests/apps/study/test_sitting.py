@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from own_study import write_study
+from own_study import right_value, write_study
 
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import BadAnswerError
-from ibe_rl.apps.study.sitting import AGAIN, TAKEN, FullError, enter, position, questions_of, take
+from ibe_rl.apps.study.sitting import ANSWER_TAKEN, ANSWERED_BEFORE, FullError, enter, position, take
 
 Desk = tuple[Study, Answers]
 
@@ -22,21 +22,6 @@ def desk(tmp_path: Path):
     answers = Answers(tmp_path / FILE)
     yield study, answers
     answers.close()
-
-
-def right_value(study: Study, page: Any) -> dict[str, Any]:
-    """An answer that fits a page; a right one where there is one."""
-    asked = questions_of(study, page)
-    if page.kind == "consent":
-        return {"agrees": True}
-    if page.kind == "trial":
-        return {"at": 0.5, "confidence": 70}
-    if page.kind == "comment":
-        return {"text": "fine"}
-    if page.kind == "attention":
-        return {"choice": asked[0].right}
-    chosen = [(one.right or 0) if one.options else "40" for one in asked]
-    return {"choices": chosen} if asked else {}
 
 
 def give(desk: Desk, person: Person, **value: Any) -> str:
@@ -58,7 +43,7 @@ def test_from_consent_to_the_end(desk: Desk) -> None:
     while (at := position(*desk, now(desk, person))).page:
         seen.append(at.page.kind)
         assert at.done == len(seen) - 1
-        assert give(desk, person) == TAKEN
+        assert give(desk, person) == ANSWER_TAKEN
     assert seen[:5] == ["consent", "demographics", "instructions", "comprehension", "trial"]
     assert sorted(seen[5:8]) == ["attention", "trial", "trial"]
     assert seen[8:] == ["scale", "comment", "debriefing"]
@@ -106,8 +91,8 @@ def test_an_answer_that_comes_twice_counts_once(desk: Desk) -> None:
     give(desk, person)
     page = position(*desk, person).page
     assert page is not None
-    assert take(*desk, person, Answer(page.name, 1, {"at": 0.25, "confidence": 1}, 1, 0)) == TAKEN
-    assert take(*desk, person, Answer(page.name, 1, {"at": 0.75, "confidence": 9}, 1, 0)) == AGAIN
+    assert take(*desk, person, Answer(page.name, 1, {"at": 0.25, "confidence": 1}, 1, 0)) == ANSWER_TAKEN
+    assert take(*desk, person, Answer(page.name, 1, {"at": 0.75, "confidence": 9}, 1, 0)) == ANSWERED_BEFORE
     assert desk[1].answers_of(person)[-1].value == {"at": 0.25, "confidence": 1}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ibe_rl.apps.sweep.jobs import FINISHED, NEW, UNFINISHED, make_way, plan, read_summary, state_of
+from ibe_rl.apps.sweep.jobs import NEW, RUN_FINISHED, UNFINISHED, make_way, plan, read_summary, state_of
 from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.types import ConfigError
 
@@ -71,7 +71,7 @@ def test_what_has_become_of_a_run(tmp_path: Path) -> None:
     (one / "summary.json").write_text(json.dumps({"stopped_early": True}))
     assert state_of(one) == UNFINISHED
     (one / "summary.json").write_text(json.dumps({"stopped_early": False}))
-    assert state_of(one) == FINISHED
+    assert state_of(one) == RUN_FINISHED
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "\x00"])
