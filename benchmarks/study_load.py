@@ -25,8 +25,7 @@ from rich.console import Console
 
 from ibe_rl.apps.study.answers import FILE
 from ibe_rl.apps.study.folder import PROTOCOL, open_study
-from ibe_rl.apps.study.pilot import PROTOCOL as BY_MESSAGES
-from ibe_rl.apps.study.pilot import Piloted, pilot, slowest_ms
+from ibe_rl.apps.study.pilot import THROUGH_PROTOCOL, Piloted, pilot, slowest_ms
 from ibe_rl.apps.study.schedule import pages_of
 from ibe_rl.runtime.ports import HOST, free_port, is_served
 
@@ -103,7 +102,7 @@ def through_kills(folder: Path, people: int, at_once: int, kills: int, seed: int
         killer.start()
         try:
             found = pilot(
-                folder, people, at_once, BY_MESSAGES, seed, server.address, times_faster=100.0, say=lambda _: None
+                folder, people, at_once, THROUGH_PROTOCOL, seed, server.address, times_faster=100.0, say=lambda _: None
             )
         finally:
             done.set()
@@ -135,7 +134,7 @@ def under_load(folder: Path, people: int, answer_each_s: float, seed: int = 0) -
     faster = PACE_S / answer_each_s if answer_each_s else float("inf")
     with killable(folder) as server:
         return pilot(
-            folder, people, people, BY_MESSAGES, seed, server.address, drop_out=0.0, pace_s=PACE_S,
+            folder, people, people, THROUGH_PROTOCOL, seed, server.address, drop_out=0.0, pace_s=PACE_S,
             times_faster=faster, say=lambda _: None,
         )  # fmt: skip
 

@@ -13,17 +13,17 @@ from aiohttp import ClientError, ClientSession, TCPConnector
 
 from ibe_rl.apps.study.answers import Answer
 from ibe_rl.apps.study.schedule import Page
-from ibe_rl.apps.study.visits import Door, Shown
+from ibe_rl.apps.study.ways import Door, Shown
 from ibe_rl.types import ConfigError
 
 AGAIN_S = 0.05
-PATIENCE_S = 60.0
+SERVER_AWAY_S = 60.0
 """How long a server may be away."""
 
 
 @dataclass
 class ByMessages:
-    """Takes part by HTTP; see ``visits.Way``. What gets no reply is sent again, as the page does.
+    """Takes part by HTTP; see ``ways.Way``. What gets no reply is sent again, as the page does.
 
     Attributes:
         session: of aiohttp.
@@ -71,7 +71,7 @@ class ByMessages:
         return sent, reply
 
     async def _ask(self, path: str, body: Any = None) -> dict[str, Any]:
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + SERVER_AWAY_S
         while True:
             try:
                 async with self.session.request(
@@ -83,7 +83,7 @@ class ByMessages:
             except (ClientError, TimeoutError, ConnectionError) as error:
                 said = str(error) or type(error).__name__
             if time.monotonic() > end:
-                raise ConfigError(f"address={self.address}: no study answers there, for {PATIENCE_S:.0f} s ({said})")
+                raise ConfigError(f"address={self.address}: no study answers there, for {SERVER_AWAY_S:.0f} s ({said})")
             await asyncio.sleep(AGAIN_S)
 
 

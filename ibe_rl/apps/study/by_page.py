@@ -15,7 +15,7 @@ from urllib.parse import urlencode
 
 from ibe_rl.apps.study.answers import Answer
 from ibe_rl.apps.study.schedule import COMMENT, CONSENT, TRIAL, Page
-from ibe_rl.apps.study.visits import Door, Shown
+from ibe_rl.apps.study.ways import Door, Shown
 from ibe_rl.types import ConfigError
 
 if TYPE_CHECKING:
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 EXTRA = "study-pilot"
 ON_PATH = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-FLAGS = ("--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run")
+BROWSER_FLAGS = ("--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run")
 PATIENCE_MS = 60_000.0
 STEP_MS, MOST_STEPS = 500, 400
 """Of the page's clock, while an episode plays."""
 KEY_STEP = 0.01
-POINTER, TOUCH, KEYS = "pointer", "touch", "keys"
+POINTER, TOUCH, KEYBOARD = "pointer", "touch", "keys"
 SCREENS: tuple[tuple[str, dict[str, Any]], ...] = (
     (POINTER, {"viewport": {"width": 1280, "height": 800}}),
     (TOUCH, {"viewport": {"width": 360, "height": 740}, "has_touch": True, "device_scale_factor": 2}),
-    (KEYS, {"viewport": {"width": 1920, "height": 1080}}),
+    (KEYBOARD, {"viewport": {"width": 1920, "height": 1080}}),
 )
 """How people point, and the screens they have; one after the other."""
 
@@ -58,7 +58,7 @@ async def browsing(chromium: str = "") -> AsyncIterator[Browser]:
         path = find_chromium(chromium, playwright.chromium.executable_path)
         root = hasattr(os, "geteuid") and os.geteuid() == 0  # whose browsers have no sandbox
         browser = await playwright.chromium.launch(
-            executable_path=path, args=[*FLAGS, *(["--no-sandbox"] if root else [])]
+            executable_path=path, args=[*BROWSER_FLAGS, *(["--no-sandbox"] if root else [])]
         )
         try:
             yield browser
@@ -89,13 +89,13 @@ def find_chromium(asked: str, bundled: str) -> str:
 
 @dataclass
 class ByPage:
-    """Takes part by clicks, taps and keys; see ``visits.Way``.
+    """Takes part by clicks, taps and keys; see ``ways.Way``.
 
     Attributes:
         tab: of the browser, with a clock that can be set forward.
         address: of the study.
         parameters: of the address under which the person comes.
-        points: ``POINTER``, ``TOUCH`` or ``KEYS``.
+        points: ``POINTER``, ``TOUCH`` or ``KEYBOARD``.
     """
 
     tab: Tab
@@ -163,13 +163,13 @@ class ByPage:
         radio = question.locator(f'input[type=radio][value="{choice}"]')
         if isinstance(choice, str) or not await radio.count():
             await question.locator("input").fill(str(choice))  # a text, or a slider where the options are many
-        elif self.points == KEYS:
+        elif self.points == KEYBOARD:
             await radio.press(" ")
         else:
             await radio.check()
 
     async def _put(self, canvas: Locator, at: float) -> None:
-        if self.points == KEYS:
+        if self.points == KEYBOARD:
             steps = round((at - 0.5) / KEY_STEP)
             tens, ones = divmod(abs(steps), 10)
             up = steps > 0
@@ -184,7 +184,7 @@ class ByPage:
 
     async def _press(self, selector: str) -> None:
         button = self.tab.locator(selector)
-        if self.points == KEYS:
+        if self.points == KEYBOARD:
             await button.press("Enter")
         else:
             await (button.tap() if self.points == TOUCH else button.click())

@@ -22,12 +22,14 @@ from ibe_rl.apps.study.folder import Study, hold_protocol, open_study
 from ibe_rl.apps.study.recruiters import KNOWN
 from ibe_rl.apps.study.server import study_app
 from ibe_rl.apps.study.simulated import draw_people
-from ibe_rl.apps.study.visits import LEFT, REFUSED, Visit, go_through, lost_and_changed
+from ibe_rl.apps.study.visits import REFUSED, WENT_AWAY, Visit, go_through, lost_and_changed
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.runtime.ports import HOST
 from ibe_rl.types import ConfigError
 
-PAGE, PROTOCOL = "page", "protocol"
+THROUGH_PAGE, THROUGH_PROTOCOL = "page", "protocol"
+COMING = 20
+"""People who come within the time of an answer; without pauses all come at once."""
 SLOWEST = 0.99
 """The quantile of confirmation times that is printed."""
 
@@ -70,7 +72,7 @@ def pilot(  # noqa: PLR0913 - each is a setting of the command line
     folder: Path,
     people: int = 60,
     at_once: int = 20,
-    through: str = PAGE,
+    through: str = THROUGH_PAGE,
     seed: int = 0,
     address: str = "",
     chromium: str = "",
@@ -103,8 +105,8 @@ def pilot(  # noqa: PLR0913 - each is a setting of the command line
     Raises:
         ConfigError: if the study, the people, the server or the browser cannot be had.
     """
-    if through not in (PAGE, PROTOCOL):
-        raise ConfigError(f"through={through}: allowed is {PAGE} or {PROTOCOL}")
+    if through not in (THROUGH_PAGE, THROUGH_PROTOCOL):
+        raise ConfigError(f"through={through}: allowed is {THROUGH_PAGE} or {THROUGH_PROTOCOL}")
     if at_once < 1:
         raise ConfigError(f"at_once={at_once}: allowed is 1 or more")
     crowd = draw_people(people, seed, noise, lapse, reliance, drop_out, pace_s)
@@ -129,12 +131,12 @@ def pilot(  # noqa: PLR0913 - each is a setting of the command line
     finally:
         answers.close()
     tell = say or PlainConsole().print
-    for part in report(found):
+    for part in pilot_report(found):
         tell(part)
     return found
 
 
-def report(found: Piloted) -> list[object]:
+def pilot_report(found: Piloted) -> list[object]:
     """A table of what became of the people, by arm, and a line on their answers."""
     table = Table(title="Simulated people")
     for name in ("arm", "began", "finished", "screened out", "left", "median minutes of who finished"):
@@ -164,7 +166,7 @@ def slowest_ms(confirmation_s: Sequence[float]) -> float:
 def _row(visits: Sequence[Visit]) -> list[str]:
     ended = [visit.ended for visit in visits]
     needed = [visit.needed_s / 60 for visit in visits if visit.ended == FINISHED]
-    counts = [len(visits), *(ended.count(how) for how in (FINISHED, SCREENED_OUT, LEFT))]
+    counts = [len(visits), *(ended.count(how) for how in (FINISHED, SCREENED_OUT, WENT_AWAY))]
     return [*map(str, counts), f"{np.median(needed):.1f}" if needed else "-"]
 
 
@@ -176,12 +178,13 @@ async def _all(hall: Hall, visits: Sequence[Visit]) -> list[float]:
         parameters = partial(parameters_of, hall.study)
         opened = (
             page_door(address, parameters, hall.chromium)
-            if hall.through == PAGE
+            if hall.through == THROUGH_PAGE
             else message_door(address, parameters, hall.times_faster, confirmation_s)
         )
         door = await stack.enter_async_context(opened)
 
         async def visited(number: int, visit: Visit) -> None:
+            await asyncio.sleep(number * visit.person.pace_s / hall.times_faster / COMING)
             async with places, door(number) as way:
                 await go_through(visit, way, hall.study, hall.answers)
 

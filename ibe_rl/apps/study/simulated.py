@@ -15,10 +15,10 @@ from ibe_rl.apps.study.settings import LANDING, NONE, WHICH_AGENT
 from ibe_rl.apps.study.sitting import questions_of
 from ibe_rl.types import ConfigError
 
-SIDES = 2
-NOTHING = "-"
+AGENTS_SHOWN = 2
+UNWRITTEN = "-"
 """What is written where something has to be."""
-SURE, UNSURE, SPREAD = 75.0, 40.0, 15.0
+CONFIDENT, UNCONFIDENT, CONFIDENCE_SPREAD = 75.0, 40.0, 15.0
 """Confidence in percent after an answer that was thought about, after a guess, and its standard deviation."""
 PEOPLE_DIFFER = 0.3
 """Standard deviation between people of the logarithm of their noise and pace."""
@@ -107,9 +107,9 @@ def answer_trial(
     if task == LANDING:
         answer: dict[str, float | int] = {"at": _place(person, alone["at"], told["at"], guesses, random)}
     else:
-        options = SIDES if task == WHICH_AGENT else len(stimulus["phrases"])
+        options = AGENTS_SHOWN if task == WHICH_AGENT else len(stimulus["phrases"])
         answer = {"choice": _choice(person, alone["choice"], told["choice"], options, guesses, random)}
-    sure = random.normal(UNSURE if guesses else SURE, SPREAD)
+    sure = random.normal(UNCONFIDENT if guesses else CONFIDENT, CONFIDENCE_SPREAD)
     return {**answer, "confidence": round(min(100.0, max(0.0, sure)))}
 
 
@@ -164,7 +164,7 @@ def _choice(
 
 
 def _options(asked: Sequence[Question], careless: bool, random: np.random.Generator) -> list[Any]:
-    written = {True: None, False: NOTHING}
+    written = {True: None, False: UNWRITTEN}
     return [_option(one, careless, random) if one.options else written[one.optional] for one in asked]
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,36 +13,13 @@ from ibe_rl.apps.study.folder import Study
 from ibe_rl.apps.study.schedule import TRIAL, Page
 from ibe_rl.apps.study.simulated import Participant, answer_page, time_s
 from ibe_rl.apps.study.sitting import schedule_of
+from ibe_rl.apps.study.ways import Shown, Way
 from ibe_rl.types import ConfigError
 
-LEFT, REFUSED = "left", "refused"
+WENT_AWAY, REFUSED = "left", "refused"
 """Ways out of a visit that the server does not know: a person leaves without a word, or an answer was not taken."""
 RELOAD_PROBABILITY = 0.05
 """That a person reloads a page before answering it."""
-
-Shown = Mapping[str, Any]
-"""What the server says that a person sees now: a page, or how they left."""
-
-
-class Way(Protocol):
-    """How a simulated person reaches the server: by the page in a browser, or by its messages alone."""
-
-    async def begin(self) -> Shown:
-        """Take part; returns the first page."""
-
-    async def reload(self) -> Shown:
-        """Open the page anew."""
-
-    async def give(self, shown: Shown, page: Page, value: dict[str, Any], took_s: float) -> tuple[Answer, Shown]:
-        """Answer the page that is shown; returns what was sent, and the server's reply to it."""
-
-    @property
-    def token(self) -> str:
-        """The secret in the person's address."""
-
-
-Door = Callable[[int], AbstractAsyncContextManager[Way]]
-"""Lets the person of a number, from 0, in."""
 
 
 @dataclass
@@ -88,7 +63,7 @@ async def go_through(visit: Visit, way: Way, study: Study, answers: Answers) -> 
     while "page" in shown:
         pages = pages or _pages(study, answers, visit.token)
         if visit.random.random() < visit.person.drop_out:
-            visit.ended = LEFT
+            visit.ended = WENT_AWAY
             return
         if visit.random.random() < RELOAD_PROBABILITY:
             before, shown = shown, await way.reload()

@@ -17,7 +17,7 @@ from ibe_rl.apps.study.analysis import sittings
 from ibe_rl.apps.study.answers import FILE, Answer, Answers
 from ibe_rl.apps.study.data import tables_of
 from ibe_rl.apps.study.folder import open_study
-from ibe_rl.apps.study.pilot import Piloted, pilot, report, slowest_ms
+from ibe_rl.apps.study.pilot import Piloted, pilot, pilot_report, slowest_ms
 from ibe_rl.apps.study.simulated import Participant
 from ibe_rl.apps.study.sitting import enter, schedule_of
 from ibe_rl.apps.study.visits import Visit, lost_and_changed
@@ -35,7 +35,7 @@ def piloted(folder: Path, people: int = 4, **settings: Any) -> Piloted:
 def said(found: Piloted) -> str:
     """The report as it is printed."""
     console = Console(width=100, file=(printed := StringIO()))
-    for part in report(found):
+    for part in pilot_report(found):
         console.print(part)
     return printed.getvalue()
 
@@ -146,7 +146,7 @@ def test_a_lost_and_a_changed_answer_are_noticed(tmp_path: Path) -> None:
 def test_what_cannot_be_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, Any], says: str
 ) -> None:
-    monkeypatch.setattr(by_messages, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(by_messages, "SERVER_AWAY_S", 0.0)
     with pytest.raises(ConfigError, match=says):
         piloted(write_study(tmp_path / "study"), **wrong)
 

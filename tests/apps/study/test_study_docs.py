@@ -36,6 +36,7 @@ def test_an_afternoon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
         """Serve nobody: the pages have tests of their own."""
 
     monkeypatch.setattr(serving, "_serve", begun)
+    monkeypatch.setattr(serving, "asked_port", lambda *_, **__: None)  # a study may be served beside the tests
     assert [line[0] for line in LINES] == ["make", "power", "pilot", "register", "serve", "analyse"]
     for name, *settings in LINES:
         few = [one for one in settings if not one.startswith("people=")] if name == "pilot" else settings
