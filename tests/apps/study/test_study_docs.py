@@ -21,6 +21,7 @@ LINES = [shlex.split(line, comments=True) for line in re.findall(r"^    python -
 SMALL = {
     "make": ["flights=20", "trials.each_arm=2", "trials.practice=1", "test.resamples=200"],
     "power": ["studies=20", "most_people=32"],
+    "serve": ["port=null", "admin_port=null"],  # other tests run beside this one
     "pilot": ["people=6", "at_once=3", "through=protocol", "drop_out=0"],
 }
 MADE = ("analysis/power.json", "registration.md", "codes.txt", "analysis/report.html", "made.json", "answers.sqlite")
