@@ -4,6 +4,10 @@ A study is a folder. ``settings`` and ``folder`` read and check it, ``stimuli`` 
 gives each person an arm, ``schedule`` the pages that follow, ``answers`` keeps what they say, and ``sitting`` puts
 these together: which page comes next, and whether an answer counts.
 
+``make`` makes that folder: ``preparing`` flies the agent (``flights``), lets each arm speak (``arms``), draws what it
+did (``scenes``) and cuts it into what people see (``stimuli``, or ``sides`` for two agents). ``shipped_texts`` copies
+``texts``. ``commands`` is the command line.
+
 In: a trained run, study.yaml, texts. Out: answers.sqlite, and what is made from it.
 Imports: any room; nothing imports it, the command line reaches it by name.
 """

@@ -86,7 +86,7 @@ class Answer:
         page: its name.
         attempt: from 1; above it only where a page may be repeated.
         value: JSON object.
-        took_ms: from the page's appearance to the answer.
+        took_ms: from the page's appearance, or from the end of a trial's recording, to the answer.
         hidden_ms: how long of this another window hid it.
     """
 

@@ -34,7 +34,11 @@ TRIALS: Mapping[str, Mapping[str, Any]] = {
         "maxValue": 100,
     },
     "confidence": {"description": "How sure the person was", "unitText": "percent", "minValue": 0, "maxValue": 100},
-    "took_ms": {"description": "Time from the appearance of the page to the answer", "unitText": "ms", "minValue": 0},
+    "took_ms": {
+        "description": "Time to the answer, from the appearance of the page or the end of a trial's recording",
+        "unitText": "ms",
+        "minValue": 0,
+    },
     "hidden_ms": {"description": "How long of it another window hid the page", "unitText": "ms", "minValue": 0},
     "attention_ok": {"description": "1 if the person answered all attention checks rightly, else 0"},
 }

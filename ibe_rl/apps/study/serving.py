@@ -18,7 +18,7 @@ from ibe_rl.apps.study.recruiters import write_codes
 from ibe_rl.apps.study.server import study_app
 from ibe_rl.apps.study.settings import CODES
 from ibe_rl.runtime.console import PlainConsole
-from ibe_rl.runtime.ports import HOST, asked_port
+from ibe_rl.runtime.ports import HOST, asked_port, free_port
 from ibe_rl.types import ConfigError
 
 STUDY_PORT, ADMIN_PORT = 8471, 8472
@@ -28,8 +28,8 @@ SHUTDOWN_S, KEEP_S = 2.0, 30.0
 def serve(
     folder: Path,
     host: str = HOST,
-    port: int = STUDY_PORT,
-    admin_port: int = ADMIN_PORT,
+    port: int | None = STUDY_PORT,
+    admin_port: int | None = ADMIN_PORT,
     codes: int = 0,
     say: Callable[[str], None] | None = None,
 ) -> None:
@@ -38,8 +38,8 @@ def serve(
     Args:
         folder: of the study.
         host: to bind for the pages; the admin page is bound to this machine alone.
-        port: of the pages.
-        admin_port: of the admin page.
+        port: of the pages; None for one that is free.
+        admin_port: of the admin page; None for one that is free.
         codes: one-time codes to write for a laboratory, unless there are some; 0 for none.
         say: prints a line.
 
@@ -49,8 +49,8 @@ def serve(
     study = open_study(folder)
     if codes and study.settings.recruiter != CODES:
         raise ConfigError(f"codes={codes}: allowed with recruiter={study.settings.recruiter} is 0")
-    asked_port("port", port, host=host)
-    asked_port("admin_port", admin_port, other=port)
+    port = asked_port("port", port, host=host) or free_port(STUDY_PORT, host=host)
+    admin_port = asked_port("admin_port", admin_port, other=port) or free_port(ADMIN_PORT, other=port)
     tell = say or _print
     answers = Answers(folder / FILE)
     try:

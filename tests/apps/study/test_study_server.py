@@ -315,5 +315,5 @@ def test_a_failure_is_answered_and_logged_without_what_was_said(
         assert (await visit.answer(message))[1]["became"] == "taken"
 
     visited(send)
-    assert "failed: RuntimeError in test_server.py" in caplog.text
+    assert "failed: RuntimeError in test_study_server.py" in caplog.text
     assert "their own words" not in caplog.text
