@@ -16,6 +16,7 @@ from urllib.parse import urlencode
 from ibe_rl.apps.study.answers import Answer
 from ibe_rl.apps.study.schedule import COMMENT, CONSENT, TRIAL, Page
 from ibe_rl.apps.study.ways import Door, Shown
+from ibe_rl.config.error_line import one_line
 from ibe_rl.types import ConfigError
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from playwright.async_api import Page as Tab
 
 EXTRA = "study-pilot"
+ALLOWED_BROWSER = "allowed is the path of a Chromium; `python -m playwright install chromium` gets one"
 ON_PATH = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 BROWSER_FLAGS = ("--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run")
 PATIENCE_MS = 60_000.0
@@ -46,20 +48,22 @@ async def browsing(chromium: str = "") -> AsyncIterator[Browser]:
         chromium: its path; empty for one on the path, or the one that Playwright brings.
 
     Raises:
-        ConfigError: if Playwright or a browser is missing, with the way to get it.
+        ConfigError: if Playwright or a browser is missing, with the way to get it, or does not start.
     """
     if find_spec("playwright") is None:
         raise ConfigError(
             f"through=page: needs the package playwright; pip install 'ibe_rl[{EXTRA}]', or through=protocol"
         )
-    from playwright.async_api import async_playwright
+    from playwright.async_api import Error, async_playwright
 
     async with async_playwright() as playwright:
         path = find_chromium(chromium, playwright.chromium.executable_path)
         root = hasattr(os, "geteuid") and os.geteuid() == 0  # whose browsers have no sandbox
-        browser = await playwright.chromium.launch(
-            executable_path=path, args=[*BROWSER_FLAGS, *(["--no-sandbox"] if root else [])]
-        )
+        flags = [*BROWSER_FLAGS, *(["--no-sandbox"] if root else [])]
+        try:
+            browser = await playwright.chromium.launch(executable_path=path, args=flags)
+        except Error as error:
+            raise ConfigError(f"chromium={path}: does not start ({one_line(error)[:200]}); {ALLOWED_BROWSER}") from None
         try:
             yield browser
         finally:
@@ -76,14 +80,15 @@ def find_chromium(asked: str, bundled: str) -> str:
     Raises:
         ConfigError: if there is none.
     """
-    allowed = "allowed is the path of a Chromium; `python -m playwright install chromium` gets one"
     if asked:
         if not shutil.which(asked):
-            raise ConfigError(f"chromium={asked}: no program is there; {allowed}")
+            raise ConfigError(f"chromium={asked}: no program is there; {ALLOWED_BROWSER}")
         return asked
     found = [path for name in ON_PATH if (path := shutil.which(name))]
     if not found and not Path(bundled).is_file():
-        raise ConfigError(f"chromium=: none of {', '.join(ON_PATH)} is on the path; {allowed}, or through=protocol")
+        raise ConfigError(
+            f"chromium=: none of {', '.join(ON_PATH)} is on the path; {ALLOWED_BROWSER}, or through=protocol"
+        )
     return found[0] if found else bundled
 
 

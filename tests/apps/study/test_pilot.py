@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -141,6 +142,7 @@ def test_a_lost_and_a_changed_answer_are_noticed(tmp_path: Path) -> None:
         ({"people": 0}, "people=0: allowed is 1 or more"),
         ({"address": "http://127.0.0.1:1"}, "address=http://127.0.0.1:1: no study answers there"),
         ({"through": "page", "chromium": "/no/browser"}, "chromium=/no/browser: no program is there"),
+        ({"through": "page", "chromium": sys.executable}, "chromium=.*: does not start .*; allowed is the path"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(
