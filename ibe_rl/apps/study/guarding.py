@@ -28,6 +28,11 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _log = logging.getLogger("ibe_rl.study")
 
 
+def begin_log() -> None:
+    """Let the log speak: where hydra ran before in the same process, it has disabled every logger that it found."""
+    _log.disabled = False
+
+
 @web.middleware
 async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Refuse what other sites send; answer every request with JSON or a page, and log nothing about the person."""

@@ -11,7 +11,7 @@ from aiohttp import web
 from ibe_rl.apps.study.answers import WITHDRAWN, Answers, Person
 from ibe_rl.apps.study.content import about, feedback_on, shown_now
 from ibe_rl.apps.study.folder import Study
-from ibe_rl.apps.study.guarding import ANSWERS, LOOPBACK, STUDY, guard, host_name, page_part, refused
+from ibe_rl.apps.study.guarding import ANSWERS, LOOPBACK, STUDY, begin_log, guard, host_name, page_part, refused
 from ibe_rl.apps.study.joint_writer import JointWriter
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 from ibe_rl.apps.study.recruiters import KNOWN, UnknownRecruitError, is_known_code, recruit_of
@@ -29,6 +29,7 @@ WRITER = web.AppKey("writer", JointWriter)
 
 def study_app(study: Study, answers: Answers) -> web.Application:
     """The pages of a study, and what they ask."""
+    begin_log()
     app = web.Application(middlewares=[guard], client_max_size=MAX_ANSWER_BYTES)
     app[STUDY], app[ANSWERS], app[WRITER] = study, answers, JointWriter(study, answers)
     app.add_routes(

@@ -284,7 +284,11 @@ def test_an_id_takes_part_in_one_session_and_goes_back_with_its_code(tmp_path: P
     answers.close()
 
 
-def test_the_log_has_no_ids_no_secrets_and_no_answers(visited: Visited, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_log_has_no_ids_no_secrets_and_no_answers(
+    visited: Visited, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger("ibe_rl.study"), "disabled", True)  # as hydra leaves it in this process
+
     async def send(visit: Visit) -> None:
         person = await visit.begin(code="their-own-id")
         await visit.send("/begin", {"code": "x" * 999})
