@@ -96,7 +96,7 @@ def _write(public: Path, study: Study, persons: Sequence[Person], collect: str) 
     (public / PAGE_HTML).write_text(page, encoding="utf-8")
     _write_json(public / "about.json", {**about(study), "collect": collect})
     for person in persons:
-        _write_json(public / PLACES / f"{person.token}.json", place_of(study, schedule_of(study, person)))
+        _write_json(public / PLACES / f"{person.token}.json", shown_at_place(study, schedule_of(study, person)))
 
 
 def bundled_page(html: str, collect: str) -> str:
@@ -111,7 +111,7 @@ def bundled_page(html: str, collect: str) -> str:
     return html.replace(first, f'<script src="{BUNDLE_JS}"></script>\n    {first}', 1)
 
 
-def place_of(study: Study, pages: Sequence[Page]) -> dict[str, Any]:
+def shown_at_place(study: Study, pages: Sequence[Page]) -> dict[str, Any]:
     """All that one place shows: its pages in order, attempts at the comprehension check, and the ways out."""
     settings, ends = study.settings, (FINISHED, SCREENED_OUT, NO_CONSENT, WITHDRAWN)
     sent = {"bundle": "1"}  # a recruiter may have sent them; none of the recruiters here needs anything back

@@ -17,7 +17,7 @@ from ibe_rl.apps.study.sitting import ANSWER_TAKEN, take
 from ibe_rl.types import ConfigError
 
 MOST_NAMED = 10
-TAKEN, REPEATED, BEFORE, OF_WITHDRAWN = "taken", "repeated", "answered before", "of people who withdrew"
+_TAKEN, _REPEATED, _BEFORE, _OF_WITHDRAWN = "taken", "repeated", "answered before", "of people who withdrew"
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Collection:
     withdrew: int = 0
 
     def __str__(self) -> str:
-        known = [f"{self.counts[name]} {name}" for name in (TAKEN, REPEATED, BEFORE, OF_WITHDRAWN)]
+        known = [f"{self.counts[name]} {name}" for name in (_TAKEN, _REPEATED, _BEFORE, _OF_WITHDRAWN)]
         told = [f"answers: {', '.join(known)}", f"people who withdrew: {self.withdrew}"]
         told.append(f"lines refused: {len(self.refused)}")
         told += [f"  line {line}: {why}" for line, why in sorted(self.refused.items())[:MOST_NAMED]]
@@ -93,9 +93,9 @@ def collect_lines(study: Study, answers: Answers, lines: Sequence[bytes]) -> Col
     with answers.transaction():
         for one in messages:
             if one.place in gone:
-                became.counts[OF_WITHDRAWN] += one.answer is not None
+                became.counts[_OF_WITHDRAWN] += one.answer is not None
             elif (one.place, one.id) in seen:
-                became.counts[REPEATED] += 1
+                became.counts[_REPEATED] += 1
             elif one.answer is not None:
                 _take(study, answers, one.place, one.answer, one.line, became)
                 seen |= {(one.place, one.id)} if one.line not in became.refused else set()
@@ -108,7 +108,7 @@ def _take(study: Study, answers: Answers, place: str, answer: Answer, line: int,
         became.refused[line] = "nobody has this place; it is of another study, or they have withdrawn"
         return
     try:
-        became.counts[TAKEN if take(study, answers, person, answer) == ANSWER_TAKEN else BEFORE] += 1
+        became.counts[_TAKEN if take(study, answers, person, answer) == ANSWER_TAKEN else _BEFORE] += 1
     except BadAnswerError as error:
         became.refused[line] = str(error)
 

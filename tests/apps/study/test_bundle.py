@@ -12,7 +12,7 @@ import pytest
 from own_study import write_study
 
 from ibe_rl.apps.study.answers import FILE, Answers
-from ibe_rl.apps.study.bundle import bundled_page, make_bundle, place_of
+from ibe_rl.apps.study.bundle import bundled_page, make_bundle, shown_at_place
 from ibe_rl.apps.study.content import about, content_of, feedback_on
 from ibe_rl.apps.study.folder import open_study
 from ibe_rl.apps.study.sitting import schedule_of
@@ -67,7 +67,7 @@ def test_a_place_tells_no_more_than_its_person_sees(folder: Path) -> None:
     for arms, others in ((("none",), 4), (("ibe",), 3)):
         make_bundle(folder, str(folder.parent / arms[0]), COLLECT, people=1)
         person = next(one for one in laid_out(folder) if one.arms == arms)
-        place = place_of(study, schedule_of(study, person))
+        place = shown_at_place(study, schedule_of(study, person))
         text = json.dumps(place)
         assert not re.search(r"truth|observers|success|seed|context|explanations|placebic|true_future", text)
         shown = [one for one in place["pages"] if one["feedback"]]

@@ -98,8 +98,8 @@ class Guest(Toucher):
     def __init__(self, browser: Browser, link: str, host: str, endpoint: Endpoint):
         self.open(browser, f"{host}/{link}", (host, endpoint.address), **PHONE)
 
-    def ended(self) -> str:
-        return str(self.page.evaluate("document.body.dataset.ended || ''"))
+    def has_ended(self, how: str) -> None:
+        wait_until(self.page, f"document.body.dataset.ended === {how!r}")
 
 
 class Bundled:
@@ -132,7 +132,9 @@ def browser() -> Iterator[Browser]:
         yield found
 
 
-def test_a_bundle_loses_nothing_and_takes_nothing_twice(browser: Browser, tmp_path: Path) -> None:
+def test_a_bundle_loses_nothing_and_takes_nothing_twice(
+    browser: Browser, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     trials = {"practice": 1, "each_arm": 2, "attention_checks": 1}
     folder = write_study(tmp_path / "study", trials=trials, recruiter="prolific", completion_codes=CODES)
     with bundled(folder, people=2) as there:
@@ -140,14 +142,13 @@ def test_a_bundle_loses_nothing_and_takes_nothing_twice(browser: Browser, tmp_pa
         seen = go_through(guest, there.endpoint)
         assert guest.page.inner_text("#completion-code") == "F1"
         guest.page.reload()
-        guest.after("")
-        assert guest.ended() == "finished"
+        guest.has_ended("finished")
         assert guest.page.locator("#go-back").count() == 1
         assert guest.wrong == []
         sent = there.endpoint.messages()
         repeats = [name for name, times in Counter(one["id"] for one in sent).items() if times > 1]
         assert len(repeats) == 1  # its reply was lost
-        first = "answers: 12 taken, 1 repeated, 0 answered before, 0 of people who withdrew"
+        first = "answers: 13 taken, 1 repeated, 0 answered before, 0 of people who withdrew"
         assert collect_answers(folder, there.endpoint.file).startswith(first)
     answers = Answers(folder / FILE)
     [person] = answers.people()
@@ -155,15 +156,16 @@ def test_a_bundle_loses_nothing_and_takes_nothing_twice(browser: Browser, tmp_pa
     answers.close()
     assert person.ended == "finished"
     assert {f"{one.page} {one.attempt}" for one in kept} == {*seen}
-    assert len(seen) == 12
+    assert len(seen) == 13
     said = {one["answer"]["page"]: one["answer"]["value"] for one in sent if one["answer"]["attempt"] == 1}
     assert {one.page: one.value for one in kept if one.attempt == 1} == said
     assert [value["at"] for page, value in said.items() if "trial" in page] == [pytest.approx(0.25, abs=0.01)] * 3
-    assert analyse(folder)
+    analyse(folder)
+    assert "1 people began" in capsys.readouterr().out
 
 
 def go_through(guest: Guest, endpoint: Endpoint) -> list[str]:
-    """Answer all pages: a reload at demographics, a lost reply, no connection, a dead endpoint and a reload meanwhile."""
+    """Answer all pages: with a reload, a lost reply, no connection, and a dead endpoint with a reload."""
     shown, seen = guest.after(""), []
     while shown:
         seen.append(shown)
@@ -204,26 +206,23 @@ def test_leaving_a_bundle(browser: Browser, tmp_path: Path) -> None:
     folder = write_study(tmp_path / "study", trials={"practice": 0, "each_arm": 1, "attention_checks": 0})
     with bundled(folder, people=2) as there:
         nobody = Guest(browser, "study/page.html?p=nobody", there.host, there.endpoint)
-        nobody.after("")
-        assert nobody.page.inner_text("h1") == "ended unknown"
+        nobody.has_ended("unknown")
         refuser, leaver = (Guest(browser, f"study/{link}", there.host, there.endpoint) for link in there.links)
         assert refuser.after("") == "consent 1"
         refuser.page.tap("#disagree")
-        refuser.after("consent 1")
-        assert refuser.page.inner_text("h1") == "ended no consent"
+        refuser.has_ended("no_consent")
         assert leaver.after("") == "consent 1"
         leaver.page.tap("#agree")
         leaver.after("consent 1")
         there.endpoint.kill()
         leaver.page.tap("#next")
         wait_until(leaver.page, "!document.getElementById('waiting').hidden")
-        leaver.page.tap("#withdraw")
+        leaver.page.locator("#withdraw").press("Enter")
         leaver.page.tap("#withdraw-yes")
         there.endpoint.start()
-        wait_until(leaver.page, "document.body.dataset.ended === 'withdrawn'")
+        leaver.has_ended("withdrawn")
         leaver.page.reload()
-        leaver.after("")
-        assert leaver.ended() == "withdrawn"
+        leaver.has_ended("withdrawn")
         assert refuser.wrong + leaver.wrong == []
         said = collect_answers(folder, there.endpoint.file)
         assert "1 taken" in said
