@@ -5,7 +5,8 @@ public/about.json                  what all pages need, and the address of the e
 public/p/PLACE.json                the pages of one person in order, and how they end
 links.txt                          the link of each place; not for the host
 
-A place shows no other arm. Its file has the right answers of the comprehension check, and what is shown after a trial.
+A place's file has no other arm. It has what its page decides by: the right answers of the comprehension check, what is
+shown after a trial, and the completion codes.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from ibe_rl.apps.study.sitting import lay_out, schedule_of
 from ibe_rl.types import ConfigError
 
 PUBLIC, PLACES, LINKS, PAGE_HTML, BUNDLE_JS = "public", "p", "links.txt", "page.html", "bundle.js"
-MOST_PLACES = 10_000
+MOST_PLACES = 2_000
 _WEB = re.compile(r"https?://[\w.:\[\]-]+(/[\w./~%-]*)?", re.ASCII)
 _FRAMES = "frame-ancestors"  # only a header can say this
 

@@ -111,8 +111,8 @@ def test_it_freezes_the_study_unless_it_is_a_trial(folder: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"people": 0}, r"^people=0: allowed are 1 to 10000"),
-        ({"people": 10_001}, r"^people=10001: allowed are"),
+        ({"people": 0}, r"^people=0: allowed are 1 to 2000"),
+        ({"people": 2_001}, r"^people=2001: allowed are"),
         ({"collect": ""}, r"^collect=: allowed is an address that begins with https:// or http://"),
         ({"collect": "collect.example.org"}, r"^collect=collect.example.org: allowed"),
         ({"collect": "https://a.example; script-src *"}, r"^collect=https://a.example; script-src \*: allowed"),
