@@ -8,6 +8,8 @@ these together: which page comes next, and whether an answer counts.
 did (``scenes``) and cuts it into what people see (``stimuli``, or ``sides`` for two agents). ``shipped_texts`` copies
 ``texts``. ``commands`` is the command line.
 
+Without a server: ``bundle`` lays the pages out as static files, and ``collecting`` takes what an endpoint has stored.
+
 In: a trained run, study.yaml, texts. Out: answers.sqlite, and what is made from it.
 Imports: any room; nothing imports it, the command line reaches it by name.
 """

@@ -21,6 +21,8 @@ from ibe_rl.types import ConfigError
 FILE = "answers.sqlite"
 FINISHED, SCREENED_OUT, NO_CONSENT = "finished", "screened_out", "no_consent"
 WITHDRAWN, TIMED_OUT = "withdrawn", "timed_out"
+LAID_OUT = "laid_out"
+"""Not begun yet: a place in a bundle, whose number and arms are given out."""
 TABLES = """
 CREATE TABLE IF NOT EXISTS people (
     number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -67,7 +69,7 @@ class Person:
         arms: in the order of their blocks.
         protocol: hash of the study that they began.
         pilot: not a real participant.
-        ended: how they left; None while under way.
+        ended: how they left; None while under way, ``LAID_OUT`` before.
     """
 
     number: int
@@ -171,7 +173,7 @@ class Answers:
         """Write an answer; on disk when this returns, together with what it does to the person.
 
         Args:
-            person: under way, or given up; these are under way again.
+            person: under way, not begun, or given up; these are under way from now on.
             answer: to a page.
             ended: how the person leaves with it; None if they go on.
 
@@ -194,8 +196,8 @@ class Answers:
             )
             if row.rowcount:
                 self._store.execute(
-                    "UPDATE people SET last_at = ?, ended = ? WHERE number = ? AND (ended IS NULL OR ended = ?)",
-                    (_now(), ended, person.number, TIMED_OUT),
+                    "UPDATE people SET last_at = ?, ended = ? WHERE number = ? AND (ended IS NULL OR ended IN (?, ?))",
+                    (_now(), ended, person.number, TIMED_OUT, LAID_OUT),
                 )
         return row.rowcount == 1
 
@@ -235,16 +237,16 @@ class Answers:
             )
         return row.rowcount
 
-    def people(self, pilots: bool = False) -> list[Person]:
-        """All who have begun, without the pilots unless they are asked for."""
-        where = "" if pilots else "WHERE pilot = 0"
-        return [_person(row) for row in self._store.execute(f"{_PERSON} {where} ORDER BY number")]
+    def people(self, pilots: bool = False, laid_out: bool = False) -> list[Person]:
+        """All who have begun; the pilots, and the places of a bundle that nobody has taken, if they are asked for."""
+        everybody = map(_person, self._store.execute(f"{_PERSON} ORDER BY number"))
+        return [one for one in everybody if (pilots or not one.pilot) and (laid_out or one.ended != LAID_OUT)]
 
     def held(self, pilots: bool) -> tuple[Sequence[Order], Sequence[Order]]:
-        """The arms of the people, or of the pilots, who have finished, and of those under way."""
-        people = [one for one in self.people(pilots=True) if one.pilot == pilots]
+        """The arms of the people, or of the pilots, who have finished, and of those who may still finish."""
+        people = [one for one in self.people(pilots=True, laid_out=True) if one.pilot == pilots]
         finished = [one.arms for one in people if one.ended == FINISHED]
-        return finished, [one.arms for one in people if one.ended is None]
+        return finished, [one.arms for one in people if one.ended in (None, LAID_OUT)]
 
     def newest_pages(self) -> dict[int, str]:
         """The page that each person answered last, by their number."""
@@ -263,7 +265,7 @@ class Answers:
             self._store.execute("INSERT OR REPLACE INTO switches VALUES (?, ?)", (RECRUITING, ON if wanted else OFF))
 
     def begun(self) -> bool:
-        """Whether anybody who counts has begun."""
+        """Whether anybody who counts has begun, or may begin by a bundle."""
         return self._store.execute("SELECT 1 FROM people WHERE pilot = 0 LIMIT 1").fetchone() is not None
 
     def _one(self, where: str, *values: str) -> Person | None:

@@ -2,6 +2,8 @@
 
 python -m ibe_rl.apps.study make run=DIR out=STUDY     stimuli, study.yaml and texts, into a folder of one's own
 python -m ibe_rl.apps.study serve STUDY                its pages; on this machine alone unless told otherwise
+python -m ibe_rl.apps.study bundle STUDY               its pages as files for any web host, for N persons
+python -m ibe_rl.apps.study collect STUDY FILE         what people answered to a bundle, into answers.sqlite
 python -m ibe_rl.apps.study pilot STUDY people=60      simulated people through the real pages
 python -m ibe_rl.apps.study power STUDY                how many people each comparison needs
 python -m ibe_rl.apps.study register STUDY             a registration filled from study.yaml, to complete and deposit
@@ -38,6 +40,8 @@ _HERE = "ibe_rl.apps.study"
 FUNCTIONS = {
     "make": f"{_HERE}.make:make",
     "serve": f"{_HERE}.serving:serve",
+    "bundle": f"{_HERE}.bundle:make_bundle",
+    "collect": f"{_HERE}.collecting:collect_answers",
     "pilot": f"{_HERE}.pilot:pilot",
     "power": f"{_HERE}.power:power",
     "register": f"{_HERE}.registration:write_registration",
@@ -70,15 +74,17 @@ class StudyCommand:
     function: Callable[..., Any]
 
     @property
-    def study_first(self) -> bool:
-        """Whether the folder of a study comes first."""
-        return self.name != _MAKE
+    def paths(self) -> list[str]:
+        """The arguments that are given without their names: the folder of the study, and what is positional only."""
+        given = inspect.signature(self.function).parameters.values()
+        after = [one.name.upper() for one in [*given][1:] if one.kind == one.POSITIONAL_ONLY]
+        return [] if self.name == _MAKE else ["STUDY", *after]
 
     @property
     def parameters(self) -> dict[str, inspect.Parameter]:
         """What can be set: the arguments of the function that have a value which can be typed."""
         given = list(inspect.signature(self.function).parameters.values())
-        found = given[1:] if self.study_first else given
+        found = given[len(self.paths) :]
         return {one.name: one for one in found if one.kind != one.VAR_KEYWORD and {*self._types(one.name)} & {*_KINDS}}
 
     @property
@@ -108,9 +114,9 @@ class StudyCommand:
 
     def page(self) -> str:
         """What it does and what can be set."""
-        study = "STUDY " if self.study_first else ""
+        paths = "".join(f"{one} " for one in self.paths)
         about = inspect.getdoc(self.function) or ""
-        lines = [about.partition("\n\n")[0], "", f"usage: {typed('study')} {self.name} {study}[KEY=VALUE ...]", ""]
+        lines = [about.partition("\n\n")[0], "", f"usage: {typed('study')} {self.name} {paths}[KEY=VALUE ...]", ""]
         meaning = _meanings_of_arguments(about)
         for key, one in self.parameters.items():
             shown = "" if one.default is one.empty else _typed_value(one.default)
@@ -178,10 +184,11 @@ def _do(command: StudyCommand, arguments: Sequence[str]) -> None:
     if {"--help", "-h"} & set(arguments):
         sys.stdout.write(command.page())
         return
-    folders = [one for one in arguments if "=" not in one] if command.study_first else []
-    if command.study_first and len(folders) != 1:
-        raise ConfigError(f"study {command.name}: allowed is the folder of one study, and settings KEY=VALUE")
-    settings = [one for one in arguments if one not in folders]
+    paths = [one for one in arguments if "=" not in one] if command.paths else []
+    if len(paths) != len(command.paths):
+        after = "".join(f", {one}" for one in command.paths[1:])
+        raise ConfigError(f"study {command.name}: allowed is the folder of one study{after}, and settings KEY=VALUE")
+    settings = [one for one in arguments if one not in paths]
     if command.name == _MAKE:
         _make(command, settings)
         return
@@ -189,7 +196,7 @@ def _do(command: StudyCommand, arguments: Sequence[str]) -> None:
     for key, one in command.parameters.items():
         if one.default is one.empty and key not in given:
             raise ConfigError(f"{key}=: has to be given with study {command.name}")
-    done = command.function(Path(folders[0]), **given)
+    done = command.function(*map(Path, paths), **given)
     if isinstance(done, str | Path):
         sys.stdout.write(f"{visible(str(done))}\n")
 

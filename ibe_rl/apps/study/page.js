@@ -1,5 +1,5 @@
 "use strict";
-// The pages of a study, one after the other, as the server says; an answer is confirmed before the next page shows.
+// The pages of a study, one after the other, as the server (or bundle.js) says; an answer is confirmed before the next page shows.
 //
 // What others may rely on (programs that walk through a study, style sheets):
 //   body[data-page], body[data-kind], body[data-attempt]   the page that is shown, as the server names it; body[data-ended] at the end
@@ -25,7 +25,8 @@ const MOST_CHARACTERS = 2000;
 const MOST_RADIOS = 11; // more options are a slider
 const main = document.getElementById("main");
 const waiting = document.getElementById("waiting");
-const taking = location.pathname.startsWith("/p/") ? location.pathname : null;
+const bundle = window.studyBundle || null; // what takes the server's place where there is none, see bundle.js
+const taking = bundle ? bundle.address : location.pathname.startsWith("/p/") ? location.pathname : null;
 let about = { words: {} };
 let clock = { since: 0, hiddenMs: 0, hiddenSince: null };
 
@@ -58,16 +59,19 @@ addEventListener("keydown", (event) => {
   if (event.repeat && event.key === "Enter") event.preventDefault();
 });
 
-async function ask(path, body) {
+const ask = (path, body) => (bundle ? bundle.ask(path, body) : reach(path, body, ofServer));
+const ofServer = async (reply) => (reply.status < 500 ? { status: reply.status, ...(await reply.json()) } : null);
+
+async function reach(path, body, read) {
   // Until there is a reply: a lost connection or a server that starts again loses nothing.
   for (let attempt = 0; ; attempt += 1) {
     try {
       const sent = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
       const reply = await fetch(path, { ...sent, signal: AbortSignal.timeout(PATIENCE_MS) });
-      if (reply.status < 500) {
-        const given = await reply.json();
+      const given = await read(reply);
+      if (given) {
         waiting.hidden = true;
-        return { status: reply.status, ...given };
+        return given;
       }
     } catch {
       // no connection, no reply in time, or a reply of something that is not this server

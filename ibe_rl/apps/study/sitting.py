@@ -9,6 +9,7 @@ from typing import Any
 
 from ibe_rl.apps.study.answers import (
     FINISHED,
+    LAID_OUT,
     NO_CONSENT,
     SCREENED_OUT,
     TIMED_OUT,
@@ -75,12 +76,22 @@ def enter(
     if recruiter and (known := answers.of_recruit(recruiter, external)):
         return known
     answers.release(study.settings.release_after_minutes)
-    finished, under_way = answers.held(pilot)
-    if not pilot and len(finished) + len(under_way) >= study.settings.quota:
+    if not pilot and sum(map(len, answers.held(pilot))) >= study.settings.quota:
         raise FullError
-    number = len(answers.people(pilots=True)) + 1
-    arms = assign(study.orders, finished, under_way, seed=study.settings.seed * 1_000_003 + number)
-    return answers.begin(arms, study.protocol, pilot, recruiter, external, fields)
+    return answers.begin(_next_arms(study, answers, pilot), study.protocol, pilot, recruiter, external, fields)
+
+
+def lay_out(study: Study, answers: Answers, pilot: bool = False) -> Person:
+    """Give out the place of somebody who may begin later, by a bundle; the quota does not limit these."""
+    with answers.transaction():
+        person = answers.begin(_next_arms(study, answers, pilot), study.protocol, pilot)
+        answers.end(person, LAID_OUT)
+    return person
+
+
+def _next_arms(study: Study, answers: Answers, pilot: bool) -> Order:
+    number = len(answers.people(pilots=True, laid_out=True)) + 1
+    return assign(study.orders, *answers.held(pilot), seed=study.settings.seed * 1_000_003 + number)
 
 
 def position(study: Study, answers: Answers, person: Person) -> Position:
@@ -90,7 +101,7 @@ def position(study: Study, answers: Answers, person: Person) -> Position:
 
 def _position(study: Study, person: Person, given: Sequence[Answer]) -> Position:
     pages = schedule_of(study, person)
-    if person.ended is not None and person.ended != TIMED_OUT:
+    if person.ended not in (None, TIMED_OUT, LAID_OUT):
         return Position(None, 1, person.ended, len(pages), len(pages))
     place, attempt = _place(study, pages, given)
     if place == len(pages):

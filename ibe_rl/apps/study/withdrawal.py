@@ -15,7 +15,7 @@ def withdraw_participant(folder: Path, participant: str) -> str:
 
     Args:
         folder: of the study.
-        participant: the ID or the code that they came with.
+        participant: the ID or the code that they came with, or what follows ``p=`` in their link to a bundle.
 
     Raises:
         ConfigError: if nobody came with it.
@@ -25,7 +25,7 @@ def withdraw_participant(folder: Path, participant: str) -> str:
     if not path.exists():
         raise ConfigError(f"study={folder}: nobody has taken part yet")
     with contextlib.closing(Answers(path)) as answers:
-        person = answers.of_recruit(recruiter, participant)
+        person = answers.of_recruit(recruiter, participant) or answers.person(participant)
         if person is None:
             raise ConfigError(
                 f"participant={participant}: nobody with this ID takes part; allowed is one of {recruiter}"

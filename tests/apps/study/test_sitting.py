@@ -11,7 +11,7 @@ from own_study import right_value, write_study
 from ibe_rl.apps.study.answers import FILE, Answer, Answers, Person
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.messages import BadAnswerError
-from ibe_rl.apps.study.sitting import ANSWER_TAKEN, ANSWERED_BEFORE, FullError, enter, position, take
+from ibe_rl.apps.study.sitting import ANSWER_TAKEN, ANSWERED_BEFORE, FullError, enter, lay_out, position, take
 
 Desk = tuple[Study, Answers]
 
@@ -156,3 +156,20 @@ def test_somebody_who_was_given_up_may_go_on(desk: Desk) -> None:
     assert position(*desk, late).page.name == "comprehension"  # type: ignore[union-attr]
     give(desk, late)
     assert now(desk, person).ended is None
+
+
+def test_a_place_is_held_until_it_is_taken(desk: Desk) -> None:
+    """It counts as begun only with its first answer; until then it keeps its arms and its number."""
+    places = [lay_out(*desk) for _ in range(6)]
+    assert sorted(one.arms for one in places) == [("ibe",)] * 3 + [("none",)] * 3
+    assert desk[1].people() == []
+    assert desk[1].begun()
+    with pytest.raises(FullError):
+        enter(*desk)
+    place = now(desk, places[1])
+    assert (place.ended, place.number) == ("laid_out", 2)
+    assert desk[1].release(after_minutes=0) == 0
+    assert give(desk, place) == ANSWER_TAKEN
+    assert [(one.number, one.arms, one.ended) for one in desk[1].people()] == [(2, places[1].arms, None)]
+    pilot = lay_out(*desk, pilot=True)
+    assert (pilot.number, pilot.pilot) == (7, True)

@@ -74,7 +74,7 @@ def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixtur
     [
         (
             "srve",
-            "study srve: allowed is one of make, serve, pilot, power, register, withdraw, analyse; did you mean serve",
+            "study srve: allowed is one of make, serve, bundle, collect, pilot, .*; did you mean serve",
         ),
         ("power", "study power: allowed is the folder of one study, and settings KEY=VALUE"),
         ("power one other", "study power: allowed is the folder of one study"),
@@ -91,6 +91,8 @@ def test_settings_are_the_arguments_of_the_function(capsys: pytest.CaptureFixtur
         ("make here", "here: no such setting"),
         ("make trials.tsk=landing", "did you mean trials.task"),
         ("make serve=maybe", "serve=maybe: allowed is true or false"),
+        ("collect mine", "study collect: allowed is the folder of one study, FILE, and settings KEY=VALUE"),
+        ("bundle mine people=3 out=there", "collect=: has to be given with study bundle"),
         ("withdraw mine", "participant=: has to be given with study withdraw"),
         ("serve nowhere", "study=nowhere: it has no study.yaml"),
     ],
@@ -129,6 +131,8 @@ def test_real_commands_have_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     assert {name: command_of(name).page()[:5] for name in commands.FUNCTIONS}.keys() == commands.FUNCTIONS.keys()
     assert "reliance" in command_of("pilot").parameters
+    assert {*command_of("bundle").parameters} == {"out", "collect", "people", "address", "pilot"}
+    assert "collect STUDY FILE [KEY=VALUE ...]" in command_of("collect").page()
     assert command_of("serve").function is serving.serve
     assert {"host", "port", "admin_port"} <= {*command_of("serve").parameters}
     assert {"run", "out", "other", "until", "flights", "seed"} <= {*command_of("make").parameters}

@@ -22,6 +22,7 @@ SMALL = {
     "make": ["flights=20", "trials.each_arm=2", "trials.practice=1", "test.resamples=200"],
     "power": ["studies=20", "most_people=32"],
     "serve": ["port=null", "admin_port=null"],  # other tests run beside this one
+    "bundle": ["people=2"],
     "pilot": ["people=6", "at_once=3", "through=protocol", "drop_out=0"],
 }
 MADE = ("analysis/power.json", "registration.md", "codes.txt", "analysis/report.html", "made.json", "answers.sqlite")
@@ -37,11 +38,14 @@ def test_an_afternoon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
 
     monkeypatch.setattr(serving, "_serve", begun)
     monkeypatch.setattr(serving, "asked_port", lambda *_, **__: None)  # a study may be served beside the tests
-    assert [line[0] for line in LINES] == ["make", "power", "pilot", "register", "serve", "analyse"]
+    afternoon = ["make", "power", "pilot", "register", "serve", "analyse"]
+    assert [line[0] for line in LINES] == [*afternoon, "bundle", "collect"]
+    (tmp_path / "answers.jsonl").touch()
     for name, *settings in LINES:
         few = [one for one in settings if not one.startswith("people=")] if name == "pilot" else settings
         assert study_command([name, *few, *SMALL.get(name, [])]) == 0
     assert all((tmp_path / "mine" / name).is_file() for name in MADE)
+    assert len((tmp_path / "bundle/links.txt").read_text().split()) == 2
     assert len((tmp_path / "mine/codes.txt").read_text().split()) == 60
     assert "Pilot: no participants of the study. 6 people began" in " ".join(capsys.readouterr().out.split())
 

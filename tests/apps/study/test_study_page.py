@@ -5,12 +5,12 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from own_study import write_study
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 from served import Served, chromium, served, wait_until
+from visitors import Toucher, Visitor
 
 pytestmark = pytest.mark.slow
 SHORT = {"practice": 1, "each_arm": 1, "attention_checks": 1}
@@ -22,35 +22,6 @@ MOST_TABS = 40
 def browser() -> Iterator[Browser]:
     with chromium() as found:
         yield found
-
-
-class Visitor:
-    """A page of the study in the browser, and what went wrong there."""
-
-    def __init__(self, browser: Browser, server: Served, code: str, **settings: Any):
-        self.page: Page = browser.new_page(**settings)
-        self.page.set_default_timeout(60_000)
-        self.wrong: list[str] = []
-        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
-        self.page.on("request", lambda sent: self.wrong.extend([sent.url] * (not sent.url.startswith(server.address))))
-        self.page.goto(f"{server.address}/?code={code}")
-        wait_until(self.page, "document.getElementById('begin') !== null")
-
-    @property
-    def shown(self) -> str:
-        """The page that is shown, with the attempt at it; empty at the end."""
-        data = self.page.evaluate("({...document.body.dataset})")
-        return f"{data['page']} {data['attempt']}" if "page" in data else ""
-
-    def phase(self, name: str) -> None:
-        wait_until(self.page, f"document.body.dataset.phase === {name!r}")
-
-    def after(self, shown: str) -> str:
-        """Wait for the page after this one."""
-        now = "(document.body.dataset.page || '') + ' ' + (document.body.dataset.attempt || '')"
-        wait_until(self.page, f"{now} !== {shown or ' '!r} && !document.getElementById('main').inert")
-        assert self.page.evaluate("document.documentElement.scrollWidth <= innerWidth")  # nothing to scroll sideways
-        return self.shown
 
 
 class Typist(Visitor):
@@ -149,27 +120,6 @@ def reload_and_come_back(visitor: Visitor, shown: str) -> None:
     visitor.phase("asked")
     visitor.page.reload()
     assert visitor.after("") == shown
-
-
-class Toucher(Visitor):
-    """Uses a finger on a small screen."""
-
-    def answer(self, shown: str) -> None:
-        """Answer a page; the first try at comprehension is wrong."""
-        kind = shown.partition("/")[0].partition(" ")[0]
-        if kind == "trial":
-            self.phase("ready")
-            self.page.tap("#play")
-            self.phase("asked")
-            if self.page.locator("#place").count():
-                box = self.page.locator("#place").bounding_box()
-                assert box is not None
-                self.page.tap("#place", position={"x": box["width"] / 4, "y": box["height"] / 2})
-            self.page.tap("#confidence")
-        option = 0 if shown == "comprehension 1" else 1
-        for question in self.page.locator(".question:has(.option)").all():
-            question.locator(".option").nth(option).tap()
-        self.page.tap("#agree" if kind == "consent" else "#next")
 
 
 @pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])

@@ -25,4 +25,5 @@ def test_answers_and_id_are_gone(tmp_path: Path) -> None:
     assert [len(served.answers_of(person)) for person in people] == [0, 1]
     with pytest.raises(ConfigError, match="participant=c1: nobody with this ID takes part; allowed is one of codes"):
         withdraw_participant(folder, "c1")
+    assert withdraw_participant(folder, people[1].token).startswith("participant 2: deleted")  # by a link to a bundle
     served.close()
