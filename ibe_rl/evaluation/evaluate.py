@@ -18,7 +18,7 @@ from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
-from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.refit import SHUFFLED, Refits
 from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
 from ibe_rl.evaluation.rows import Judged, OwnScores
 from ibe_rl.evaluation.run_predictor import shared_predictor
@@ -126,8 +126,8 @@ def add_observers(
         ours: [here.vocabularies[ours]],
         "baseline:paper": [here.vocabularies["baseline:paper"]],
         "baseline:flipped": [Flipped(here.vocabularies[ours])],
-        "baseline:shuffled": here.ensembles["baseline:shuffled"],
     }
+    vocabularies |= {SHUFFLED: here.ensembles[SHUFFLED]} if SHUFFLED in here.ensembles else {}
     true_change = held_out.real_change(own, run.task.explained)[:, 0]
     config = cfg.evaluate
     samples, scored = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
@@ -185,6 +185,12 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
         "(with 95 % intervals)"
     )
     tables.print_rows([row for row in rows if row["horizon_steps"] == own], title)
+    if not any(row["explainer"].startswith(SHUFFLED) for row in rows):
+        console.print(
+            f"note: the control of shuffled instructions is missing: none of evaluate.shuffles={about['refits']} gave "
+            "a vocabulary",
+            soft_wrap=True,
+        )
     console.print(tables.paired_table(quality["paired"], own))
     console.print(tables.horizons_table(rows, shown))
     tables.print_observers(observers, rows)

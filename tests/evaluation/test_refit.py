@@ -70,8 +70,7 @@ def test_a_shuffle_that_teaches_nothing_is_drawn_again_but_not_for_ever(run: Run
     assert len(drawn) == 4
     monkeypatch.setattr(module, "MOST_REDRAWN", 1)
     drawn.clear()
-    with pytest.raises(ConfigError, match=r"^evaluate\.shuffles=2: none of them gave a vocabulary; allowed is"):
-        refits.shuffled(config(), 5, 2, lambda: None)
+    assert refits.shuffled(config(), 5, 2, lambda: None) == []  # a control that is missing loses nothing else
     assert len(drawn) == 2
 
 
