@@ -18,7 +18,7 @@ from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
-from ibe_rl.evaluation.refit import SHUFFLED, Refits
+from ibe_rl.evaluation.refit import SHUFFLED_CONTROL, Refits
 from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
 from ibe_rl.evaluation.rows import Judged, OwnScores
 from ibe_rl.evaluation.run_predictor import shared_predictor
@@ -127,7 +127,7 @@ def add_observers(
         "baseline:paper": [here.vocabularies["baseline:paper"]],
         "baseline:flipped": [Flipped(here.vocabularies[ours])],
     }
-    vocabularies |= {SHUFFLED: here.ensembles[SHUFFLED]} if SHUFFLED in here.ensembles else {}
+    vocabularies |= {SHUFFLED_CONTROL: here.ensembles[SHUFFLED_CONTROL]} if SHUFFLED_CONTROL in here.ensembles else {}
     true_change = held_out.real_change(own, run.task.explained)[:, 0]
     config = cfg.evaluate
     samples, scored = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
@@ -185,7 +185,7 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
         "(with 95 % intervals)"
     )
     tables.print_rows([row for row in rows if row["horizon_steps"] == own], title)
-    if not any(row["explainer"].startswith(SHUFFLED) for row in rows):
+    if not any(row["explainer"].startswith(SHUFFLED_CONTROL) for row in rows):
         console.print(
             f"note: the control of shuffled instructions is missing: none of evaluate.shuffles={about['refits']} gave "
             "a vocabulary",

@@ -21,7 +21,7 @@ from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, i
 from ibe_rl.vocabulary.training_episodes import TrainingEpisodes, best_windows, read_training_episodes
 
 MOST_REDRAWN = 20
-SHUFFLED = "baseline:shuffled"
+SHUFFLED_CONTROL = "baseline:shuffled"
 """Name of the control with shuffled instructions; it is missing where none of them gives a vocabulary."""
 NONSENSE_WINDOWS = 2_000
 """Most windows to cluster for the control with shuffled instructions."""
@@ -127,7 +127,7 @@ class Refits:
         own, random = self._run.config.mapping, np.random.default_rng(self._seed)
         ours = next(iter(vocabularies.values()))
         ensembles: dict[str, Sequence[ExpressionMapping]] = {
-            SHUFFLED: self.shuffled(own, horizon_steps, config.shuffles, step),
+            SHUFFLED_CONTROL: self.shuffled(own, horizon_steps, config.shuffles, step),
             "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
             "baseline:random_names": [dealt(ours, random) for _ in range(config.shuffles)],
         }
