@@ -1,4 +1,4 @@
-"""The server of a study in a process of its own, which can be killed, and a browser to go there with."""
+"""The server of a study in a process of its own, which can be killed, and what waits in its pages."""
 
 from __future__ import annotations
 
@@ -13,13 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Error, Page, sync_playwright
+from playwright.sync_api import Error, Page
 
 from ibe_rl.apps.study.answers import FILE, Answer, Answers
 from ibe_rl.runtime.ports import free_port
 
-CHROMIUM = "/usr/bin/chromium"
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run"]
 SERVE = (
     "import sys; from pathlib import Path; from ibe_rl.apps.study.serving import serve; "
     "serve(Path(sys.argv[1]), port=int(sys.argv[2]), admin_port=int(sys.argv[3]))"
@@ -81,17 +79,6 @@ def served(folder: Path) -> Iterator[Served]:
         if server.process is not None and server.process.poll() is None:
             server.process.kill()
             server.process.wait()
-
-
-@contextmanager
-def chromium() -> Iterator[Browser]:
-    """A headless browser."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        try:
-            yield browser
-        finally:
-            browser.close()
 
 
 def wait_until(page: Page, condition: str, seconds: float = 60.0) -> Any:

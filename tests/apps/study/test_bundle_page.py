@@ -19,10 +19,11 @@ from threading import Thread
 from typing import Any
 
 import pytest
+from browsers import browsing
 from own_study import write_study
 from playwright.sync_api import Browser, Route
 from processes import ROOT
-from served import chromium, wait_until
+from served import wait_until
 from visitors import Toucher
 
 from ibe_rl.apps.study.analysis import analyse
@@ -128,7 +129,7 @@ def bundled(folder: Path, people: int) -> Iterator[Bundled]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as found:
+    with browsing() as found:
         yield found
 
 

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browsers import browsing
 from own_study import write_study
 from playwright.sync_api import Browser
-from served import Served, chromium, served, wait_until
+from served import Served, served, wait_until
 from visitors import Toucher, Visitor
 
 pytestmark = pytest.mark.slow
@@ -20,7 +21,7 @@ MOST_TABS = 40
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as found:
+    with browsing() as found:
         yield found
 
 

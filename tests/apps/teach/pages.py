@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from copies import Script
-from playwright.sync_api import Browser, Error, Page, sync_playwright
+from playwright.sync_api import Browser, Error, Page
 from processes import start
 from view_data import eventually, free_ports
 
-CHROMIUM = "/usr/bin/chromium"
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-quic", "--no-first-run"]
 SMALL = (
     *("instructor=human", "viewer=off", "agent.hidden=[8]", "log.capacity_frames=20000", "eval_episodes=2"),
     *("collect.envs_per_process=1", "collect.steps_per_batch=128", "eval_every_frames=10000000"),
@@ -53,17 +51,6 @@ def taught(folder: Path, *overrides: str) -> Iterator[Taught]:
     finally:
         process.kill()
         process.wait()
-
-
-@contextmanager
-def browsing() -> Iterator[Browser]:
-    """A headless browser."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        try:
-            yield browser
-        finally:
-            browser.close()
 
 
 def opened(browser: Browser, address: str, **settings: Any) -> Page:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from pages import SMALL, browsing, opened, taught
+from browsers import browsing
+from pages import SMALL, opened, taught
 from processes import call
 
 from ibe_rl.instructors.recorded import RecordedEpisode, read_lesson

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import pytest
+from browsers import browsing
 from clients import HOST, VALUES, Room, eventually, open_room
-from pages import Taught, browsing, opened, taught, until
+from pages import Taught, opened, taught, until
 from playwright.sync_api import Browser, Page
 
 from ibe_rl.apps.teach.server import Server
