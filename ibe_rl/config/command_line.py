@@ -108,8 +108,13 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
 
 def named_settings() -> set[str]:
     """The settings named on the command line, and what they are part of: ``predictor.futures`` and ``predictor``."""
-    keys = {one.key_or_group for one in OverridesParser.create().parse_overrides(given_settings())}
+    keys = given_keys()
     return keys | {key.partition(".")[0] for key in keys}
+
+
+def given_keys() -> set[str]:
+    """The keys of the command line as they stand there: ``predictor.futures`` does not name ``predictor``."""
+    return {one.key_or_group for one in OverridesParser.create().parse_overrides(given_settings())}
 
 
 def command_on(folder: Path, script: str, key: str) -> str:

@@ -12,7 +12,8 @@ from typing import Any
 
 import torch
 
-from ibe_rl.config.command_line import named_settings
+from ibe_rl.config.command_line import given_keys
+from ibe_rl.config.limits import check
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig
 from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.evaluation.trained_run import TrainedRun, open_log
@@ -71,17 +72,28 @@ def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredic
 def as_trained(cfg: ExplainConfig, run: TrainedRun, named: Collection[str] | None = None) -> ExplainConfig:
     """The config with the run's own predictor if that is learnt, and its instruction inside rollouts, unless named.
 
+    A single setting such as ``predictor.futures`` changes the run's own predictor; ``predictor=KIND`` chooses another.
+
     Args:
         cfg: of the explanation.
         run: opened.
-        named: the settings that were named; None: those on the command line.
+        named: the keys that were named; None: those on the command line.
+
+    Raises:
+        ConfigError: if the run's own predictor does not allow a value that is named.
     """
-    own, told = run.config.predictor, named_settings() if named is None else named
-    if is_learnt(own) and "predictor" not in told:
-        return replace(cfg, predictor=own)
+    own, told = run.config.predictor, given_keys() if named is None else named
+    if is_learnt(own) and not {"predictor", "predictor.kind"} & set(told):
+        changes = {name: getattr(cfg.predictor, name) for key in told for name in _setting_of_predictor(key)}
+        check(changed := replace(own, **changes), "predictor.")
+        return replace(cfg, predictor=changed)
     if "predictor.future_instruction" in told:
         return cfg
     return replace(cfg, predictor=replace(cfg.predictor, future_instruction=own.future_instruction))
+
+
+def _setting_of_predictor(key: str) -> list[str]:
+    return [key.removeprefix("predictor.")] if key.startswith("predictor.") else []
 
 
 def can_predict(run: TrainedRun, config: PredictorConfig, frame: int) -> bool:
