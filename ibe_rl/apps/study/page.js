@@ -3,7 +3,7 @@
 //
 // What others may rely on (programs that walk through a study, style sheets):
 //   body[data-page], body[data-kind], body[data-attempt]   the page that is shown, as the server names it; body[data-ended] at the end
-//   body[data-phase]   of a trial: ready, playing, asked, feedback; elsewhere absent
+//   body[data-phase]   of a trial: ready, playing, asked, feedback; elsewhere absent. A reload during feedback shows it again
 //   #begin #code       the first page: its button, and the field for a one-time code
 //   #agree #disagree   consent
 //   #play              starts a trial's recording or the example
@@ -253,6 +253,7 @@ function offerWithdrawal() {
   };
   dialog.onclose = async () => {
     if (dialog.returnValue !== "yes") return;
+    keepFeedback(null);
     await ask(`${taking}/withdraw`, {});
     next({ ended: "withdrawn" }); // also if the first try reached the server and its reply did not come back
   };
@@ -266,6 +267,7 @@ async function start() {
   document.getElementById("progress").ariaLabel = say("progress");
   if (!taking) return begin();
   offerWithdrawal();
+  await lookBackAgain();
   next(await current());
 }
 

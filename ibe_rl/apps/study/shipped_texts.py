@@ -36,7 +36,8 @@ def copy_texts(folder: Path, settings: StudySettings, about: Mapping[str, Any], 
     for language in files(__package__).joinpath(TEXTS).iterdir():
         parts = yaml.safe_load(language.joinpath(_PARTS).read_text(encoding="utf-8"))
         contact = settings.contact or parts["no_contact"]
-        asked = {name: Template(text).substitute(numbers) for name, text in parts[about["until"] or AT_END].items()}
+        chosen = parts[about["until"] or AT_END] | parts["practice" if settings.trials.practice else "no_practice"]
+        asked = {name: Template(text).substitute(numbers) for name, text in chosen.items()}
         words = {**numbers, **asked, "title": settings.title, "contact": contact}
         _copy_language(language, folder / TEXTS / language.name, settings.trials.task, words)
 

@@ -1,6 +1,7 @@
 "use strict";
 // A trial: recordings play, a question is answered, and what really happened may be shown.
 
+const FEEDBACK = `study/feedback${location.pathname}${location.search}`; // of this tab and person
 const ASKS = { landing: "ask_landing", next_words: "ask_next_words", which_agent: "ask_which_agent" };
 
 function staged(recordings) {
@@ -35,8 +36,7 @@ async function trial(now) {
   const { shown, stage } = staged(now.recordings);
   const play = makeButton("play", say("play"));
   const below = make("div", { id: "below" }, make("p", { className: "hint" }, say("watch")), inRow(play));
-  const badge = ["practice", "transfer"].includes(now.block) ? make("p", { className: "badge" }, say(now.block)) : null;
-  show(make("h1", { className: "unseen" }, say(ASKS[now.task])), badge, stage, below);
+  show(make("h1", { className: "unseen" }, say(ASKS[now.task])), badgeOf(now), stage, below);
   const phase = (name) => (document.body.dataset.phase = name);
   phase("ready");
   play.focus({ preventScroll: true });
@@ -54,12 +54,40 @@ async function trial(now) {
     on.onclick = null;
     const reply = await send(now, value);
     if (reply.feedback) {
-      phase("feedback");
-      await lookBack(now, shown[0], reply.feedback, value, below);
+      const seen = { now, feedback: reply.feedback, value };
+      keepFeedback(seen);
+      await lookBack(seen, shown[0], below);
     }
     next(reply.now);
   };
 }
+
+// Feedback is kept until they go on from it: a reload shows it again. A browser that stores nothing goes on without it.
+function keepFeedback(seen) {
+  try {
+    sessionStorage.setItem(FEEDBACK, JSON.stringify(seen));
+  } catch {}
+}
+
+function keptFeedback() {
+  try {
+    return JSON.parse(sessionStorage.getItem(FEEDBACK));
+  } catch {
+    return null;
+  }
+}
+
+async function lookBackAgain() {
+  const seen = keptFeedback();
+  if (!seen) return;
+  const { shown, stage } = staged(seen.now.recordings);
+  const below = make("div", { id: "below" });
+  for (const name of ["page", "kind", "attempt"]) document.body.dataset[name] = seen.now[name];
+  show(badgeOf(seen.now), stage, below);
+  await lookBack(seen, shown[0], below);
+}
+
+const badgeOf = (now) => (["practice", "transfer"].includes(now.block) ? make("p", { className: "badge" }, say(now.block)) : null);
 
 function askAbout(now, recording, below) {
   const landing = now.task === "landing";
@@ -90,7 +118,8 @@ function isLeftOut(value) {
   return left;
 }
 
-async function lookBack(now, recording, feedback, value, below) {
+async function lookBack({ now, feedback, value }, recording, below) {
+  document.body.dataset.phase = "feedback";
   const on = makeButton("next", say("next"));
   const left = clicked(on); // also while it still plays
   const line = (kind, text) => make("p", { className: `key ${kind}` }, now.task === "landing" ? make("i") : null, text);
@@ -108,4 +137,5 @@ async function lookBack(now, recording, feedback, value, below) {
   recording.draw();
   on.focus({ preventScroll: true });
   await left;
+  keepFeedback(null);
 }

@@ -41,7 +41,7 @@ def test_what_is_made_opens_and_says_from_what(made: Path) -> None:
 
 def test_texts_name_what_is_asked_of_people(made: Path) -> None:
     study = open_study(made)
-    assert "1 short clips for practice and 4 more that count" in study.texts["information"]
+    assert "You watch short clips: 1 for practice and 4 that count." in study.texts["information"]
     assert not (made / "texts/en/parts.yaml").exists()
     assert "lab@example.org" in study.texts["debriefing"]
     assert "in the end, when it has come down" in " ".join(study.texts["instructions"].split())

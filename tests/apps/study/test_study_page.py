@@ -107,6 +107,9 @@ def type_through(typist: Typist, server: Served) -> list[str]:
             server.start()
         if practice:
             typist.phase("feedback")
+            typist.page.reload()
+            typist.phase("feedback")
+            assert typist.shown == shown
             typist.confirm()
         shown = typist.after(shown)
     return seen
