@@ -46,18 +46,26 @@ WARNING = {
     "port_taken": "taken",
 }
 """A part of what train.py must say, or the fault was none."""
+START_S = 60.0
+"""How long a live view may take to start, on a machine that does much else."""
 Fault = Callable[[int], None]
 
 
 def live_view(trainer: int) -> tuple[int, int]:
-    """The relay of a training and the viewer's server.
+    """The relay of a training and the viewer's server, once both have started.
 
     Raises:
-        ValueError: if there is not one of each.
+        ValueError: if there is not one of each within ``START_S``.
     """
-    [relay] = [child for child in children_of(trainer) if "ibe_rl.view.relay" in command_line_of(child)]
-    [server] = [child for child in children_of(relay) if "--serve-web" in command_line_of(child)]
-    return relay, server
+    end = time.monotonic() + START_S
+    while True:
+        relays = [child for child in children_of(trainer) if "ibe_rl.view.relay" in command_line_of(child)]
+        servers = [one for relay in relays for one in children_of(relay) if "--serve-web" in command_line_of(one)]
+        if len(relays) == len(servers) == 1:
+            return relays[0], servers[0]
+        if time.monotonic() > end or not children_of(trainer):
+            raise ValueError(f"process {trainer}: {len(relays)} relays, {len(servers)} servers")
+        time.sleep(0.1)
 
 
 def fill_disk(trainer: int) -> None:

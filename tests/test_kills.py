@@ -48,7 +48,7 @@ def kill(seconds: float, *arguments: str, folder: Path) -> bool:
     time.sleep(seconds)
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
-    process.communicate(timeout=60)
+    process.communicate(timeout=240)
     assert process.returncode in (0, -signal.SIGKILL)
     return not (folder / "summary.json").exists()
 

@@ -589,7 +589,7 @@ def test_what_a_terminal_or_a_batch_system_sends_ends_a_live_run_in_order(number
     assert script.poll() is None, script.stdout.read() if script.stdout else ""
     script.send_signal(number)
     os.killpg(script.pid, number)  # to the whole group, as a terminal does; `timeout` sends both
-    output, _ = script.communicate(timeout=120)
+    output, _ = script.communicate(timeout=240)
     assert script.returncode == 0, output
     assert "live view: http://127.0.0.1" in output
     assert "ssh -L" in output

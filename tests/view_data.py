@@ -228,7 +228,7 @@ def free_ports() -> Ports:
         return Ports(one.getsockname()[1], other.getsockname()[1])
 
 
-def eventually(condition: Callable[[], object], within_s: float = 120.0) -> bool:
+def eventually(condition: Callable[[], object], within_s: float = 240.0) -> bool:
     """Wait until ``condition`` holds; False if it does not, however busy the machine may be."""
     end = time.monotonic() + within_s
     while not condition():

@@ -26,7 +26,7 @@ def run(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
     (tmp_path / "demo").symlink_to(ROOT / "demo")
     notebook = nbformat.read(ROOT / "docs" / "notebooks" / name, 4)
     NotebookClient(
-        notebook, timeout=240, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+        notebook, timeout=540, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     ).execute()
     return said(notebook)
 

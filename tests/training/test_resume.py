@@ -67,7 +67,7 @@ def killed(folder: Path, *settings: str, frames: int = 4000) -> Path:
     """Start a training that is killed when it has written its row of so many frames."""
     script = SCRIPT.format(patch=KILL.format(frames=frames))
     process = start("-c", script, *settings, f"run_dir={folder}", PYTHONPATH=str(ROOT))
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=240)
     assert process.returncode == -signal.SIGKILL, output
     return folder
 

@@ -236,7 +236,7 @@ def test_runs_are_served_until_they_are_closed(number: signal.Signals, tmp_path:
         server = server_of(relay)
         assert len(list((tmp_path / "tmp").iterdir())) == 1
         process.send_signal(number)
-        assert process.wait(120) == 0
+        assert process.wait(240) == 0
         assert process.stderr is not None
         assert process.stderr.read() == ""
     assert gone(relay)
@@ -250,7 +250,7 @@ def test_a_server_that_dies_ends_it(tmp_path: Path) -> None:
     with viewing(run, temporary=tmp_path) as process:
         said(process)
         os.kill(server_of(children_of(process.pid)[0]), signal.SIGKILL)
-        assert process.wait(120) == 1
+        assert process.wait(240) == 1
         assert process.stderr is not None
         assert "the server has ended" in process.stderr.read()
 
@@ -296,7 +296,7 @@ def address(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[s
             yield page
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(120)
+            process.wait(240)
 
 
 def data_of(page: str) -> str:

@@ -67,7 +67,7 @@ def begin(cluster: Any) -> Iterator[Any]:
 @pytest.mark.soak
 def test_output_and_exit_status_come_back(begin: Any):
     run = begin("-c", "print('hello'); raise SystemExit(3)")
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=240)
     assert (run.returncode, output) == (3, "hello\n")
 
 
@@ -77,7 +77,7 @@ def test_ctrl_c_stops_a_training_elsewhere_in_order(begin: Any, tmp_path: Path):
     run = begin("train.py", *RUN, "collect.processes=1", "total_frames=100000000", f"run_dir={tmp_path}/run")
     assert eventually(lambda: rows_in(tmp_path / "run") > 2, within_s=120)
     run.send_signal(signal.SIGINT)
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=240)
     assert run.returncode == 0, output
     assert "the run is in" in output
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["stopped_early"]
@@ -93,7 +93,7 @@ def test_the_end_of_its_machine_is_said_and_ends_it(begin: Any, cluster: Any):
     everybody = family(actor)
     assert len(everybody) > 1
     os.kill(actor, signal.SIGKILL)
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=240)
     assert run.returncode == 1
     assert "error: the machine that it ran on, or Ray there, is gone" in output
     assert eventually(lambda: all(gone(one) for one in everybody))
@@ -103,7 +103,7 @@ def test_the_end_of_its_machine_is_said_and_ends_it(begin: Any, cluster: Any):
 @pytest.mark.soak
 def test_no_cluster_is_said(begin: Any):
     run = begin("-c", "print('hello')", address="nowhere")
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=240)
     assert run.returncode == 1
     assert output.startswith("error: HOST:PORT=nowhere: allowed is the address of a Ray cluster")
 

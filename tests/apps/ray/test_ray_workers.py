@@ -151,7 +151,7 @@ def test_ctrl_c_ends_a_run_over_ray_in_order(training: Any, tmp_path: Path):
     run = training()
     everybody = family(run.pid)
     os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to all of them
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=240)
     assert run.returncode == 0, output
     assert "Traceback" not in output
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["stopped_early"]
@@ -223,7 +223,7 @@ def test_a_lost_worker_over_ray_leaves_a_run_that_resumes(fault: str, cluster: A
     [node] = cluster.worker_nodes
     hurt = time.monotonic()
     break_it(node)
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=240)
     assert time.monotonic() - hurt < 60
     assert run.returncode == 1, output
     assert "Traceback" not in output

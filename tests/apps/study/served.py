@@ -52,7 +52,7 @@ class Served:
         """End it with a signal; returns its exit status."""
         assert self.process is not None
         self.process.send_signal(how)
-        self.process.communicate(timeout=60)
+        self.process.communicate(timeout=240)
         return self.process.returncode
 
     @property

@@ -187,7 +187,7 @@ def test_what_a_terminal_or_a_batch_system_sends_ends_a_sweep_in_order(number: i
     if number == signal.SIGTERM:
         os.kill(trainer_of(script.pid, tmp_path / "0_seed=0"), number)  # batch systems reach every process
     os.killpg(script.pid, number)
-    output, _ = script.communicate(timeout=120)
+    output, _ = script.communicate(timeout=240)
     assert script.returncode == 130, output
     assert json.loads((tmp_path / "0_seed=0" / "summary.json").read_text())["stopped_early"] is True
     assert not (tmp_path / "1_seed=1").exists()
@@ -202,7 +202,7 @@ def test_no_run_outlives_a_sweep_that_is_killed(tmp_path: Path) -> None:
     assert eventually(lambda: (run / "metrics.csv").exists())
     trainer = trainer_of(script.pid, run)
     os.kill(script.pid, signal.SIGKILL)
-    script.communicate(timeout=120)
+    script.communicate(timeout=240)
     assert eventually(lambda: gone(trainer))
     assert not (run / "summary.json").exists()
     assert (run / "checkpoints" / "latest.pt").exists()

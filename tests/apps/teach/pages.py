@@ -33,7 +33,7 @@ class Taught:
     def stop(self) -> str:
         """Ask it to stop in order; returns what it printed."""
         self.process.send_signal(signal.SIGINT)
-        return self.process.communicate(timeout=120)[0]
+        return self.process.communicate(timeout=240)[0]
 
 
 @contextmanager
