@@ -117,6 +117,10 @@ class InstructorConfig:
     """What all instructors share."""
 
     kind: str = "oracle"
+    words: list[str] = field(
+        default_factory=list
+    )  # what it says, instead of numbers; the oracle's: of its values in order
+    max_words: int | None = setting(None, low=1, high=12)  # places for words, also later ones; None: as many as words
 
 
 @dataclass
