@@ -140,6 +140,11 @@ class Task:
         return tuple(self.state_names[dimension] for dimension in self.explained)
 
     @property
+    def directions(self) -> tuple[float, ...]:
+        """The values that a direction is judged by: those of an instruction, or -1, 0 and 1 where it is a word."""
+        return self.instruction_values if self.words is None else (-1.0, 0.0, 1.0)
+
+    @property
     def percept_size(self) -> int:
         """``P``, the size of what the agent perceives of the environment, mostly its state."""
         return sum(part.size for part in self.parts) or len(self.state_names)

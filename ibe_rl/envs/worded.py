@@ -18,12 +18,11 @@ GIVEN_OR_NOT = (0.0, 1.0)
 """The values of each slot of an instruction in words."""
 
 
-def with_words(
-    env: gymnasium.Env[Any, Any], words: Sequence[str], most_words: int | None
-) -> gymnasium.Env[Any, Any]:
+def with_words(env: gymnasium.Env[Any, Any], words: Sequence[str], most_words: int | None) -> gymnasium.Env[Any, Any]:
     """The environment with a task whose instructions are words; itself without any."""
-    if words or most_words is not None:
-        env.task = worded(task_of(env), words, most_words)  # type: ignore[attr-defined]  # the outermost one is read
+    task = task_of(env)
+    if words or most_words is not None or task.words is not None:
+        env.task = worded(task, words, most_words)  # type: ignore[attr-defined]  # the outermost one is read
     return env
 
 
@@ -47,7 +46,11 @@ def worded(task: Task, words: Sequence[str], most_words: int | None = None) -> T
     chosen = Words(words or own.names if own is not None else words, most_words)
     values = range(len(own.names)) if own is not None else task.instruction_values
     ruled = len(chosen.names) == len(values) and (own is not None or task.instruction_size == 1)
-    rule = InWords(task.rule, None if own is not None else tuple(values), len(chosen)) if ruled else NothingToSay(len(chosen))
+    rule = (
+        InWords(task.rule, None if own is not None else tuple(values), len(chosen))
+        if ruled
+        else NothingToSay(len(chosen))
+    )
     return replace(task, phrases=chosen, rule=rule, instruction_values=GIVEN_OR_NOT)
 
 

@@ -66,6 +66,7 @@ class Meaning:
             best episodes moved.
         moves: of a word, ``S`` numbers: the mean change of the state after it, in observation units. ``positive`` is
             then whether the word is known. Empty for numbers.
+        same_as: of a word, the slot of another one that is used alike and is spoken for both; None if there is none.
     """
 
     negative: bool = True
@@ -75,6 +76,7 @@ class Meaning:
     episodes: int = 0
     direction: tuple[float, ...] = ()
     moves: tuple[float, ...] = ()
+    same_as: int | None = None
 
     @classmethod
     def unknown(cls, reason: str, episodes: int) -> Self:
@@ -109,7 +111,9 @@ class Meaning:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         plain = asdict(self) | {"evidence": [asdict(each) for each in self.evidence]}
-        return plain if self.moves else {name: value for name, value in plain.items() if name != "moves"}
+        return (
+            plain if self.moves else {name: value for name, value in plain.items() if name not in ("moves", "same_as")}
+        )
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
@@ -128,6 +132,7 @@ class Meaning:
                 episodes=int(values["episodes"]),
                 direction=direction,
                 moves=moves,
+                same_as=None if values.get("same_as") is None else int(values["same_as"]),
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the meaning is damaged: {error}") from None

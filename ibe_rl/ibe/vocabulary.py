@@ -55,10 +55,10 @@ def in_own_words(expression: Array, words: Words) -> str:
     """The phrase for an expression ``(d,)`` in words: one word, a little of it, or between words of like shares.
 
     >>> words = Words(["links", "halt", "rechts"])
-    >>> [in_own_words(np.array(one), words) for one in ([0.9, -0.9, -1], [0.2, -0.3, -1], [0, 0, -1])]
+    >>> [in_own_words(np.array(one), words) for one in ([0.9, 0.1, 0], [0.6, 0.3, 0.1], [0.5, 0.4, 0.1])]
     ['links', "a little 'links'", "between 'links' and 'halt'"]
     """
-    shares = (np.asarray(expression, float)[: len(words.names)] + 1) / 2
+    shares = np.asarray(expression, float)[: len(words.names)]
     top = int(np.argmax(shares))
     if not shares[top] > 0:
         return NO_WORD

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
 import numpy as np
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import balanced_accuracy_score, pairwise_distances_argmin
@@ -9,9 +13,9 @@ from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
-from ibe_rl.ibe.space import MAX_ACCURACY_LOSS, SPARSITY_THRESHOLDS, TooLittleDataError, along
+from ibe_rl.ibe.space import MAX_ACCURACY_LOSS, SPARSITY_THRESHOLDS, Space, TooLittleDataError, along
 from ibe_rl.ibe.split import count_distinct, split
-from ibe_rl.ibe.word_meaning import MIN_HEARD, TELLING_AUC, auc_of, balanced_shares, word_meanings
+from ibe_rl.ibe.word_meaning import MIN_HEARD, auc_of, balanced_shares, word_meanings
 from ibe_rl.types import Array
 
 LEAST_SINGULAR = 0.05
@@ -70,36 +74,40 @@ def fit_words(
         raise TooLittleDataError("nothing has moved along what the words are about")
     centres = split(places[rows], np.ones(len(rows)), k, "kmeans", n_init, None, seed)
     labels = pairwise_distances_argmin(places, centres)
-    return _named(windows, space, centres, labels, said, (states, instructions.argmax(axis=1)), seed)
+    same = alike_pairs(labels, said, often, states, instructions.argmax(axis=1), seed)
+    return _named(windows, space, centres, labels, same)
 
 
-def _named(windows, space, centres, labels, said, heard, seed) -> ClusterMapping:  # type: ignore[no-untyped-def]
-    k, slots = len(centres), windows.instruction.shape[1]
-    meanings = word_meanings(windows, labels, k)
-    known = np.array([one.positive for one in meanings])
-    shares = balanced_shares(labels, said, k, slots) * known
+def _named(
+    windows: Windows, space: Space, centres: Array, labels: Array, same: Sequence[tuple[int, int]]
+) -> ClusterMapping:
+    """The mapping with its mean instructions and expressions; of ``same`` words the more frequent one is spoken."""
+    k, said, slots = len(centres), windows.instruction.argmax(axis=1), windows.instruction.shape[1]
+    meanings = list(word_meanings(windows, labels, k))
+    shares = balanced_shares(labels, said, k, slots) * [one.positive for one in meanings]
     total = shares.sum(axis=1, keepdims=True)
     shares = np.divide(shares, total, out=np.zeros_like(shares), where=total > 0)
-    for one, other in alike_pairs(labels, said, known, k, slots, *heard, seed):
-        more, less = (one, other) if (said == one).sum() >= (said == other).sum() else (other, one)
+    often = np.bincount(said, minlength=slots)
+    for one, other in same:
+        more, less = (one, other) if often[one] >= often[other] else (other, one)
         shares[:, more] += shares[:, less]
         shares[:, less] = 0
+        meanings[less] = replace(meanings[less], same_as=more)
     sizes = np.bincount(labels, minlength=k)
     sums = np.stack([np.bincount(labels, column, k) for column in windows.instruction.T], axis=1)
     means = sums / np.maximum(sizes, 1)[:, None]
-    expressions = 2 * shares - 1
-    order = np.lexsort((means[:, 0], expressions[:, 0]))
+    order = np.lexsort((means[:, 0], shares[:, 0]))
     return ClusterMapping(
         space,
         centres[order],
         mean_instructions=means[order],
-        expressions=expressions[order],
+        expressions=shares[order],
         sizes=sizes[order],
         purities=purities_of(labels, sizes, windows.instruction)[order],
         evidence=sizes[order].astype(float),
         ids=np.arange(k),
         width=gap_between(centres),
-        meanings=meanings,
+        meanings=tuple(meanings),
     )
 
 
@@ -175,17 +183,20 @@ def _both_ways(delta: Array, said: Array, often: Array, spread: Array) -> Array:
 
 
 def alike_pairs(
-    labels: Array, said: Array, known: Array, centres: int, slots: int, states: Array, heard: Array, seed: int
+    labels: Array, said: Array, often: Array, states: Array, heard: Array, seed: int
 ) -> list[tuple[int, int]]:
-    """Pairs of words that neither the movement after them nor the state before them tells apart."""
+    """Pairs of words that neither the movement after them nor the state before them tells apart.
+
+    Of words, by slot, that are said ``often`` ``(d,)``: clusters ``(W,)`` and words ``(W,)`` of windows, and states
+    ``(N, S)`` with their words ``(N,)``.
+    """
     found = []
-    for one in np.flatnonzero(known).tolist():
-        for other in (slot for slot in np.flatnonzero(known).tolist() if slot > one):
-            rows, before = np.isin(said, (one, other)), np.isin(heard, (one, other))
-            shares = balanced_shares(labels[rows], said[rows], centres, slots)[labels[rows], one]
-            moved = auc_of(shares, said[rows] == one)
-            if moved < ALIKE_AUC and _told_apart(states[before], heard[before] == one, seed) < ALIKE_AUC:
-                found.append((one, other))
+    for one, other in combinations(np.flatnonzero(often).tolist(), 2):
+        rows, before = np.isin(said, (one, other)), np.isin(heard, (one, other))
+        shares = balanced_shares(labels[rows], said[rows], int(labels.max()) + 1, len(often))[labels[rows], one]
+        moved = auc_of(shares, said[rows] == one)
+        if moved < ALIKE_AUC and _told_apart(states[before], heard[before] == one, seed) < ALIKE_AUC:
+            found.append((one, other))
     return found
 
 

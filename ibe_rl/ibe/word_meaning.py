@@ -1,17 +1,18 @@
 """What each word of an instructor means as movement: how the state changed after it, and whether that tells it apart.
 
-Expressions in words are ``(N, d)`` in [-1, 1], one column a word: 1 if the movement is this word's alone, -1 if the
-word does not fit it. ``(expression + 1) / 2`` is its share.
+An expression in words is the share of each of the ``d`` words, from 0 to 1; an instruction has 1 for its word.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import rankdata
 
 from ibe_rl.ibe.delta import Windows
+from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.types import Array, ExpressionMapping
 
@@ -19,11 +20,6 @@ MIN_HEARD = 20
 """Windows with a word, for its meaning to be known."""
 TELLING_AUC = 0.6
 """Of a word's share for whether it was said, on episodes that the shares are not of: below, it means nothing."""
-
-
-def shares_of(expressions: Array) -> Array:
-    """Expressions ``(..., d)`` in words to the share of each word, ``(..., d)`` from 0 to 1."""
-    return (np.asarray(expressions) + 1) / 2
 
 
 def word_meanings(windows: Windows, labels: Array, centres: int) -> tuple[Meaning, ...]:
@@ -98,7 +94,7 @@ def auc_of(score: Array, positive: Array) -> float:
     return float((ranks - count * (count + 1) / 2) / (count * (len(positive) - count)))
 
 
-def expected_motion(mapping: ExpressionMapping, expressions: Array, explained: Sequence[int]) -> Array:
+def expected_motion(mapping: ExpressionMapping | None, expressions: Array, explained: Sequence[int]) -> Array:
     """The movement that expressions let expect, ``(N, m)`` along the ``m`` explained dimensions.
 
     For numbers it is the expression itself. For words it is the mean movement after them, weighted by their shares, in
@@ -107,16 +103,18 @@ def expected_motion(mapping: ExpressionMapping, expressions: Array, explained: S
     moves = moves_of(getattr(mapping, "meanings", ()))
     if moves is None:
         return expressions
-    along, shares = moves[:, list(explained)], np.clip(shares_of(expressions), 0, None)
-    total = shares.sum(axis=1, keepdims=True)
-    evenly = np.divide(shares, total, out=np.full_like(shares, 1 / shares.shape[1]), where=total > 0)
+    along, shares = moves[:, list(explained)], np.asarray(expressions, float)
+    total = np.abs(shares.sum(axis=1, keepdims=True))
+    evenly = np.divide(shares, total, out=np.zeros_like(shares), where=total > 0)
     largest = np.abs(along).max(axis=0)
     scaled: Array = evenly @ along / np.where(largest > 0, largest, 1)
     return scaled
 
 
-def asked_motion(mapping: ExpressionMapping, instruction: Array, explained: Sequence[int], band: Sequence[float]) -> Array:
-    """Instructions ``(N, d)`` as the direction that they ask for, -1, 0 or 1, along the explained dimensions ``(N, m)``.
+def asked_motion(
+    mapping: ExpressionMapping | None, instruction: Array, explained: Sequence[int], band: Sequence[float]
+) -> Array:
+    """The directions -1, 0 or 1 that instructions ``(N, d)`` ask for along the ``m`` explained dimensions, ``(N, m)``.
 
     Numbers stay as they are. A word asks for the direction in which the state mostly went after it.
     """
@@ -126,6 +124,23 @@ def asked_motion(mapping: ExpressionMapping, instruction: Array, explained: Sequ
     along = np.asarray(instruction) @ moves[:, list(explained)]
     ways: Array = np.where(np.abs(along) > np.asarray(band), np.sign(along), 0.0)
     return ways
+
+
+def in_shares(mapping: ClusterMapping) -> ClusterMapping:
+    """A vocabulary whose expressions lie between -1 and 1 with expressions from 0 to 1, as shares of words do."""
+    values = np.asarray(mapping.expressions)
+    return replace(mapping, expressions=(values + 1) / 2) if values.min() < 0 else mapping
+
+
+def with_word_meanings(mapping: ClusterMapping, windows: Windows) -> ClusterMapping:
+    """A vocabulary of words, learnt as one of numbers, with shares, and with what the words mean as movement."""
+    meanings = word_meanings(windows, mapping.cluster(windows.delta), len(mapping.ids))
+    return replace(in_shares(mapping), meanings=meanings)
+
+
+def top_words(expressions: Array) -> Array:
+    """The slot ``(N,)`` of the word with the largest share in each expression ``(N, d)``."""
+    return np.asarray(expressions).argmax(axis=1)
 
 
 def moves_of(meanings: Sequence[Meaning]) -> Array | None:

@@ -65,7 +65,8 @@ def beside_others(first: Instructor, config: MixedConfig, task: Task) -> MixedIn
     """Combine the first row's instructor with the one that the settings name for the others."""
     if config.others == "habits":
         return MixedInstructor(first, ClonedInstructor(task.instruction_size))
-    return MixedInstructor(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
+    rule = Oracle(task.rule, task.words is not None)
+    return MixedInstructor(first, Silent(task.instruction_size) if config.others == "silent" else rule)
 
 
 def others_stand_in(config: MixedConfig) -> InstructorConfig:
@@ -86,7 +87,9 @@ def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None
         )
     if collect.engine == "ray":
         raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")
-    if task.instruction_size != 1:
-        raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
+    if task.words is None and task.instruction_size != 1:
+        raise ConfigError(
+            f"instructor={config.kind}: allowed is an environment whose instruction is one number, or instructor.words"
+        )
     if config.others == "habits" and collect.envs_per_process == 1:
         raise ConfigError("instructor.others=habits with collect.envs_per_process=1: allowed is more than 1")

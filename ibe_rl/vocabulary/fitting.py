@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from inspect import signature
 from typing import Any
 
@@ -21,7 +20,7 @@ from ibe_rl.ibe.meaning import Interpretation, Reactions, UnknownMeaningWarning
 from ibe_rl.ibe.settings import IBEConfig, check_settings
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.word_mapping import fit_words
-from ibe_rl.ibe.word_meaning import word_meanings
+from ibe_rl.ibe.word_meaning import with_word_meanings
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
@@ -104,11 +103,6 @@ def _fit_words(
     )
 
 
-def with_word_meanings(mapping: ClusterMapping, windows: Windows) -> ClusterMapping:
-    """A vocabulary of words with what they mean as movement, from the windows that it was learnt from."""
-    return replace(mapping, meanings=word_meanings(windows, mapping.cluster(windows.delta), len(mapping.ids)))
-
-
 def interpret_lessons(
     heard: Sequence[Episode],
     config: MappingConfig,
@@ -163,7 +157,7 @@ def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
 
 
 def clusters_of(config: MappingConfig, task: Task) -> int:
-    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction; of words, each explained dimension."""
+    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction; of words, explained dimension."""
     return config.n_clusters * len(task.explained)
 
 
