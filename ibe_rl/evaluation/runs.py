@@ -34,7 +34,6 @@ from ibe_rl.storage.run_folder import (
     EVALUATION,
     METRICS,
     REFRESHES,
-    WORDS,
     find_run,
     read_json,
     refuse_special_files,
@@ -115,8 +114,7 @@ def load_run(
     config = run_config(folder, env, trusted)
     made = make_env(config.env)
     task = task_of(made)
-    if (folder / WORDS).exists():
-        take_up_words(folder, task)
+    take_up_words(folder, task)
     if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")
     else:

@@ -54,13 +54,13 @@ def save_words(folder: Path, words: Words) -> Path:
 
 
 def take_up_words(folder: Path, task: Task) -> None:
-    """Let the words of a task be those of a run that goes on, with their present names; or write those of a new run."""
-    if task.words is None:
-        return
-    kept = words_of(folder, len(task.words))
-    if kept is None:
-        save_words(folder, task.words)
-    else:
+    """Let the words of a task be those that a run has by now, where its folder holds any.
+
+    Raises:
+        ConfigError: if the file is damaged.
+    """
+    kept = None if task.words is None else words_of(folder, len(task.words))
+    if task.words is not None and kept is not None:
         task.words.become(kept)
 
 
