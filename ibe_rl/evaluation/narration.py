@@ -84,7 +84,7 @@ def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0
 
 def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollout, list[Explanation]]:
     """Roll out one episode, then explain each of its steps."""
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ibe_rl.config.limits import setting
-from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, others_stand_in
+from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, habits_stand_in
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Instructor
 
@@ -25,7 +25,7 @@ class Human:
     """The person at the page."""
 
     kind, settings, live = "human", HumanConfig, True
-    check, stand_in = staticmethod(check_mixed), staticmethod(others_stand_in)
+    check, stand_in = staticmethod(check_mixed), staticmethod(habits_stand_in)
 
     @staticmethod
     def make(config: HumanConfig, task: Task, seed: int, person: Instructor | None = None) -> MixedInstructor:  # noqa: ARG004 - it draws nothing

@@ -23,7 +23,7 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.errors import CopyError
 from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.instructors import make_instructor, stand_in
+from ibe_rl.instructors import make_stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
@@ -220,6 +220,7 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
     task = task_of(env)
     vocabulary = VocabularyTracker(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     recorder = _recorder(cfg, folder, task, owned, state)
+    log = TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts)
     snapshots = partial(make_snapshot_env, cfg.env)
     predictor = make_predictor(cfg.predictor, snapshots, task.rule, cfg.seed, env, lambda: vocabulary.horizons_steps)
     run = Run(
@@ -231,10 +232,10 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
             cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts
         ),
         reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
-        log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
+        log=log,
         vocabulary=vocabulary,
         predictor=owned.enter_context(closing(predictor)),
-        instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
+        instructor=make_stand_in(cfg.instructor, task, cfg.seed, log),
         env=env,
         evaluation_envs=[make_env(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
         recorder=recorder,
