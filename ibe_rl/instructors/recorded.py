@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ class RecordedEpisode:
     given: Sequence[int]
     by: Sequence[str]
     heard: Sequence[int]
-    marks: Sequence[Sequence[int]] = ()
+    marks: Sequence[Sequence[int]] = field(default_factory=list)
 
 
 class LessonWriter:
@@ -76,7 +76,7 @@ def read_lesson(path: Path, instruction_size: int) -> list[RecordedEpisode]:
 def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
     try:
         episode = RecordedEpisode(**json.loads(line))
-        wrong = _wrong(episode, number, size)
+        wrong = _wrong(episode, number, size) or _wrong_marks(episode.marks, number, len(episode.by))
     except (ValueError, TypeError, RecursionError):
         wrong = NO_EPISODE
     if wrong:
@@ -101,17 +101,16 @@ def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
         return "an instruction in silence"
     if not set(episode.by) <= set(SPEAKERS) or not all(type(one) is int for one in episode.heard):
         return f"by is not one of {', '.join(SPEAKERS)}, or heard not a number"
-    if not _are_marks(episode.marks, number, len(episode.by)):
-        return "marks are not [step, episode, step]"
     return None
 
 
-def _are_marks(marks: Any, number: int, steps: int) -> bool:
-    """Whether they are marks that a person can have made in this episode; may raise TypeError."""
+def _wrong_marks(marks: Any, number: int, steps: int) -> str | None:
+    """What is wrong with the marks of an episode, or None; may raise TypeError."""
     whole = all(len(one) == 3 and all(type(part) is int for part in one) for one in marks)
-    return whole and all(
+    fits = whole and all(
         0 <= at < steps and episode in (number - 1, number) and 0 <= step <= MOST_STEPS for at, episode, step in marks
     )
+    return None if fits else "marks are not [step, this episode or the one before, step of it]"
 
 
 def _in_range(value: Any) -> bool:

@@ -55,7 +55,9 @@ def taught_episodes(log: TrajectoryLog, rows: Sequence[int], horizon_steps: int 
     every, told = taught_rows(log).tolist(), log.told(taught_rows(log))
     marks = _marks(told)
     heard = dict(zip(every, zip(told, marks, strict=True), strict=True))
-    episodes = [_heard(one, *heard[row], horizon_steps) for row, one in zip(rows, log.read(rows), strict=True)]
+    episodes = [
+        _heard(one, heard[row][0], heard[row][1], horizon_steps) for row, one in zip(rows, log.read(rows), strict=True)
+    ]
     return episodes, sum(len(heard[row][1]) for row in rows)
 
 

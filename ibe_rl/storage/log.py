@@ -182,8 +182,11 @@ class TrajectoryLog:
 
     def told(self, rows: Iterable[int]) -> list[Array]:
         """What the column ``told`` has of the episodes at positions ``rows`` of ``index``, ``(T, n)`` each."""
-        kept, column = list(self._kept), self._columns[TOLD_COLUMN]
-        return [np.array(column[kept[row][0] : kept[row][0] + kept[row][2]]) for row in rows]
+        every = list(self._kept)
+        return [
+            np.array(self._columns[TOLD_COLUMN][start : start + steps])
+            for start, _, steps, *_ in map(every.__getitem__, rows)
+        ]
 
     def told_first(self, size: int) -> Array:
         """The same of the first step of each episode, ``(E, size)``; zeros where no person teaches."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -194,11 +194,19 @@ def _collect(run: Run, owned: ExitStack, classroom: Any) -> None:
         ahead_batches=cfg.collect.ahead_batches,
         timeout_s=None if lesson else cfg.collect.timeout_s,
     )
+    if classroom:
+        source = _once_taught(run, classroom, source)
     owned.enter_context(closing(source))
     run.batches = timed("collect", source)
     if classroom:
         owned.callback(classroom.hurry)
         run.stop.when_asked(classroom.hurry)
+
+
+def _once_taught(run: Run, classroom: Any, source: Generator[Any, None, None]) -> Generator[Any, None, None]:
+    """The same batches, once the teacher is there."""
+    classroom.wait_for_teacher(lambda: bool(run.stop), run.say)
+    yield from source
 
 
 def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopRequest, state: State | None = None) -> Run:

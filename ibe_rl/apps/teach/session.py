@@ -6,7 +6,7 @@ It knows no network and no clock. The server's thread puts messages in; the envi
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed, Wrong
@@ -71,6 +71,7 @@ class TeachingSession:
         self._last: float | None = None
         self._since_steps = 0
         self._wrong: list[Wrong] = []
+        self._called: list[Callable[[], None]] = []
 
     @property
     def controls(self) -> Controls:
@@ -89,7 +90,19 @@ class TeachingSession:
         with self.changed:
             self._present[page] = 0
             if self._chair is None:
-                self._chair = page
+                self._take_chair(page)
+
+    def when_seated(self, call: Callable[[], None]) -> None:
+        """Call a short function once as soon as a page instructs, or now if one does."""
+        with self.changed:
+            self._called.append(call)
+            if self._chair is not None:
+                self._take_chair(self._chair)
+
+    def _take_chair(self, page: int) -> None:
+        self._chair = page
+        while self._called:
+            self._called.pop(0)()
 
     def leave(self, page: int) -> None:
         """A page has gone: its press is released, and its pause ends."""
@@ -142,7 +155,7 @@ class TeachingSession:
     def _sit(self, page: int) -> str:
         if page not in self._present or self._chair not in (None, page):
             return WATCHING
-        self._chair = page
+        self._take_chair(page)
         return ACCEPTED
 
     def _set_instruction(self, page: int, message: Press | Release) -> str:
