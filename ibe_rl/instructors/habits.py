@@ -57,7 +57,7 @@ class Habits:
     @classmethod
     def of(cls, log: Callable[[], TrajectoryLog | None], config: HabitsConfig, task: Task) -> Self:
         """Of a log that may still grow; ``config.run`` is not read."""
-        otherwise = Oracle(task.rule) if config.otherwise == "oracle" else Silent(task.instruction_size)
+        otherwise = (Oracle if config.otherwise == "oracle" else Silent).make(config, task, 0)
         return cls(log, task.instruction_size, otherwise)
 
     @staticmethod

@@ -14,7 +14,8 @@ from ibe_rl.instructors.cloned import ClonedInstructor
 from ibe_rl.instructors.habits import HabitsConfig
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.silent import Silent
-from ibe_rl.instructors.taught import ORACLES, TOLD_SIZE, Told
+from ibe_rl.instructors.taught import ORACLES, Told
+from ibe_rl.storage.log import TOLD_SIZE
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 
@@ -46,18 +47,18 @@ class MixedInstructor:
         oracle: of the other rows too while the person has handed over to it; None: never.
 
     Attributes:
-        told: ``(N, TOLD_SIZE)`` int32, of the first row what it tells, zeros of the others.
+        told_rows: ``(N, TOLD_SIZE)`` int32, of the first row what it tells, zeros of the others.
     """
 
     def __init__(self, first: Teacher, others: Instructor, oracle: Instructor | None = None):
         self._first, self._others, self._oracle = first, others, oracle
         self._episode: list[tuple[Array, Array, Array]] = []
-        self.told = np.zeros((1, TOLD_SIZE), np.int32)
+        self.told_rows = np.zeros((1, TOLD_SIZE), np.int32)
 
     def reset(self, rows: Array) -> None:
         """See ``ibe_rl.types.Instructor``."""
-        if len(rows) != len(self.told):
-            self.told = np.zeros((len(rows), TOLD_SIZE), np.int32)
+        if len(rows) != len(self.told_rows):
+            self.told_rows = np.zeros((len(rows), TOLD_SIZE), np.int32)
         if rows[0]:
             self._learn()
             self._first.reset(rows[:1])
@@ -68,12 +69,12 @@ class MixedInstructor:
         """See ``ibe_rl.types.Instructor``."""
         instruction, given = self._first.instruct(states[:1], rows[:1])
         if rows[0]:
-            self.told[0] = self._first.told
-            if self.told[0, 0] != ORACLES:  # that is nobody's habit
+            self.told_rows[0] = self._first.told
+            if self.told_rows[0, 0] != ORACLES:  # that is nobody's habit
                 self._episode.append((states[:1].copy(), instruction, given))
         if len(rows) == 1:
             return instruction, given
-        handed_over = self._oracle is not None and self.told[0, 0] == ORACLES
+        handed_over = self._oracle is not None and self.told_rows[0, 0] == ORACLES
         theirs = (self._oracle if handed_over and self._oracle else self._others).instruct(states[1:], rows[1:])
         return np.concatenate([instruction, theirs[0]]), np.concatenate([given, theirs[1]])
 
@@ -86,8 +87,8 @@ class MixedInstructor:
 def beside_others(first: Teacher, config: MixedConfig, task: Task) -> MixedInstructor:
     """Combine the first row's instructor with the one that the settings name for the others."""
     if config.others == "habits":
-        return MixedInstructor(first, ClonedInstructor(task.instruction_size), Oracle(task.rule))
-    return MixedInstructor(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
+        return MixedInstructor(first, ClonedInstructor(task.instruction_size), Oracle.make(config, task, 0))
+    return MixedInstructor(first, (Silent if config.others == "silent" else Oracle).make(config, task, 0))
 
 
 def habits_stand_in(config: MixedConfig, run: Path) -> InstructorConfig:

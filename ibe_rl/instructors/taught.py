@@ -12,10 +12,9 @@ from ibe_rl.types import Array, Episode
 
 SPEAKERS = ("person", "held", "oracle", "nobody")
 """Source of the instruction at a step: "held" is the person's earlier one still in force, "oracle" the rule."""
-TOLD_SIZE = 3
+Told = tuple[int, int, int]
 """Numbers of a step in the log: who spoke (0: another environment), and a mark: in which episode (0: no mark, 1: this
 one, 2: the one before) and at which of its steps the explanation was made that the person calls wrong."""
-Told = tuple[int, int, int]
 NOT_TAUGHT: Told = (0, 0, 0)
 
 
@@ -35,7 +34,7 @@ PERSONS = tuple(told_of(by)[0] for by in ("person", "held"))
 
 def taught_rows(log: TrajectoryLog) -> Array:
     """Rows of ``log.index`` of the episodes of the environment that a person teaches; empty if there is none."""
-    return np.flatnonzero(log.told_first(TOLD_SIZE)[:, 0])
+    return np.flatnonzero(log.told_first()[:, 0])
 
 
 def taught_episodes(log: TrajectoryLog, rows: Sequence[int], horizon_steps: int = 0) -> tuple[list[Episode], int]:
@@ -62,7 +61,7 @@ def taught_episodes(log: TrajectoryLog, rows: Sequence[int], horizon_steps: int 
 
 
 def _marks(told: Sequence[Array]) -> list[set[int]]:
-    """The marked steps of each episode; ``told`` ``(T, TOLD_SIZE)`` of consecutive episodes."""
+    """The marked steps of each episode; ``told`` ``(T, 3)`` of consecutive episodes."""
     marks: list[set[int]] = [set() for _ in told]
     for number, steps in enumerate(told):
         for _, ago, step in steps[steps[:, 1] > 0].tolist():

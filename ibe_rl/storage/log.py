@@ -25,6 +25,8 @@ PERCEPT_COLUMN = "percept"
 """Only of environments in which the agent does not perceive the state itself."""
 TOLD_COLUMN = "told"
 """Only where a person teaches: who spoke, and what they mark; see ``ibe_rl.instructors.taught``."""
+TOLD_SIZE = 3
+"""Numbers of a step in that column."""
 OPTIONAL = (PERCEPT_COLUMN, TOLD_COLUMN)
 DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1, PERCEPT_COLUMN: 2, TOLD_COLUMN: 2}
 """Dimensions of the columns' arrays; actions may have one or two."""
@@ -188,10 +190,14 @@ class TrajectoryLog:
             for start, _, steps, *_ in map(every.__getitem__, rows)
         ]
 
-    def told_first(self, size: int) -> Array:
-        """The same of the first step of each episode, ``(E, size)``; zeros where no person teaches."""
+    def told_first(self) -> Array:
+        """The same of the first step of each episode, ``(E, TOLD_SIZE)``; zeros where no person teaches."""
         column = self._columns.get(TOLD_COLUMN)
-        return np.zeros((len(self._kept), size), np.int32) if column is None else np.array(column[self.index["start"]])
+        return (
+            np.zeros((len(self._kept), TOLD_SIZE), np.int32)
+            if column is None
+            else np.array(column[self.index["start"]])
+        )
 
     def percepts_at(self, rows: Array, steps: Array, most_numbers: int) -> Array:
         """Percepts ``(N, P)`` at steps ``(N,)`` of episodes ``(N,)``; fewer if they exceed ``most_numbers``."""

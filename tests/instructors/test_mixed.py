@@ -112,9 +112,9 @@ def test_the_others_are_told_what_the_first_was_instructed_before(count: int):
 def test_it_tells_who_spoke_in_the_first_row():
     both = MixedInstructor(Says(1.0, by="held"), Says(-1.0))
     both.reset(rows(1, 1, 1))
-    assert both.told.tolist() == [[0, 0, 0]] * 3
+    assert both.told_rows.tolist() == [[0, 0, 0]] * 3
     both.instruct(seen(0, 0, 0), rows(1, 1, 1))
-    assert both.told.tolist() == [[2, 0, 0], [0, 0, 0], [0, 0, 0]]
+    assert both.told_rows.tolist() == [[2, 0, 0], [0, 0, 0], [0, 0, 0]]
 
 
 def test_handed_over_to_the_oracle_it_tells_all_of_them_and_is_nobodys_habit():
