@@ -167,6 +167,7 @@ class Explanation:
         calibrated: whether ``confidence`` is a probability; if not, it is not shown.
         spans: explanations of the other spans from here, by rising horizon.
         trusted_steps: steps for which the predictor trusts ``path``; None for all.
+        in_words: whether the expression is shares of words, in [0, 1], and no numbers.
     """
 
     expression: Array
@@ -184,6 +185,7 @@ class Explanation:
     calibrated: bool = True
     spans: tuple[Explanation, ...] = ()
     trusted_steps: int | None = None
+    in_words: bool = False
 
     @property
     def trusted(self) -> bool:

@@ -73,6 +73,8 @@ class EnvConfig:
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
     task: TaskConfig | None = None
     given: bool = False  # true in the folder of a run whose environment a Python program gave (ibe_rl.settings)
+    words: list[str] = field(default_factory=list)  # those of the instructor, which sets them: instructor.words
+    max_words: int | None = setting(None, low=1, high=12)  # likewise: instructor.max_words
 
 
 @dataclass
@@ -117,6 +119,10 @@ class InstructorConfig:
     """What all instructors share."""
 
     kind: str = "oracle"
+    words: list[str] = field(
+        default_factory=list
+    )  # what it says, instead of numbers; the oracle's: of its values in order
+    max_words: int | None = setting(None, low=1, high=12)  # places for words, also later ones; None: as many as words
 
 
 @dataclass

@@ -97,7 +97,7 @@ def print_narration(
 ) -> None:
     """Print the explanations, one row for consecutive steps with the same words."""
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
-    verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
+    verdicts = verdicts_of(episode_scores(watched.episode, said, run.task, run.mapping), run.mapping.meanings, run.task)
     console = console or PlainConsole()
     console.width = max(console.width, 120)
     for line in _opening(run, verdicts):

@@ -12,6 +12,7 @@ from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Predictor
+from ibe_rl.words import Words
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
 """Features of the calibrated confidence: the share of trusted futures with the spoken phrase, and
@@ -106,6 +107,7 @@ def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> l
             meant=bool(meant[row]),
             calibrated=calibration is not None,
             trusted_steps=int(steps_trusted[row]),
+            in_words=isinstance(explainer.words, Words),
         )
         for row, phrase in enumerate(phrases)
     ]

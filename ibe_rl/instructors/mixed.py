@@ -109,5 +109,7 @@ def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None
         )
     if collect.engine == "ray":
         raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")
-    if task.instruction_size != 1:
-        raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
+    if task.words is None and task.instruction_size != 1:
+        raise ConfigError(
+            f"instructor={config.kind}: allowed is an environment whose instruction is one number, or instructor.words"
+        )

@@ -28,6 +28,7 @@ from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocab
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
+from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200
 """The newest episodes, which the confidence is calibrated on."""
@@ -118,6 +119,8 @@ class VocabularyTracker:
             if self._next_id:  # the horizon has changed; ids are never reused
                 learnt = replace(learnt, mapping=replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id))
             learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
+        if self._task.words is not None:
+            learnt = replace(learnt, word_notices=notices_of(learnt, self.mapping, self._task.words))
         if learnt.taken:
             self.mapping, self.spans = learnt.mapping, learnt.spans
             self._learnt_at, self._actions = learnt.frame, actions
