@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ibe_rl.explain.what_if import Values, told, with_answers
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
@@ -31,6 +32,8 @@ class ExplainerState:
         calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true. None: not fitted yet,
             the confidence is the product of the features.
         min_confidence: below it the agent says that it does not know.
+        what_if: values that the agent is also told at each moment, by name; empty: none.
+        what_if_calibration: of the confidence in these answers.
     """
 
     mapping: ExpressionMapping
@@ -40,6 +43,13 @@ class ExplainerState:
     futures: int = 1
     calibration: Calibration | None = None
     min_confidence: float = 0.0
+    what_if: Values = field(default_factory=dict)
+    what_if_calibration: Calibration | None = None
+
+    @property
+    def of_answers(self) -> ExplainerState:
+        """What turns predictions into answers to ``what_if``."""
+        return replace(self, spans={}, calibration=self.what_if_calibration, what_if={})
 
 
 def explain(
@@ -47,7 +57,8 @@ def explain(
 ) -> list[Explanation]:
     """Explain the agent's future at each of ``N`` moments (the paper's Algorithm 1 and equation 2).
 
-    All moments are predicted in one roll-out with the greedy ``policy``.
+    All moments are predicted in one roll-out with the greedy ``policy``. So is what it would do if it were told each of
+    the values ``explainer.what_if``.
 
     Returns:
         ``N`` explanations of the next ``explainer.horizon_steps`` steps, each with those of the other horizons.
@@ -56,9 +67,14 @@ def explain(
         return []
     longest = max([explainer.horizon_steps, *explainer.spans])
     futures = [moment for moment in moments for _ in range(explainer.futures)]
-    predicted, shape = predictor.rollout(futures, policy, longest), (len(moments), explainer.futures)
-    paths = predicted.paths.reshape(*shape, *predicted.paths.shape[1:])
-    return put_in_words(paths, explainer, predicted.trusted_steps.reshape(shape))
+    predicted = predictor.rollout([*futures, *told(futures, explainer.what_if)], policy, longest)
+    paths = predicted.paths.reshape(-1, explainer.futures, *predicted.paths.shape[1:])
+    trusted_steps, count = predicted.trusted_steps.reshape(-1, explainer.futures), len(moments)
+    said = put_in_words(paths[:count], explainer, trusted_steps[:count])
+    if not explainer.what_if:
+        return said
+    answers = put_in_words(paths[count:], explainer.of_answers, trusted_steps[count:])
+    return with_answers(said, answers, explainer.what_if)
 
 
 def put_in_words(paths: Array, explainer: ExplainerState, trusted_steps: Array | None = None) -> list[Explanation]:
