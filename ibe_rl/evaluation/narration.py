@@ -16,7 +16,7 @@ from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import values_of
+from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, outcomes, phrase_accuracy, phrase_hits
@@ -88,8 +88,7 @@ def explainer_state(
         futures=futures,
         calibration=run.calibration,
         min_confidence=min_confidence,
-        what_if=values_of(run.task) if what_if else {},
-        what_if_calibration=run.what_if_calibration,
+        what_if=Asking(values_of(run.task), calibration=run.what_if_calibration) if what_if else None,
     )
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibe_rl.explain.what_if import Values, told, with_answers
+from ibe_rl.explain.what_if import Asking, told, with_answers
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
-from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Predictor
+from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Prediction, Predictor
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
 """Features of the calibrated confidence: the share of trusted futures with the spoken phrase, and
@@ -32,8 +32,7 @@ class ExplainerState:
         calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true. None: not fitted yet,
             the confidence is the product of the features.
         min_confidence: below it the agent says that it does not know.
-        what_if: values that the agent is also told at each moment, by name; empty: none.
-        what_if_calibration: of the confidence in these answers.
+        what_if: what else the agent is told; None: nothing.
     """
 
     mapping: ExpressionMapping
@@ -43,13 +42,7 @@ class ExplainerState:
     futures: int = 1
     calibration: Calibration | None = None
     min_confidence: float = 0.0
-    what_if: Values = field(default_factory=dict)
-    what_if_calibration: Calibration | None = None
-
-    @property
-    def of_answers(self) -> ExplainerState:
-        """What turns predictions into answers to ``what_if``."""
-        return replace(self, spans={}, calibration=self.what_if_calibration, what_if={})
+    what_if: Asking | None = None
 
 
 def explain(
@@ -57,24 +50,33 @@ def explain(
 ) -> list[Explanation]:
     """Explain the agent's future at each of ``N`` moments (the paper's Algorithm 1 and equation 2).
 
-    All moments are predicted in one roll-out with the greedy ``policy``. So is what it would do if it were told each of
-    the values ``explainer.what_if``.
+    All moments are predicted in one roll-out with the greedy ``policy``. In it is also what it would do if it were told
+    something else (``explainer.what_if``), with the same chance events.
 
     Returns:
         ``N`` explanations of the next ``explainer.horizon_steps`` steps, each with those of the other horizons.
     """
     if not moments:
         return []
-    longest = max([explainer.horizon_steps, *explainer.spans])
+    longest, asking = max([explainer.horizon_steps, *explainer.spans]), explainer.what_if
     futures = [moment for moment in moments for _ in range(explainer.futures)]
-    predicted = predictor.rollout([*futures, *told(futures, explainer.what_if)], policy, longest)
-    paths = predicted.paths.reshape(-1, explainer.futures, *predicted.paths.shape[1:])
-    trusted_steps, count = predicted.trusted_steps.reshape(-1, explainer.futures), len(moments)
-    said = put_in_words(paths[:count], explainer, trusted_steps[:count])
-    if not explainer.what_if:
+    twins = told(futures, asking.values, asking.rows(len(moments), explainer.futures)) if asking else []
+    predicted = predictor.rollout([*futures, *twins], policy, longest)
+    said = put_in_words(*_by_moment(predicted, slice(len(futures)), explainer.futures, explainer))
+    if asking is None:
         return said
-    answers = put_in_words(paths[count:], explainer.of_answers, trusted_steps[count:])
-    return with_answers(said, answers, explainer.what_if)
+    answering = replace(explainer, spans={}, calibration=asking.calibration, what_if=None)
+    several = asking.futures_of(explainer.futures)
+    answers = put_in_words(*_by_moment(predicted, slice(len(futures), None), several, answering))
+    return with_answers(said, answers, asking.values, asking.every)
+
+
+def _by_moment(
+    predicted: Prediction, rows: slice, futures: int, explainer: ExplainerState
+) -> tuple[Array, ExplainerState, Array]:
+    """Some rows of a prediction as the arguments of ``put_in_words``, with so many futures each."""
+    paths, trusted_steps = predicted.paths[rows], predicted.trusted_steps[rows]
+    return paths.reshape(-1, futures, *paths.shape[1:]), explainer, trusted_steps.reshape(-1, futures)
 
 
 def put_in_words(paths: Array, explainer: ExplainerState, trusted_steps: Array | None = None) -> list[Explanation]:

@@ -6,12 +6,13 @@ The answers are explanations of twins of the moment's futures, which are told on
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from ibe_rl.ibe.vocabulary import phrase
+from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation, Moment
 
@@ -19,6 +20,32 @@ Values = Mapping[str, Array]
 """Values ``(d,)`` that could be said, by name."""
 MOST_VALUES = 12
 """Of all combinations of several numbers; where there are more, each number is asked alone, the others 0."""
+
+
+@dataclass(frozen=True)
+class Asking:
+    """What else the agent is told at the moments that it explains.
+
+    Attributes:
+        values: that could be said.
+        every: only at every so many of the moments.
+        futures: of each answer, at most as many as of the explanation; None: as many.
+        calibration: of the confidence in the answers; None: not fitted.
+    """
+
+    values: Values
+    every: int = 1
+    futures: int | None = None
+    calibration: Calibration | None = None
+
+    def rows(self, moments: int, futures: int) -> list[int]:
+        """Which futures have twins, of ``moments`` with so many ``futures`` each."""
+        asked = self.futures_of(futures)
+        return [first + row for first in range(0, moments * futures, self.every * futures) for row in range(asked)]
+
+    def futures_of(self, futures: int) -> int:
+        """The number of futures of an answer where an explanation has ``futures``."""
+        return min(self.futures or futures, futures)
 
 
 def values_of(task: Task) -> dict[str, Array]:
@@ -39,12 +66,17 @@ def _one_at_a_time(each: Sequence[float], numbers: int) -> list[tuple[float, ...
     return [*dict.fromkeys(tuple(one + 0.0 for one in row) for row in alone)]
 
 
-def told(futures: Sequence[Moment], values: Values) -> list[Moment]:
-    """The twins of futures that are rolled out with them: all futures with the first value, then the second, ..."""
+def told(futures: Sequence[Moment], values: Values, rows: Sequence[int] | None = None) -> list[Moment]:
+    """The twins of futures, to be rolled out behind them: those with the first value, then those with the second, ...
+
+    Args:
+        futures: the moments that are rolled out.
+        values: that the twins are told.
+        rows: of the futures that have twins; None: all.
+    """
+    asked = range(len(futures)) if rows is None else rows
     return [
-        replace(moment, instruction=value, given=True, twin=row)
-        for value in values.values()
-        for row, moment in enumerate(futures)
+        replace(futures[row], instruction=value, given=True, twin=row) for value in values.values() for row in asked
     ]
 
 
@@ -70,22 +102,24 @@ def listening(expressions: Array, values: Array) -> Array:
     return np.asarray(np.minimum(answered / asked[varied], 1.0).mean(axis=-1))
 
 
-def with_answers(said: Sequence[Explanation], answers: Sequence[Explanation], values: Values) -> list[Explanation]:
-    """Explanations with what each moment answers.
+def with_answers(
+    said: Sequence[Explanation], answers: Sequence[Explanation], values: Values, every: int = 1
+) -> list[Explanation]:
+    """Explanations with the answers at every so many of them.
 
     Args:
         said: of ``N`` moments.
-        answers: of ``W N`` twins, in the order of ``told``.
+        answers: to the first value at all moments that were asked, then to the second, ...
         values: the ``W`` values.
+        every: only every so many moments were asked.
     """
-    by_value = [answers[start : start + len(said)] for start in range(0, len(answers), len(said))]
-    asked = np.array([*values.values()])
-    expressions = np.array([[one.expression for one in of_value] for of_value in by_value])
-    listens = listening(expressions.swapaxes(0, 1), asked)
-    return [
-        replace(one, what_if=dict(zip(values, told_here, strict=True)), listens=float(spread))
-        for one, told_here, spread in zip(said, zip(*by_value, strict=True), listens, strict=True)
-    ]
+    asked, found = range(0, len(said), every), list(said)
+    by_value = [answers[start : start + len(asked)] for start in range(0, len(answers), len(asked))]
+    for row, of_moment in zip(asked, zip(*by_value, strict=True), strict=True):
+        expressions = np.array([one.expression for one in of_moment])
+        listens = float(listening(expressions, np.array([*values.values()])))
+        found[row] = replace(said[row], what_if=dict(zip(values, of_moment, strict=True)), listens=listens)
+    return found
 
 
 def whatever(said: Explanation) -> str | None:

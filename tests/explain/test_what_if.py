@@ -9,14 +9,14 @@ from by_hand import TASK, on_a_line
 from by_hand import WORDS as OF_THE_LIFT
 
 from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import MOST_VALUES, in_a_sentence, listening, told, values_of, whatever
+from ibe_rl.explain.what_if import MOST_VALUES, Asking, in_a_sentence, listening, told, values_of, whatever
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
 
 DOWN, STAY, UP = "going down", "staying", "going up"
 VALUES = values_of(TASK)
-LIFT = ExplainerState(on_a_line([-4, 0, 4]), 4, [OF_THE_LIFT], what_if=VALUES)
+LIFT = ExplainerState(on_a_line([-4, 0, 4]), 4, [OF_THE_LIFT], what_if=Asking(VALUES))
 
 
 def obeys(observations: Array) -> Array:
@@ -84,11 +84,8 @@ def test_one_that_obeys_at_times_listens_there_only():
 
 
 def test_one_that_does_not_know_says_nothing_of_whatever_it_is_told():
-    unsure = replace(
-        LIFT,
-        min_confidence=0.5,
-        what_if_calibration=Calibration(("a", "b"), *np.zeros((1, 2)), np.ones(2), np.zeros(2), np.array([-2.0])),
-    )
+    doubt = Calibration(("a", "b"), np.zeros(2), np.ones(2), np.zeros(2), np.array([-2.0]))
+    unsure = replace(LIFT, min_confidence=0.5, what_if=Asking(VALUES, calibration=doubt))
     [said] = explain(moments(10), ignores, Shaft(), unsure)
     assert said.known
     assert {one.said for one in said.what_if.values()} == {"I do not know"}
@@ -98,9 +95,9 @@ def test_one_that_does_not_know_says_nothing_of_whatever_it_is_told():
 
 def test_it_is_asked_only_where_there_are_values():
     shaft = Shaft()
-    [said] = explain(moments(10), obeys, shaft, replace(LIFT, what_if={}))
+    [said] = explain(moments(10), obeys, shaft, replace(LIFT, what_if=None))
     assert (shaft.calls, said.what_if, said.listens, in_a_sentence(said)) == ([1], {}, None, "")
-    [one] = explain(moments(10), obeys, shaft, replace(LIFT, what_if={UP: VALUES[UP]}))
+    [one] = explain(moments(10), obeys, shaft, replace(LIFT, what_if=Asking({UP: VALUES[UP]})))
     assert np.isnan(one.listens)
     assert whatever(one) is None
 
@@ -108,7 +105,7 @@ def test_it_is_asked_only_where_there_are_values():
 def test_the_explanation_is_the_same_as_without_and_the_futures_are_as_many():
     state = replace(LIFT, futures=3, spans={2: on_a_line([-2, 0, 2])})
     [asked] = explain(moments(10), obeys, Shaft(), state)
-    [plain] = explain(moments(10), obeys, Shaft(), replace(state, what_if={}))
+    [plain] = explain(moments(10), obeys, Shaft(), replace(state, what_if=None))
     assert (asked.phrase, asked.confidence, len(asked.spans)) == (plain.phrase, plain.confidence, len(plain.spans))
     np.testing.assert_array_equal(asked.path, plain.path)
     assert [len(one.futures) for one in asked.what_if.values()] == [3, 3, 3]
@@ -158,3 +155,14 @@ def test_of_several_numbers_each_combination_is_asked_where_they_are_few(numbers
     assert len(found) == count
     assert len({tuple(value) for value in found.values()}) == count
     assert count <= MOST_VALUES
+
+
+def test_only_some_moments_and_fewer_futures_may_be_asked():
+    shaft, state = Shaft(), replace(LIFT, futures=3, what_if=Asking(VALUES, every=2, futures=2))
+    said = explain(moments(10, 20, -30, 40, -50), above_ground, shaft, state)
+    assert shaft.calls == [5 * 3 + 3 * 3 * 2]
+    assert [len(one.what_if) for one in said] == [3, 0, 3, 0, 3]
+    assert [one.listens for one in said] == [1, None, 0, None, 0]
+    assert [one.what_if[UP].path[0, 0] for one in said[::2]] == [10, -30, -50]
+    assert {len(one.futures) for one in said} == {3}
+    assert {len(one.futures) for each in said for one in each.what_if.values()} == {2}
