@@ -17,6 +17,7 @@ from ibe_rl.envs.given import GivenEnv, make_given
 from ibe_rl.envs.own_task import with_own_task
 from ibe_rl.envs.sensing import Sensed
 from ibe_rl.envs.snapshots import Stoppable, stoppable
+from ibe_rl.envs.worded import with_words
 from ibe_rl.envs.wrappers import Declared
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.types import ConfigError
@@ -96,6 +97,11 @@ def make_env(env: EnvConfig) -> gymnasium.Env[Any, Any]:
     Raises:
         ConfigError: as ``make_gym``; or if nobody has given it.
     """
+    return with_words(_without_words(env), env.words, env.max_words)
+
+
+def _without_words(env: EnvConfig) -> gymnasium.Env[Any, Any]:
+    """As it declares its task itself."""
     if isinstance(env, GivenEnv):
         return make_given(env)
     if env.given:

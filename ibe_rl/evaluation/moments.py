@@ -102,6 +102,8 @@ class Spoken:
         purity: ``(N,)`` the mapping's own confidence in it.
         known: ``(N,)`` bool, whether the meaning of the phrase is known; if not, it is not used.
         first_known: ``(N,)`` the same of the first future's phrase.
+        word: ``(N,)`` of words, the slot of the one that fits the first future best.
+        real_word: ``(N,)`` the same of the real change.
     """
 
     expression: Array
@@ -114,6 +116,8 @@ class Spoken:
     purity: Array
     known: Array
     first_known: Array
+    word: Array
+    real_word: Array
 
     @property
     def features(self) -> Array:

@@ -82,7 +82,7 @@ def _numbered(names: Sequence[str], prefix: str, values: Array) -> dict[str, Arr
 
 def _instructions(name: str, values: Array, task: Task) -> dict[str, Array]:
     """One column; with several numbers one column for each, named after it."""
-    return {name: values[:, 0]} if task.instruction_size == 1 else _numbered(task.number_names, f"{name}_", values)
+    return {name: values[:, 0]} if task.instruction_size == 1 else _numbered(task.expression_names, f"{name}_", values)
 
 
 def _short(value: Any) -> Any:

@@ -37,12 +37,14 @@ class Flawed:
         values: of each number, rising.
         config: rates and delay.
         seed: of all draws.
+        words: how many words there are, where instructions are words; a wrong one is another word. 0: numbers.
     """
 
-    kind, settings = "flawed", FlawedConfig
+    kind, settings, check = "flawed", FlawedConfig, staticmethod(Oracle.check)
 
-    def __init__(self, inner: Instructor, values: Sequence[float], config: FlawedConfig, seed: int):
+    def __init__(self, inner: Instructor, values: Sequence[float], config: FlawedConfig, seed: int, words: int = 0):
         self._inner, self._values, self._config = inner, np.array(values, np.float32), config
+        self._words = words
         self._random = np.random.default_rng([seed, 0xF1A])
         self._age = np.zeros(0, np.int64)  # steps of each agent's episode so far
         self._history: Array | None = None  # (N, late + 1, d + 1): ring buffer of right instructions
@@ -50,7 +52,8 @@ class Flawed:
     @classmethod
     def make(cls, config: FlawedConfig, task: Task, seed: int) -> Self:
         """See ``ibe_rl.instructors``."""
-        return cls(Oracle(task.rule), task.instruction_values, config, seed)
+        words = 0 if task.words is None else len(task.words.names)
+        return cls(Oracle(task.rule, words > 0), task.instruction_values, config, seed, words)
 
     def reset(self, rows: Array) -> None:
         """Clear these rows, and begin a spell."""
@@ -74,7 +77,8 @@ class Flawed:
         if not rows.any():
             return
         absent, wrong = self._random.random((2, len(rows)))
-        shift = self._random.integers(1, len(self._values), len(rows)) * (wrong < self._config.wrong)
+        values = max(2, self._words or len(self._values))
+        shift = self._random.integers(1, values, len(rows)) * (wrong < self._config.wrong)
         self._absent[rows], self._shift[rows] = (absent >= self._config.present)[rows], shift[rows]
 
     def _delayed(self, right: Array, rows: Array) -> Array:
@@ -88,7 +92,10 @@ class Flawed:
         return np.where((self._age >= self._config.late_steps)[:, None], then, 0.0)
 
     def _with_errors(self, instruction: Array) -> Array:
-        """Replace the values in the rows that are wrong now."""
+        """Replace the values, or the word, in the rows that are wrong now."""
+        if self._words:
+            others = (instruction.argmax(axis=1) + self._shift) % self._words
+            return np.eye(instruction.shape[1], dtype=np.float32)[others]
         places = np.abs(instruction[..., None] - self._values).argmin(axis=-1)
         other = self._values[(places + self._shift[:, None]) % len(self._values)]
         return np.where(self._shift[:, None] > 0, other, instruction)
@@ -116,7 +123,9 @@ class _Replayed:
         return said[:, :-1], said[:, -1:]
 
 
-def corrupted(episodes: Sequence[Episode], values: Sequence[float], flaws: FlawedConfig, seed: int) -> list[Episode]:
+def corrupted(
+    episodes: Sequence[Episode], values: Sequence[float], flaws: FlawedConfig, seed: int, words: int = 0
+) -> list[Episode]:
     """The same episodes with the instructions of a flawed instructor; states and actions stay.
 
     Args:
@@ -124,8 +133,9 @@ def corrupted(episodes: Sequence[Episode], values: Sequence[float], flaws: Flawe
         values: of each number of an instruction.
         flaws: of the instructor.
         seed: of the draws.
+        words: see ``Flawed``.
     """
-    instructor = Flawed(_Replayed(episodes), values, flaws, seed)
+    instructor = Flawed(_Replayed(episodes), values, flaws, seed, words)
     instructor.reset(np.ones(len(episodes), bool))
     lengths, unseen = np.array([len(episode) for episode in episodes]), np.zeros((len(episodes), 0))
     steps = [np.concatenate(instructor.instruct(unseen, step < lengths), axis=1) for step in range(lengths.max())]

@@ -36,6 +36,7 @@ CHANGE_CURVES = {
     "ibe/staleness": ("staleness", colours.INSTRUCTED),
 }
 SHARE = (0.0, 1.0)
+MOST_PANELS = 5
 
 
 def charts(task: Task) -> list[Chart]:
@@ -75,7 +76,7 @@ def _of_training(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
     words = rrb.Vertical(_lanes(), _now(), _words(), row_shares=[27, 24, 49])
     learnt = rrb.Vertical(
         _clusters(),
-        _beside([_changes(task, n) for n in range(task.instruction_size)]),
+        _beside([_changes(task, n) for n in range(len(task.explained))]),
         _beside([_so_far(task, n, title) for n, title in numbers_of(task)]),
         row_shares=[46, 24, 30],
     )
@@ -93,14 +94,19 @@ def _of_episode(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
 
 
 def numbers_of(task: Task) -> list[tuple[int, str]]:
-    """The numbers of an instruction, and what titles begin with to tell them apart; nothing if there is but one."""
+    """The numbers or words of an instruction, and what titles begin with to tell them apart; nothing of only one.
+
+    There is room for the first ``MOST_PANELS`` words.
+    """
+    if task.words is not None:
+        return [(slot, f"{word}: ") for slot, word in enumerate(task.words.names[:MOST_PANELS])]
     several = task.instruction_size > 1
     return [(number, f"{name.replace('_', ' ')}: " if several else "") for number, name in enumerate(task.number_names)]
 
 
 def _shared(task: Task, share: float) -> list[float]:
     """The room of the panels of all numbers: of one as given, of each further one a third more together."""
-    numbers = task.instruction_size
+    numbers = len(numbers_of(task))
     return [share * (2 + numbers) / 3 / numbers] * numbers
 
 

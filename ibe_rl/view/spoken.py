@@ -92,9 +92,10 @@ def markdown(said: Sequence[Explanation], rows: Sequence[Row]) -> str:
 
 
 def _figures(said: Sequence[Explanation]) -> tuple[str, str]:
-    """Expression and confidence of steps with the same words; "-" where undefined."""
+    """Expression (of words, the largest share) and confidence of steps with the same words; "-" where undefined."""
     meant = said[0].meant
-    numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
+    means = np.mean([one.expression for one in said], axis=0)
+    numbers = f"{means.max():.0%}" if said[0].in_words else " ".join(f"{value:+.2f}" for value in means)
     confidence = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
     return (numbers if meant else "-"), confidence
 

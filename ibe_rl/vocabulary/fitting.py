@@ -17,8 +17,10 @@ from ibe_rl.ibe.estimator import IBEMapping
 from ibe_rl.ibe.interpret import interpret
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Interpretation, Reactions, UnknownMeaningWarning
-from ibe_rl.ibe.settings import check_settings
+from ibe_rl.ibe.settings import IBEConfig, check_settings
 from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.ibe.word_mapping import fit_words
+from ibe_rl.ibe.word_meaning import with_word_meanings
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
@@ -72,14 +74,33 @@ def fit_windows(
     interpretation: Interpretation | None = None,
 ) -> ClusterMapping:
     """Learn a vocabulary from windows; otherwise as ``fit_mapping``."""
-    estimator = _estimator(config, task, seed, last)
     states, instructions = instructed_states(heard, seed)
+    if task.words is not None and isinstance(config, IBEConfig) and config.space == "rule":
+        return _fit_words(windows, states, instructions, config, task, seed)
+    estimator = _estimator(config, task, seed, last)
     with warnings.catch_warnings():  # the mapping records it, and explainers report it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
         mapping = estimator.fit(windows.delta, windows.instruction, states, instructions, interpretation).mapping_
     if not isinstance(mapping, ClusterMapping):
         raise TypeError(f"mapping={config.kind}: its mapping_ is a {type(mapping).__name__}, not a ClusterMapping")
-    return mapping
+    return mapping if task.words is None else with_word_meanings(mapping, windows)
+
+
+def _fit_words(
+    windows: Windows, states: Array, instructions: Array, config: IBEConfig, task: Task, seed: int
+) -> ClusterMapping:
+    chosen = _dimensions(config, task)
+    size = len(task.state_names)
+    return fit_words(
+        windows,
+        states,
+        instructions,
+        clusters_per_axis=config.n_clusters,
+        kept=np.isin(np.arange(size), range(size) if chosen is None else chosen),
+        n_init=config.n_init,
+        max_fit_windows=config.max_fit_windows,
+        seed=seed,
+    )
 
 
 def interpret_lessons(
@@ -100,7 +121,7 @@ def interpret_lessons(
         horizon_steps: n.
         reactions: of the agent to opposite instructions.
     """
-    if config.meaning == "assumed":
+    if config.meaning == "assumed" or task.words is not None:
         return None
     return interpret(
         heard,
@@ -136,14 +157,14 @@ def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
 
 
 def clusters_of(config: MappingConfig, task: Task) -> int:
-    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction."""
-    return config.n_clusters * task.instruction_size
+    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction; of words, explained dimension."""
+    return config.n_clusters * len(task.explained)
 
 
 def fewer_clusters(mapping: ClusterMapping, config: MappingConfig, task: Task) -> list[str]:
     """A note if one of our mappings has found fewer distinct changes of the state than clusters were asked for."""
     asked, found = clusters_of(config, task), len(mapping.ids)
-    if found >= asked or not issubclass(implementation("mapping", config.kind), IBEMapping):
+    if task.words is not None or found >= asked or not issubclass(implementation("mapping", config.kind), IBEMapping):
         return []
     each = "" if task.instruction_size == 1 else f" for each of {task.instruction_size} numbers"
     return [
@@ -247,6 +268,7 @@ def learn_vocabulary(
         windows_by_context=_count(contexts[top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
         reactions=reactions,
+        persons=lessons.persons,
     )
 
 
@@ -266,7 +288,10 @@ def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
 
 
 def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
-    """Windows by instruction value; with several numbers, each is counted under its own name."""
+    """Windows by instruction value or word; with several numbers, each is counted under its own name."""
+    if task.words is not None:
+        counted = np.sum(instructions > 0, axis=0).tolist()
+        return dict(zip(task.words.names, counted, strict=False))
     values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
     columns = instructions.T
     names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]
