@@ -50,7 +50,7 @@ def rates(moments: int, live_moments: int) -> dict[str, float]:
 
 def watched_moments(run: TrainedRun, count: int) -> list[Moment]:
     """Moments of watched episodes, evenly spaced over as many episodes as hold four times what is asked for."""
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     env, seed, found = run.make_env(), 0, list[Moment]()
     while len(found) < 4 * count:
         found += record_rollout(env, run.policy, instructor, seed).moments

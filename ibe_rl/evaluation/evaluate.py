@@ -24,6 +24,7 @@ from ibe_rl.evaluation.rows import Judged, OwnScores
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
@@ -51,9 +52,12 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
+        spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
+        what_if = judge_what_if(run, cfg, predictor, spoken) if cfg.what_if else WhatIf()
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
     own = run.horizon_steps
     observers, rows = add_observers(judged, learnt, moments, held_out, run, cfg, ours)
+    what_if.add_to(rows, own)
     quality = {
         "verdict": verdict_of(rows, ours, run),
         "protocol": evaluation_protocol(run, cfg, horizons, learnt, moments),
@@ -61,8 +65,9 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         "paired": [each for one in judged.values() for each in paired_of(one, ours)],
         "confidence": confidence_of(judged[own], ours),
         "changing_policy": ages,
+        "what_if": what_if.report,
     }
-    calibration = report.calibration_report(judged[own], ours, run.mapping_frame)
+    calibration = report.calibration_report(judged[own], ours, run.mapping_frame) | what_if.calibration_json
     folder = run.folder / EVALUATION
     write_json(folder / "quality.json", quality)
     write_json(folder / "observers.json", observers)
@@ -70,6 +75,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
     beside = [name for name in SHOWN if name in judged[own].samples]  # not every task supports all
     print_results(quality, observers, own, (ours, *beside))
+    print_what_if(what_if)
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
 
@@ -196,6 +202,14 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
     tables.print_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
+
+
+def print_what_if(what_if: WhatIf) -> None:
+    """Print what it did when it was told something else, or why that is not known."""
+    if what_if.report:
+        tables.console().print(tables.what_if_table(what_if.report))
+    elif what_if.note:
+        tables.console().print(f"note: {what_if.note}", soft_wrap=True)
 
 
 def print_files(folder: Path, drawn: list[Path]) -> None:

@@ -16,6 +16,7 @@ from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, explain
+from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, outcomes, phrase_accuracy, phrase_hits
@@ -75,18 +76,27 @@ def clip_of(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanatio
     return path
 
 
-def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
+def explainer_state(
+    run: TrainedRun, futures: int = 1, min_confidence: float = 0.0, what_if: bool = False
+) -> ExplainerState:
     """The explainer of a run: its vocabulary, calibration and settings."""
     return ExplainerState(
-        run.mapping, run.horizon_steps, run.task.phrases, run.spans, futures, run.calibration, min_confidence
+        mapping=run.mapping,
+        horizon_steps=run.horizon_steps,
+        words=run.task.phrases,
+        spans=run.spans,
+        futures=futures,
+        calibration=run.calibration,
+        min_confidence=min_confidence,
+        what_if=Asking(values_of(run.task), calibration=run.what_if_calibration) if what_if else None,
     )
 
 
 def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollout, list[Explanation]]:
     """Roll out one episode, then explain each of its steps."""
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
-    explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
+    explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence, cfg.what_if)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
         said = explain(watched.moments, run.policy, predictor, explainer)
     return watched, said

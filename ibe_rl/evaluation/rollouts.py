@@ -72,7 +72,7 @@ def take_moments(run: TrainedRun, policy: Policy, seeds: Sequence[int], plan: Pl
         plan: which moments.
     """
     envs = [run.make_env() for _ in range(min(len(seeds), EPISODES_AT_ONCE))]
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     taken: list[TakenMoment] = []
     for number, (episode, moments) in enumerate(rollouts_with_moments(envs, policy, instructor, seeds)):
         taken += _of_episode(episode, moments, number, seeds[number], plan, run.task)

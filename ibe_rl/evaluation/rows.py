@@ -29,7 +29,8 @@ OWN_WORDS = ("word_f1",)
 """Of vocabularies of an instructor's own words only."""
 CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
-ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
+WHAT_IF = ("what_if_came_true", "what_if_ece", "listens")
+ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error", *WHAT_IF)
 """The metrics of a row, in the order of the report."""
 IN_EACH_ROW = ("explainer", "horizon_steps", "each", "over", "refits")
 """What else a row may hold; other columns are of metrics of one's own."""

@@ -19,6 +19,9 @@ from ibe_rl.storage.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Policy
 
+WHAT_IF_CALIBRATION = "what_if"
+"""Key in calibration.json."""
+
 
 @dataclass(frozen=True)
 class TrainedRun:
@@ -38,6 +41,7 @@ class TrainedRun:
             refresh; None at the first refresh.
         reactions: of the agent to other instructions, as of that refresh; None if not measured.
         scores_of_numbers: see ``metrics.quality.number_scores``, of the refresh; empty if it has none.
+        what_if_calibration: of the confidence in answers to what it would do; None before ``task=evaluate``.
     """
 
     folder: Path
@@ -52,6 +56,7 @@ class TrainedRun:
     calibration: Calibration | None
     reactions: Reactions | None = None
     scores_of_numbers: Sequence[Mapping[str, float]] = ()
+    what_if_calibration: Calibration | None = None
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """A new environment as in the run."""

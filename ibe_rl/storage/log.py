@@ -23,7 +23,12 @@ ABOUT_LOG = "log.json"
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 PERCEPT_COLUMN = "percept"
 """Only of environments in which the agent does not perceive the state itself."""
-DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1, PERCEPT_COLUMN: 2}
+TOLD_COLUMN = "told"
+"""Only where a person teaches: who spoke, and what they mark; see ``ibe_rl.instructors.taught``."""
+TOLD_SIZE = 3
+"""Numbers of a step in that column."""
+OPTIONAL = (PERCEPT_COLUMN, TOLD_COLUMN)
+DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1, PERCEPT_COLUMN: 2, TOLD_COLUMN: 2}
 """Dimensions of the columns' arrays; actions may have one or two."""
 INDEX = np.dtype(
     [
@@ -85,7 +90,8 @@ class TrajectoryLog:
         Args:
             steps: ``(N, T, ...)`` arrays: the columns ``state``, ``action``, ``reward``, ``instruction``,
                 ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step; ``percept`` and
-                ``next_percept`` where that is not the state. Row i continues the same environment in every call.
+                ``next_percept`` where that is not the state; ``told`` where a person teaches. Row i continues the same
+                environment in every call.
             context_of: initial state ``(S,)`` to the name of the context.
 
         Returns:
@@ -138,7 +144,7 @@ class TrajectoryLog:
         whole["number"] = np.full(steps + 1, self.episodes_ended)
         for name in {"state", PERCEPT_COLUMN} & whole.keys():
             whole[name] = np.concatenate([whole[name], whole[f"next_{name}"][-1:]])
-        for name in (*COLUMNS, *({PERCEPT_COLUMN} & whole.keys())):
+        for name in (*COLUMNS, *(one for one in OPTIONAL if one in whole)):
             self._column(name, whole[name])[start : start + len(whole[name])] = whole[name]
         record = (
             start,
@@ -175,6 +181,23 @@ class TrajectoryLog:
         """Copy episodes at positions ``rows`` of ``index``, on request with percepts that are not the states."""
         kept = list(self._kept)
         return [self._read(kept[row], percepts) for row in rows]
+
+    def told(self, rows: Iterable[int]) -> list[Array]:
+        """What the column ``told`` has of the episodes at positions ``rows`` of ``index``, ``(T, n)`` each."""
+        every = list(self._kept)
+        return [
+            np.array(self._columns[TOLD_COLUMN][start : start + steps])
+            for start, _, steps, *_ in map(every.__getitem__, rows)
+        ]
+
+    def told_first(self) -> Array:
+        """The same of the first step of each episode, ``(E, TOLD_SIZE)``; zeros where no person teaches."""
+        column = self._columns.get(TOLD_COLUMN)
+        return (
+            np.zeros((len(self._kept), TOLD_SIZE), np.int32)
+            if column is None
+            else np.array(column[self.index["start"]])
+        )
 
     def percepts_at(self, rows: Array, steps: Array, most_numbers: int) -> Array:
         """Percepts ``(N, P)`` at steps ``(N,)`` of episodes ``(N,)``; fewer if they exceed ``most_numbers``."""
@@ -242,7 +265,7 @@ class TrajectoryLog:
         """Open the files and keep the episodes of ``index`` that are still in them."""
         try:
             if index.size:
-                kept = [PERCEPT_COLUMN] if (self.folder / f"{PERCEPT_COLUMN}.npy").exists() else []
+                kept = [name for name in OPTIONAL if (self.folder / f"{name}.npy").exists()]
                 self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in (*COLUMNS, *kept)}
             self._check(index)
             self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])

@@ -268,6 +268,7 @@ def learn_vocabulary(
         windows_by_context=_count(contexts[top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
         reactions=reactions,
+        persons=lessons.persons,
     )
 
 

@@ -20,6 +20,7 @@ from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
+from ibe_rl.vocabulary.persons import PersonsShare
 from ibe_rl.vocabulary.training_episodes import horizon_of
 from ibe_rl.vocabulary.words import WordNotice
 
@@ -72,6 +73,7 @@ class Refresh:
         reactions: of the agent to opposite instructions, if it was asked.
         scores_of_numbers: ``number_scores`` of the current vocabulary on the newest episodes.
         horizon_found: True if this refresh found n in the log.
+        persons: what of the training data a person said; None where nobody taught.
         word_notices: what the agent noticed about the instructor's words.
     """
 
@@ -92,6 +94,7 @@ class Refresh:
     reactions: Reactions | None = None
     scores_of_numbers: Sequence[Mapping[str, float]] = ()
     horizon_found: bool = False
+    persons: PersonsShare | None = None
     word_notices: Sequence[WordNotice] = ()
 
     @property
@@ -141,7 +144,8 @@ def save_refresh(
             "reactions": None if refresh.reactions is None else refresh.reactions.to_dict(),
             "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
             **_of_words(refresh, task),
-        },
+        }
+        | ({} if refresh.persons is None else {"person": asdict(refresh.persons)}),
     )
     return path
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ibe_rl.config.settings import MappingConfig, TrainConfig
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, confidence_features, phrase_hits_in
+from ibe_rl.explain.what_if import Asking
 from ibe_rl.ibe.delta import Windows, cut_windows
 from ibe_rl.ibe.identity import keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
@@ -36,13 +37,13 @@ OTHER_HORIZON = 1.5
 """Factor by which a horizon found in the log must differ from the previous one to replace it."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
 REFRESH_COLUMNS = (
-    *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
+    *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown", "ibe/listens"),
     *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
     *(f"ibe/{name}" for name in SCORES),
     *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
 )
-"""The columns of metrics.csv from ``figures`` and ``VocabularyTracker.judge``."""
+"""The columns of metrics.csv of a refresh."""
 
 
 class VocabularyTracker:
@@ -193,11 +194,13 @@ class VocabularyTracker:
         """The current vocabulary of a span; None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
 
-    def explainer_state(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
+    def explainer_state(
+        self, futures: int = 1, min_confidence: float = 0.0, what_if: Asking | None = None
+    ) -> ExplainerState:
         """The current state of the explainer, after the first refresh."""
         assert self.mapping is not None
-        steps, words = horizon_of(self._config), self._task.phrases
-        return ExplainerState(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
+        steps, words, known = horizon_of(self._config), self._task.phrases, self.calibration
+        return ExplainerState(self.mapping, steps, words, self.spans, futures, known, min_confidence, what_if)
 
     def judge(
         self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int

@@ -11,9 +11,11 @@ from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe.delta import Windows, cut_windows, top_episodes
 from ibe_rl.ibe.horizon import find_horizon, instruction_lasts, leading_change
 from ibe_rl.ibe.space import TooLittleDataError, rule_axes
+from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
+from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
 
 OTHER_EPISODES = 300
 """Most episodes outside the best that are read, for comparison and for their instructions."""
@@ -32,6 +34,7 @@ class TrainingEpisodes:
         best: the best of these, oldest first.
         heard: an unbiased sample of those counted, used for its instructions only.
         others: those of the sample that are not among the best.
+        persons: what of it a person said; None where nobody teaches.
     """
 
     logged: int
@@ -39,21 +42,35 @@ class TrainingEpisodes:
     best: Sequence[Episode]
     heard: Sequence[Episode]
     others: Sequence[Episode]
+    persons: PersonsShare | None = None
 
 
 def read_training_episodes(log: TrajectoryLog, config: MappingConfig, seed: int) -> TrainingEpisodes:
     """Choose episodes of the log and read them.
 
+    What a person said counts first, however long ago: alone once it suffices, before that with a weight.
+
     Raises:
         TooLittleDataError: if no recent episode has ended.
     """
+    taught = taught_rows(log)
+    persons = persons_episodes(log, taught, config) if len(taught) else None
+    if persons and persons.suffice:
+        heard, rest, share = [*persons.rest, *persons.best], persons.rest, persons.share([])
+        return TrainingEpisodes(len(log.index), len(taught), persons.best, heard, rest, share)
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
     others = log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES])
     best = log.read(counted[is_best])
     share = len(best) / max(1, np.sum(~is_best))
     some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
-    return TrainingEpisodes(len(log.index), len(counted), best, [*others, *(best[row] for row in some)], others)
+    heard = [*others, *(best[row] for row in some)]
+    if persons is None:
+        return TrainingEpisodes(len(log.index), len(counted), best, heard, others)
+    share = persons.share(best)
+    best = [*best, *share.weight * [*persons.best]]
+    heard += share.weight * [*persons.rest, *persons.best]
+    return TrainingEpisodes(len(log.index), len(counted), best, heard, others, share)
 
 
 def _ranked(log: TrajectoryLog, config: MappingConfig) -> tuple[Array, Array]:

@@ -178,12 +178,12 @@ class ReportContext:
     @cached_property
     def runner(self) -> EpisodeRunner:
         """Runs whole episodes."""
-        return EpisodeRunner(self.run.config.env, stand_in(self.run.config.instructor))
+        return EpisodeRunner(self.run.config.env, stand_in(self.run.config.instructor, self.run.folder))
 
     @property
     def instructor(self) -> Instructor:
         """A new one."""
-        return make_instructor(stand_in(self.run.config.instructor), self.task)
+        return make_instructor(stand_in(self.run.config.instructor, self.run.folder), self.task)
 
     def seeds(self, purpose: str, count: int) -> range:
         """Of episodes that serve no other purpose."""

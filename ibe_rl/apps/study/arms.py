@@ -25,7 +25,7 @@ _DIGITS = 4
 
 def instructor_of(run: TrainedRun) -> Instructor:
     """Who instructs the agent of a run."""
-    return make_instructor(stand_in(run.config.instructor), run.task)
+    return make_instructor(stand_in(run.config.instructor, run.folder), run.task)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, MutableSequence
 from dataclasses import dataclass
 from functools import partial
@@ -81,10 +82,12 @@ class LessonPlan:
         speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor())
         lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
         server.post("about", {**self.about, "values": list(values)})
-        self._listen(lesson, server, speaker, clock)
+        self._listen(lesson, desk, server, speaker, clock)
         return lesson
 
-    def _listen(self, lesson: Lesson, server: Server, speaker: LiveExplainer, clock: Clock) -> None:
+    def _listen(
+        self, lesson: Lesson, desk: TeachingSession, server: Server, speaker: LiveExplainer, clock: Clock
+    ) -> None:
         """Forward the trainer's messages to the pages."""
 
         def farewell(text: str) -> None:
@@ -108,9 +111,10 @@ class LessonPlan:
             "farewell": farewell,
         }
         trainer = GameEnd(self.address, hear, lost)
+        desk.when_seated(lambda: trainer.say(SEATED))
 
 
-BYE = "bye"
+BYE, SEATED = "bye", "seated"
 
 
 class Classroom(Listener):
@@ -136,7 +140,7 @@ class Classroom(Listener):
         make_predictor: Callable[[], Any],
         about: Mapping[str, Any],
     ):
-        self._task, self._link = task, TrainerEnd()
+        self._config, self._task, self._link = config, task, TrainerEnd()
         self._curve: list[tuple[float, float]] = []
         self.open_lesson: OpenLesson = LessonPlan(
             host=config.host,
@@ -167,6 +171,23 @@ class Classroom(Listener):
         """Send a new vocabulary."""
         self._link.tell("explainer", event.explainer)
         self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task))
+
+    def wait_for_teacher(self, stop: Callable[[], bool], say: Callable[[str], None]) -> None:
+        """Return when the first page is open, time is up, or ``stop`` says so."""
+        if not self._config.wait_for_teacher:
+            return
+        limit_s = math.inf if self._config.wait_at_most_s is None else self._config.wait_at_most_s
+        until, polling_s = time.monotonic() + limit_s, 0.2
+        at_most = "" if math.isinf(limit_s) else f"{limit_s:g} s at most; "
+        if self._link.wait_for(SEATED, min(polling_s, limit_s)):
+            return
+        say(f"training waits for its teacher to open the page ({at_most}instructor.wait_for_teacher=false: not at all)")
+        while not stop() and time.monotonic() < until:
+            if self._link.wait_for(SEATED, polling_s):
+                say("the teacher is there, training begins")
+                return
+        if not stop():
+            say(f"nobody has come in {limit_s:g} s: training begins without a teacher, who may still come")
 
     def hurry(self) -> None:
         """Never pace the environment again."""

@@ -17,6 +17,7 @@ from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
 from ibe_rl.envs.snapshots import stoppable
 from ibe_rl.envs.wrappers import drawn, task_of
 from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
+from ibe_rl.instructors.taught import NOT_TAUGHT, Told, told_of
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array, Explanation, Moment
 
@@ -109,6 +110,15 @@ class Lesson:
         instruction, given = self._last()
         return instruction[None], np.array([[given]], np.float32)
 
+    @property
+    def told(self) -> Told:
+        """See ``ibe_rl.instructors.mixed.Teacher``."""
+        if not self._said:
+            return NOT_TAUGHT
+        said = self._said[-1][1]
+        mark = (0, 0) if said.wrong is None else (self._episode - said.wrong.episode + 1, said.wrong.step)
+        return told_of(said.by, mark)
+
     def keep(self) -> None:
         """Write the episode so far, and begin the next record."""
         with self._writing:
@@ -133,6 +143,11 @@ class Lesson:
                     given=[int(said.by != NOBODY) for _, said in self._said],
                     by=[said.by for _, said in self._said],
                     heard=[said.heard for _, said in self._said],
+                    marks=[
+                        [step, said.wrong.episode, said.wrong.step]
+                        for step, (_, said) in enumerate(self._said)
+                        if said.wrong
+                    ],
                 )
             )
 

@@ -61,7 +61,15 @@ class Sit:
     """A watching page asks to instruct; granted if no other page does."""
 
 
-Message = Press | Release | Pause | Speed | HandOver | Sit
+@dataclass(frozen=True)
+class Wrong:
+    """The person calls an explanation wrong: the one made at this step of this episode."""
+
+    episode: int
+    step: int
+
+
+Message = Press | Release | Pause | Speed | HandOver | Sit | Wrong
 
 
 def parse(text: str | bytes) -> Message:
@@ -120,4 +128,5 @@ KINDS: dict[str, tuple[Callable[..., Message], dict[str, Callable[[str, Any], An
     "speed": (Speed, {"times": _times}),
     "oracle": (HandOver, {"on": _flag}),
     "sit": (Sit, {}),
+    "wrong": (Wrong, {"episode": _count, "step": _count}),
 }

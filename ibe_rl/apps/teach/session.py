@@ -6,10 +6,10 @@ It knows no network and no clock. The server's thread puts messages in; the envi
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
-from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed
+from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed, Wrong
 
 ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN_VALUE = "accepted", "watching", "repeated", "past", "unknown value"
 """The result of a message; all but the first change nothing."""
@@ -25,11 +25,13 @@ class Said:
         value: the instruction, None if there is none or the rule is asked.
         by: one of ``PERSON``, ``HELD``, ``ORACLE``, ``NOBODY``.
         heard: number of the newest press or release that it includes, 0 before the first.
+        wrong: an explanation that the person has called wrong since the last step.
     """
 
     value: float | None
     by: str
     heard: int
+    wrong: Wrong | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,8 @@ class TeachingSession:
         self._down = self._taken = False
         self._last: float | None = None
         self._since_steps = 0
+        self._wrong: list[Wrong] = []
+        self._called: list[Callable[[], None]] = []
 
     @property
     def controls(self) -> Controls:
@@ -86,7 +90,19 @@ class TeachingSession:
         with self.changed:
             self._present[page] = 0
             if self._chair is None:
-                self._chair = page
+                self._take_chair(page)
+
+    def when_seated(self, call: Callable[[], None]) -> None:
+        """Call a short function once as soon as a page instructs, or now if one does."""
+        with self.changed:
+            self._called.append(call)
+            if self._chair is not None:
+                self._take_chair(self._chair)
+
+    def _take_chair(self, page: int) -> None:
+        self._chair = page
+        while self._called:
+            self._called.pop(0)()
 
     def leave(self, page: int) -> None:
         """A page has gone: its press is released, and its pause ends."""
@@ -106,6 +122,8 @@ class TeachingSession:
                 return WATCHING
             if isinstance(message, Press | Release):
                 return self._set_instruction(page, message)
+            if isinstance(message, Wrong):
+                return self._mark(message)
             self._control(message)
             return ACCEPTED
 
@@ -113,6 +131,7 @@ class TeachingSession:
         """Begin an episode, without an instruction."""
         with self.changed:
             self._episode = episode
+            self._wrong = [one for one in self._wrong if one.episode >= episode - 1]
             self._silence()
 
     def take(self) -> Said:
@@ -121,9 +140,8 @@ class TeachingSession:
             heard = 0 if self._chair is None else self._present[self._chair]
             pressed, self._taken = self._pressed, True
             self._pressed = pressed if self._down else None
-            if self._controls.oracle:
-                return Said(None, ORACLE, heard)
-            return self._said_now(pressed, heard)
+            said = Said(None, ORACLE, heard) if self._controls.oracle else self._said_now(pressed, heard)
+            return replace(said, wrong=self._wrong.pop(0)) if self._wrong else said
 
     def _said_now(self, pressed: float | None, heard: int) -> Said:
         if pressed is not None:
@@ -137,7 +155,7 @@ class TeachingSession:
     def _sit(self, page: int) -> str:
         if page not in self._present or self._chair not in (None, page):
             return WATCHING
-        self._chair = page
+        self._take_chair(page)
         return ACCEPTED
 
     def _set_instruction(self, page: int, message: Press | Release) -> str:
@@ -153,6 +171,13 @@ class TeachingSession:
         else:
             self._down = False
             self._pressed = None if self._taken else self._pressed
+        return ACCEPTED
+
+    def _mark(self, message: Wrong) -> str:
+        if message.episode not in (self._episode - 1, self._episode):
+            return PAST
+        if message not in self._wrong:
+            self._wrong.append(message)
         return ACCEPTED
 
     def _control(self, message: Pause | Speed | HandOver) -> None:
