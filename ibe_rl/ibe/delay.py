@@ -14,22 +14,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ibe_rl.ibe.rule_parts import axes_of, gains, information, levels_of, part_of, partition, ranked_parts, supports
+from ibe_rl.ibe.rule_parts import (
+    axes_of,
+    gains,
+    information,
+    levels_of,
+    part_of,
+    partition,
+    ranked_parts,
+    supports,
+)
 from ibe_rl.types import Array, Episode
 
-MOST_DELAY_STEPS = 100
-SHARE_OF_EPISODE = 0.5
-"""Longer delays than this share of the median episode are not looked for."""
+MOST_DELAY_STEPS, SHARE_OF_EPISODE = 100, 0.5
+"""Longer delays, also longer ones than this share of the median episode, are not looked for."""
 EVERY_STEPS, BEFORE_STEPS, BEYOND_STEPS = 15, 20, 25
 """Steps between the delays at which rules are looked for; how far before 0 and beyond the best one is compared."""
 PARSIMONY = 0.02
 """Share of the information that one more dimension of the state must add to be believed."""
-MIN_INFORMATION, MIN_CHANGES = 0.02, 10
-"""Nats a step that the state must tell of what was said, and changes of the instruction: with less nothing is said."""
-WIDEST_STEPS = 20
-"""A wider interval is no answer."""
-RESAMPLES, INTERVAL_PERCENTILES = 200, (5, 95)
-MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 300, 3_000, 5_000
+MIN_INFORMATION, MIN_CHANGES, MIN_STEPS = 0.02, 10, 200
+"""Nats a step that the state must tell of what was said, its changes, and steps: with less the log does not tell."""
+LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 3, 20, 5
+"""Fewer steps count as none. A wider interval is no answer, nor are states so far ahead: they are consequences."""
+RESAMPLES, INTERVAL_PERCENTILES = 200, (2.5, 97.5)
+MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 300, 2_500, 5_000
 TRIED, CLIMBS = 4, 3
 
 
@@ -39,7 +47,7 @@ class Delay:
 
     Attributes:
         steps: behind what it instructs about; 0 where that cannot be told.
-        low: end of the 90 % interval over episodes; 0 where it cannot be told.
+        low: end of the 95 % interval over episodes; 0 where it cannot be told.
         high: likewise the other end; the longest delay looked for where it cannot be told.
         known: False if the log does not tell.
     """
@@ -51,9 +59,10 @@ class Delay:
 
 
 class _Steps(NamedTuple):
-    """Joined steps of episodes: standardised states ``(N, S)``, what was said as classes, and where.
+    """Joined steps of episodes: standardised states ``(N, S)``, one number of the instruction, and where.
 
-    ``first`` ``(N,)`` is the step of the first instruction of the episode, ``last`` ``(N,)`` the row of its last step.
+    ``kinds`` are levels of the number and silence; ``first`` is the step of the first instruction of the episode,
+    ``last`` the row of its last step; all ``(N,)``.
     """
 
     states: Array
@@ -75,33 +84,35 @@ class _Steps(NamedTuple):
 
 
 class _Rule(NamedTuple):
-    """Dimensions that a number of the instruction reads, how late it is then, and how much they tell of it."""
+    """Dimensions that the instruction reads, how late it is then, and what they tell of it at each delay."""
 
     dimensions: list[int]
     lag: int
-    information: Array
+    told: Array
 
 
 def find_delay(episodes: Sequence[Episode]) -> Delay:
-    """Find how late the instructor of these episodes is; good and bad ones, of one instructor."""
+    """Find how late the instructor of these episodes is: good and bad ones, the newest last, of one instructor."""
     episodes = [one for one in episodes if np.any(one.given)][-MOST_EPISODES:]
-    most = min([MOST_DELAY_STEPS, *(int(SHARE_OF_EPISODE * np.median([len(one) for one in episodes])) for _ in "1" if episodes)])
-    numbers = [_joined(episodes, number) for number in range(episodes[0].instructions.shape[1])] if episodes else []
-    numbers = [one for one in numbers if _changes(one) >= MIN_CHANGES and len(one.rows(most)) >= 10 * MIN_CHANGES]
+    lengths = [len(one) for one in episodes] or [0]
+    most = min(MOST_DELAY_STEPS, int(SHARE_OF_EPISODE * np.median(lengths)))
+    size = episodes[0].instructions.shape[1] if episodes else 0
+    joined = [_joined(episodes, number) for number in range(size)]
+    numbers = [one for one in joined if _tells(one, most)]
     if most < 2 or not numbers:
         return Delay(0, 0, most, known=False)
     rules = [_find_rule(one, most) for one in numbers]
-    lag = int(np.sum([rule.information for rule in rules], axis=0).argmax())
-    top, best = min(most, lag + BEYOND_STEPS), None
+    lag = int(np.sum([rule.told for rule in rules], axis=0).argmax())
+    top = min(most, lag + BEYOND_STEPS)
+    gained = np.zeros((len(episodes), 1))
     for _ in range(CLIMBS):
-        gained = sum(_gained(one, rule.dimensions, lag, top) for one, rule in zip(numbers, rules, strict=True))
-        if best is None or gained.sum() > best.sum(axis=0).max():
-            best = gained
-        new = max(0, int(gained.sum(axis=0).argmax()) - BEFORE_STEPS)
-        if new == lag:
+        found = sum(_gained(one, rule.dimensions, lag, top) for one, rule in zip(numbers, rules, strict=True))
+        gained = max(gained, np.asarray(found), key=lambda one: float(one.sum(axis=0).max()))
+        better = max(0, int(np.sum(found, axis=0).argmax()) - BEFORE_STEPS)
+        if better == lag:
             break
-        lag = new
-    return _answer(best, most, sum(len(one.rows(top)) for one in numbers))
+        lag = better
+    return _answer(gained, most, sum(len(one.rows(top)) for one in numbers))
 
 
 def _joined(episodes: Sequence[Episode], number: int) -> _Steps:
@@ -123,11 +134,14 @@ def _joined(episodes: Sequence[Episode], number: int) -> _Steps:
     )
 
 
-def _changes(steps: _Steps) -> int:
-    """Changes of what was said within episodes."""
+def _tells(steps: _Steps, most: int) -> bool:
+    """Whether enough was said, and changed within episodes, also silence."""
     rows = steps.rows(1)
-    both = steps.given[rows] & steps.given[rows - 1]
-    return int(np.sum((steps.kinds[rows] != steps.kinds[rows - 1]) & (both | True)))
+    rows = rows[steps.step[rows] > steps.first[rows]]
+    changes = int(np.sum(steps.kinds[rows] != steps.kinds[rows - 1]))
+    learnt = [rows[(steps.episode[rows] % 2 == fold) & steps.given[rows]] for fold in (0, 1)]
+    late = [steps.said[one[steps.step[one] >= most]] for one in learnt]
+    return changes >= MIN_CHANGES and all(len(one) >= MIN_STEPS // 2 and np.ptp(one) > 0 for one in late)
 
 
 def _some(rows: Array, most: int) -> Array:
@@ -135,49 +149,53 @@ def _some(rows: Array, most: int) -> Array:
 
 
 def _find_rule(steps: _Steps, most: int) -> _Rule:
+    """The rule that tells most with fewest dimensions, at the delay at which it tells most."""
     rows = steps.rows(most)
     learnt, judged = (rows[steps.episode[rows] % 2 == fold] for fold in (0, 1))
     judged = _some(judged, JUDGED_STEPS)
-    tried = [_climb(steps, rule, learnt, judged, most) for rule in _candidates(steps, learnt, judged, most)]
+    tried = [_climb(steps, rule, learnt, judged) for rule in _candidates(steps, learnt, judged, most)]
     first = _simplest(tried)[0]
-    again = [_climb(steps, first._replace(lag=lag), learnt, judged, most) for lag in range(0, most + 1, EVERY_STEPS)]
-    return max([first, *again], key=lambda rule: rule.information.max())
+    others = [
+        first._replace(lag=lag) for lag in range(0, most + 1, 2 * EVERY_STEPS) if abs(lag - first.lag) > EVERY_STEPS
+    ]
+    return max(
+        [first, *(_climb(steps, one, learnt, judged) for one in others)], key=lambda rule: float(rule.told.max())
+    )
 
 
 def _simplest(rules: Sequence[_Rule]) -> list[_Rule]:
     """Those that tell most with fewest dimensions first."""
-    best = max(float(rule.information.max()) for rule in rules)
-    return sorted(rules, key=lambda rule: PARSIMONY * len(rule.dimensions) - rule.information.max() / best)
+    best = max(float(rule.told.max()) for rule in rules)
+    return sorted(rules, key=lambda rule: PARSIMONY * len(rule.dimensions) - float(rule.told.max()) / max(best, 1e-9))
 
 
 def _candidates(steps: _Steps, learnt: Array, judged: Array, most: int) -> list[_Rule]:
     """Few dimensions each, and the delay at which they tell most, along the axis of a linear regression."""
-    given = _some(learnt[steps.given[learnt]], LEARNT_STEPS)
+    given, lags = _some(learnt[steps.given[learnt]], LEARNT_STEPS), np.arange(0, most + 1, 5)
     best: dict[tuple[int, ...], _Rule] = {}
     for lag in range(0, most + 1, EVERY_STEPS):
         for dimensions, weights in supports(steps.states[given - lag], steps.said[given]):
             part = ranked_parts(steps.states[:, dimensions] @ weights)
-            told = np.array([information(part[judged - each], steps.kinds[judged]) for each in range(0, most + 1, 5)])
-            rule, key = _Rule(dimensions, 5 * int(told.argmax()), told), tuple(dimensions)
-            best[key] = max(best.get(key, rule), rule, key=lambda one: one.information.max())
+            told = np.array([information(part[judged - each], steps.kinds[judged]) for each in lags])
+            rule, key = _Rule(dimensions, int(lags[told.argmax()]), np.repeat(told, 5)[: most + 1]), tuple(dimensions)
+            best[key] = max(best.get(key, rule), rule, key=lambda one: float(one.told.max()))
     return _simplest([*best.values()])[:TRIED]
 
 
-def _climb(steps: _Steps, rule: _Rule, learnt: Array, judged: Array, most: int) -> _Rule:
+def _climb(steps: _Steps, rule: _Rule, learnt: Array, judged: Array) -> _Rule:
     """The delay at which these dimensions tell most, from the axis at one delay to the next better one."""
-    found, lag = None, rule.lag
+    best, lag = rule._replace(told=np.zeros_like(rule.told)), rule.lag
     for _ in range(CLIMBS):
-        part = _parts(steps, rule.dimensions, lag, learnt)
-        told = np.array([information(part[judged - each], steps.kinds[judged]) for each in range(most + 1)])
-        if found is None or told.max() > found.information.max():
-            found = _Rule(rule.dimensions, int(told.argmax()), told)
+        part = _parts(steps, rule.dimensions, lag, learnt, rounds=1)
+        told = np.array([information(part[judged - each], steps.kinds[judged]) for each in range(len(rule.told))])
+        best = max(best, rule._replace(lag=int(told.argmax()), told=told), key=lambda one: float(one.told.max()))
         if int(told.argmax()) == lag:
             break
         lag = int(told.argmax())
-    return found
+    return best
 
 
-def _parts(steps: _Steps, dimensions: list[int], lag: int, learnt: Array, rounds: int = 2) -> Array:
+def _parts(steps: _Steps, dimensions: list[int], lag: int, learnt: Array, rounds: int) -> Array:
     """The part ``(N,)`` of the state at each step, learnt from rows ``learnt`` and the states ``lag`` steps before."""
     states = steps.states[:, dimensions]
     given, every = _some(learnt[steps.given[learnt]], LEARNT_STEPS), _some(learnt, LEARNT_STEPS)
@@ -186,7 +204,7 @@ def _parts(steps: _Steps, dimensions: list[int], lag: int, learnt: Array, rounds
 
 
 def _gained(steps: _Steps, dimensions: list[int], lag: int, top: int) -> Array:
-    """Information ``(E, D)`` in each episode at delays from ``-BEFORE_STEPS`` to ``top``, with the rule of the others."""
+    """Information ``(E, D)`` in each episode at delays from ``-BEFORE_STEPS`` to ``top``; the rule is of the others."""
     rows, lags = steps.rows(top), range(-BEFORE_STEPS, top + 1)
     found = np.zeros((int(steps.episode[-1]) + 1, len(lags)))
     for fold in (0, 1):
@@ -199,11 +217,14 @@ def _gained(steps: _Steps, dimensions: list[int], lag: int, top: int) -> Array:
 
 
 def _answer(gained: Array, most: int, rows: int) -> Delay:
-    random = np.random.default_rng(0)
-    weights = random.multinomial(len(gained), np.full(len(gained), 1 / len(gained)), RESAMPLES)
+    """The delay with most information, with an interval over resampled episodes and over halves of them."""
+    weights = np.random.default_rng(0).multinomial(len(gained), np.full(len(gained), 1 / len(gained)), RESAMPLES)
     total = gained.sum(axis=0)
     best = int(total.argmax()) - BEFORE_STEPS
-    low, high = (round(x) for x in np.percentile((weights @ gained).argmax(axis=1) - BEFORE_STEPS, INTERVAL_PERCENTILES))
-    if high - low > WIDEST_STEPS or best < -5 or high >= most or total.max() < MIN_INFORMATION * rows:
+    halves = [int(gained[fold::2].sum(axis=0).argmax()) - BEFORE_STEPS for fold in (0, 1)]
+    low, high = np.percentile((weights @ gained).argmax(axis=1) - BEFORE_STEPS, INTERVAL_PERCENTILES)
+    low, high = int(min(low, *halves)), int(max(high, *halves))
+    untold = high - low > WIDEST_STEPS or best < -EARLY_STEPS or high >= most
+    if untold or total.max() < MIN_INFORMATION * rows:
         return Delay(0, 0, most, known=False)
-    return Delay(0 if low <= 0 else best, max(low, 0), max(high,0))
+    return Delay(0 if low <= 0 or best < LEAST_STEPS else best, max(0, low), max(0, high))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, MutableSequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, ConfigError
 from ibe_rl.view.palette import of_clusters
+from ibe_rl.vocabulary.lateness import PERSON, Delays, in_words
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 
 PORT = 8765
@@ -170,7 +171,8 @@ class Classroom(Listener):
     def refreshed(self, event: Refreshed) -> None:
         """Send a new vocabulary."""
         self._link.tell("explainer", event.explainer)
-        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task))
+        late = lateness_message(event.refresh.delays)
+        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task) | {"delay": late})
 
     def wait_for_teacher(self, stop: Callable[[], bool], say: Callable[[str], None]) -> None:
         """Return when the first page is open, time is up, or ``stop`` says so."""
@@ -276,6 +278,12 @@ def vocabulary(frame: int, explainer: ExplainerState, task: Task) -> dict[str, A
     clusters = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
     meaning = meaning_lines(mapping.meanings, task)
     return {"frame": frame, "horizon_steps": explainer.horizon_steps, "clusters": clusters, "meaning": meaning}
+
+
+def lateness_message(delays: Delays) -> dict[str, Any] | None:
+    """How late the person is, as a page displays it; None if they have said nothing yet."""
+    late = delays.get(PERSON)
+    return late and {**asdict(late), "text": in_words(PERSON, late)}
 
 
 def choose_port(config: HumanConfig) -> int:
