@@ -228,7 +228,8 @@ class Film:
         made = picture.made_at(said)[: max(0, len(said) - steps_ago)]
         verdicts = [""] * min(steps_ago, len(said))
         verdicts += [wording.verdict_line(steps_ago, said[i].said, take.real[i]) for i in made]
-        spoken, answers = [(one.in_time(), one.cluster) for one in said], [*map(sentence_at, last_asked(said))]
+        spoken = [(one.in_time(), one.cluster) for one in said]
+        answers = [sentence_at(one, self._short) for one in last_asked(said)]
         rows = picture.changes(list(zip(instructed, spoken, verdicts, answers, strict=True)))
         lines = (
             (

@@ -35,11 +35,11 @@ def last_asked(said: Sequence[Explanation]) -> list[Explanation | None]:
     return found
 
 
-def sentence_at(asked: Explanation | None) -> str:
+def sentence_at(asked: Explanation | None, short: Callable[[str], str]) -> str:
     """The answers at a step in one line; empty if there are none."""
     if asked is None or asked.listens is None:
         return NOT_ASKED
-    return f"{in_a_sentence(asked)} (listens {np.nan_to_num(asked.listens):.0%})"
+    return f"{in_a_sentence(asked, short)} (listens {np.nan_to_num(asked.listens):.0%})"
 
 
 @dataclass(frozen=True)
