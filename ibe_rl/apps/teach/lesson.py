@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields
+from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields, what_if_fields
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
 from ibe_rl.envs.snapshots import stoppable
@@ -177,7 +177,8 @@ class Lesson:
     def _explained(self, episode: int, said: Explanation) -> None:
         """Post an explanation; runs in the explainer's thread."""
         path = None if self._task.scene_path is None else self._task.scene_path(said.path)
-        self._server.post("explanation", {"episode": episode, **explanation_fields(said, path)})
+        answers = what_if_fields(said, self._task.scene_path)
+        self._server.post("explanation", {"episode": episode, **explanation_fields(said, path), **answers})
 
     def _snapshot(self) -> Any:
         game = stoppable(self._stage.env)

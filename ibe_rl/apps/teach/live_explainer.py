@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,6 +13,7 @@ import torch
 
 from ibe_rl.agents import GreedyPolicy
 from ibe_rl.explain.explainer import ExplainerState, explain
+from ibe_rl.explain.what_if import whatever
 from ibe_rl.types import Array, Explanation, Moment, Predictor
 
 Weights = Mapping[str, Array]
@@ -104,3 +106,28 @@ def explanation_fields(said: Explanation, path: Array | None) -> dict[str, Any]:
         "horizon_steps": said.horizon_steps,
         "path": None if path is None else path.round(2).tolist(),
     }
+
+
+def what_if_fields(said: Explanation, drawn: Callable[[Array], Array] | None) -> dict[str, Any]:
+    """What the agent would do if it were told something else, as a page displays it.
+
+    Args:
+        said: the explanation.
+        drawn: states ``(H + 1, S)`` to points ``(H + 1, 2)`` in scene units; None without a scene.
+
+    Returns:
+        ``what_if``: for each value that could be said what is ``told``, what is ``said`` to it, and the ``path`` (or
+        None); empty if it was not asked. ``listens``: in [0, 1], or None. ``whatever``: what it does whatever it is
+        told, or None.
+    """
+    answers = [
+        {
+            "told": name,
+            "expression": float(one.expression[0]) if one.meant else None,
+            "said": one.said,
+            "path": None if drawn is None else drawn(one.path).round(2).tolist(),
+        }
+        for name, one in said.what_if.items()
+    ]
+    listens = None if said.listens is None or math.isnan(said.listens) else round(said.listens, 3)
+    return {"what_if": answers, "listens": listens, "whatever": whatever(said)}
