@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, MutableSequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 
 from ibe_rl.agents import Agent, make_agent
 from ibe_rl.apps.teach.clock import Clock
@@ -20,24 +19,25 @@ from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
 from ibe_rl.apps.teach.live_explainer import LiveExplainer, weights_of
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import TeachingSession
+from ibe_rl.apps.teach.summary_page import write_lesson_page
+from ibe_rl.apps.teach.understanding import lesson_summary, not_yet, understood, vocabulary
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_snapshot_env
+from ibe_rl.envs.worded import has_rule
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.ibe.mapping import ClusterMapping
-from ibe_rl.ibe.meaning import sayable
-from ibe_rl.ibe.meaning_lines import meaning_lines
-from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, asked_port, free_port
+from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
-from ibe_rl.types import CANNOT_TELL, ConfigError
-from ibe_rl.view.palette import of_clusters
+from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.listener import Listener, Refreshed
+from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.words import save_words
+from ibe_rl.words import Words
 
 PORT = 8765
 STEPS_PER_SECOND = 50.0
@@ -76,12 +76,15 @@ class LessonPlan:
         """Make the first of the ``games`` the one that is taught, and serve its page."""
         games[0] = stage = Stage(games[0])
         values = task_of(stage).instruction_values
-        desk = TeachingSession(values, self.hold_steps, self.speed)
+        task = task_of(stage)
+        desk = TeachingSession(values, self.hold_steps, self.speed, task.words)
         server = Server(desk, self.host, self.port)
         clock = Clock(desk, float(stage.metadata.get("render_fps") or STEPS_PER_SECOND))
-        speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor())
+        speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor(), task)
         lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
         server.post("about", {**self.about, "values": list(values)})
+        if task.words is not None:
+            server.post("words", {"words": list(task.words.names), "most": len(task.words)})
         self._listen(lesson, desk, server, speaker, clock)
         return lesson
 
@@ -90,9 +93,13 @@ class LessonPlan:
     ) -> None:
         """Forward the trainer's messages to the pages."""
 
-        def farewell(text: str) -> None:
+        def farewell(news: Mapping[str, Any]) -> None:
             lesson.finish()
-            server.post("farewell", {"text": text})
+            if news["summary"]:
+                summary = {**news["summary"], "films": list(lesson.outcomes.films.values())}
+                server.post("summary", summary)
+                write_lesson_page(self.record.parent, summary)
+            server.post("farewell", {"text": news["text"]})
             server.close()
             trainer.say(BYE)
 
@@ -107,14 +114,18 @@ class LessonPlan:
             "explainer": speaker.speak_with,
             "vocabulary": lambda fields: server.post("vocabulary", fields),
             "figures": lambda fields: server.post("figures", fields),
+            "understood": lambda text: server.post("understood", {"text": text}),
             "hurry": lambda _: clock.hurry(),
             "farewell": farewell,
         }
         trainer = GameEnd(self.address, hear, lost)
         desk.when_seated(lambda: trainer.say(SEATED))
+        if desk.words is not None:
+            words = desk.words
+            server.renamed = lambda: trainer.say((WORDS_NAMED, words.to_dicts()))
 
 
-BYE, SEATED = "bye", "seated"
+BYE, SEATED, WORDS_NAMED = "bye", "seated", "words"
 
 
 class Classroom(Listener):
@@ -140,7 +151,11 @@ class Classroom(Listener):
         make_predictor: Callable[[], Any],
         about: Mapping[str, Any],
     ):
-        self._config, self._task, self._link = config, task, TrainerEnd()
+        self._config, self._task, self._folder = config, task, record.parent
+        self._link = TrainerEnd({WORDS_NAMED: self._name_words})
+        self._log: TrajectoryLog | None = None
+        self._refresh: Refresh | None = None
+        self._first_refresh_episodes = 0
         self._curve: list[tuple[float, float]] = []
         self.open_lesson: OpenLesson = LessonPlan(
             host=config.host,
@@ -156,7 +171,20 @@ class Classroom(Listener):
 
     def begin(self, run: Any) -> None:
         """See ``Listener``."""
-        self._policy = run.agent.greedy
+        self._policy, self._log, self._task = run.agent.greedy, run.log, run.task
+        self._first_refresh_episodes = run.cfg.first_refresh_episodes
+        if self._task.words is not None:
+            save_words(self._folder, self._task.words)
+
+    def _name_words(self, words: Any) -> None:
+        """Take over the words as the person has named them; later ones were added now. Runs in the link's thread."""
+        own = self._task.words
+        assert own is not None
+        new = Words.from_dicts(words, len(own)).entries
+        frame = self._log.frames if self._log else 0
+        later = [replace(one, added_at_frame=frame) for one in new[len(own.names) :]]
+        own.become(Words([*new[: len(own.names)], *later], len(own)))
+        save_words(self._folder, own)
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
         """Send the new weights and the training metrics."""
@@ -166,11 +194,19 @@ class Classroom(Listener):
             self._curve.append((known["frames"], known["train/success_rate"]))
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
         self._link.tell("figures", {**figures, "curve": self._curve[:: 1 + len(self._curve) // 200]})
+        if self._refresh is None and self._log is not None:
+            self._link.tell("understood", not_yet(self._log.episodes_ended, self._first_refresh_episodes))
 
     def refreshed(self, event: Refreshed) -> None:
         """Send a new vocabulary."""
         self._link.tell("explainer", event.explainer)
         self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task))
+        self._refresh = event.refresh
+        self._link.tell("understood", understood(event.refresh, self._task))
+
+    def skipped(self, frames: int, reason: str) -> None:
+        """Say why there is no new vocabulary."""
+        self._link.tell("understood", f"I cannot learn your words now: {reason}.")
 
     def wait_for_teacher(self, stop: Callable[[], bool], say: Callable[[str], None]) -> None:
         """Return when the first page is open, time is up, or ``stop`` says so."""
@@ -195,7 +231,8 @@ class Classroom(Listener):
 
     def farewell(self) -> None:
         """Tell the pages that training is over; returns when they know, or after a moment."""
-        self._link.tell("farewell", "Training has ended.")
+        summary = lesson_summary(self._log, self._task, self._refresh) if self._log is not None else None
+        self._link.tell("farewell", {"text": "Training has ended.", "summary": summary})
         self._link.wait_for(BYE, FAREWELL_S)
 
     def close(self) -> None:
@@ -224,6 +261,7 @@ def open_classroom(
         "hold_steps": cfg.instructor.hold_steps,
         "others": cfg.collect.envs_per_process - 1,
         "others_instructed_by": cfg.instructor.others,
+        "oracle": has_rule(task),
         "live_view": live_view,
     }
     print(page_invitation(cfg.instructor.host, port, moved=cfg.instructor.port is None and port != PORT))  # noqa: T201 - talks to a person
@@ -256,26 +294,6 @@ def page_invitation(host: str, port: int, moved: bool = False) -> str:
     if host not in (HOST, "localhost", "::1"):
         lines.append(f"  warning: instructor.host={host}: whoever can reach this port can instruct")
     return "\n".join(lines)
-
-
-def vocabulary(frame: int, explainer: ExplainerState, task: Task) -> dict[str, Any]:
-    """The vocabulary as a page displays it."""
-    mapping = explainer.mapping
-    assert isinstance(mapping, ClusterMapping)
-    known = sayable(mapping.expressions, mapping.meanings)
-    columns = (
-        mapping.ids.tolist(),
-        mapping.expressions[:, 0].tolist(),
-        mapping.mean_instructions[:, 0].tolist(),
-        np.where(known, phrases_of(mapping.expressions, task.phrases), CANNOT_TELL).tolist(),
-        (mapping.sizes / mapping.sizes.sum()).tolist(),
-        of_clusters(mapping.ids).tolist(),
-        known.tolist(),
-    )
-    names = ("id", "expression", "mean_instruction", "phrase", "share", "colour", "known")
-    clusters = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-    meaning = meaning_lines(mapping.meanings, task)
-    return {"frame": frame, "horizon_steps": explainer.horizon_steps, "clusters": clusters, "meaning": meaning}
 
 
 def choose_port(config: HumanConfig) -> int:
