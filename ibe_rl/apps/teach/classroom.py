@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, MutableSequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,9 @@ from typing import Any
 import gymnasium
 
 from ibe_rl.agents import Agent, make_agent
-from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.lesson import Lesson, Stage
-from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
-from ibe_rl.apps.teach.live_explainer import LiveExplainer, weights_of
-from ibe_rl.apps.teach.server import Server
-from ibe_rl.apps.teach.session import TeachingSession
-from ibe_rl.apps.teach.summary_page import write_lesson_page
+from ibe_rl.apps.teach.lesson_plan import BYE, SEATED, WORDS_NAMED, LessonPlan
+from ibe_rl.apps.teach.link import TrainerEnd
+from ibe_rl.apps.teach.live_explainer import weights_of
 from ibe_rl.apps.teach.understanding import lesson_summary, not_yet, understood, vocabulary
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
@@ -27,7 +23,6 @@ from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.envs.worded import has_rule
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.instructors.human import HumanConfig
-from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, asked_port, free_port
 from ibe_rl.storage.log import TrajectoryLog
@@ -36,96 +31,11 @@ from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.words import save_words
+from ibe_rl.vocabulary.words import save_words, words_of
 from ibe_rl.words import Words
 
 PORT = 8765
-STEPS_PER_SECOND = 50.0
-"""Used where an environment does not declare its speed (gymnasium's ``render_fps``)."""
 FAREWELL_S = 3.0
-Games = MutableSequence[gymnasium.Env[Any, Any]]
-
-
-@dataclass(frozen=True)
-class LessonPlan:
-    """Picklable factory of the lesson, called in the process that steps the environments.
-
-    Attributes:
-        host: address that the page is served on.
-        port: port that the page is served on.
-        hold_steps: see ``HumanConfig``.
-        speed: see ``HumanConfig``.
-        address: where the trainer listens.
-        make_agent: makes an agent whose ``greedy`` takes the trainer's weights.
-        make_predictor: makes a predictor with environments of its own.
-        record: the file of all instructions.
-        about: what a page needs to know from the beginning.
-    """
-
-    host: str
-    port: int
-    hold_steps: int | None
-    speed: float | None
-    address: Address
-    make_agent: Callable[[], Agent]
-    make_predictor: Callable[[], Any]
-    record: Path
-    about: Mapping[str, Any]
-
-    def __call__(self, games: Games) -> Lesson:
-        """Make the first of the ``games`` the one that is taught, and serve its page."""
-        games[0] = stage = Stage(games[0])
-        values = task_of(stage).instruction_values
-        task = task_of(stage)
-        desk = TeachingSession(values, self.hold_steps, self.speed, task.words)
-        server = Server(desk, self.host, self.port)
-        clock = Clock(desk, float(stage.metadata.get("render_fps") or STEPS_PER_SECOND))
-        speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor(), task)
-        lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
-        server.post("about", {**self.about, "values": list(values)})
-        if task.words is not None:
-            server.post("words", {"words": list(task.words.names), "most": len(task.words)})
-        self._listen(lesson, desk, server, speaker, clock)
-        return lesson
-
-    def _listen(
-        self, lesson: Lesson, desk: TeachingSession, server: Server, speaker: LiveExplainer, clock: Clock
-    ) -> None:
-        """Forward the trainer's messages to the pages."""
-
-        def farewell(news: Mapping[str, Any]) -> None:
-            lesson.finish()
-            if news["summary"]:
-                summary = {**news["summary"], "films": list(lesson.outcomes.films.values())}
-                server.post("summary", summary)
-                write_lesson_page(self.record.parent, summary)
-            server.post("farewell", {"text": news["text"]})
-            server.close()
-            trainer.say(BYE)
-
-        def lost() -> None:
-            clock.hurry()
-            lesson.finish()
-            server.post("farewell", {"text": "The training process has ended."})
-            server.close()
-
-        hear: dict[str, Callable[[Any], None]] = {
-            "policy": speaker.learn,
-            "explainer": speaker.speak_with,
-            "vocabulary": lambda fields: server.post("vocabulary", fields),
-            "figures": lambda fields: server.post("figures", fields),
-            "understood": lambda text: server.post("understood", {"text": text}),
-            "hurry": lambda _: clock.hurry(),
-            "farewell": farewell,
-        }
-        trainer = GameEnd(self.address, hear, lost)
-        desk.when_seated(lambda: trainer.say(SEATED))
-        if desk.words is not None:
-            words = desk.words
-            server.renamed = lambda: trainer.say((WORDS_NAMED, words.to_dicts()))
-
-
-BYE, SEATED, WORDS_NAMED = "bye", "seated", "words"
 
 
 class Classroom(Listener):
@@ -171,9 +81,14 @@ class Classroom(Listener):
 
     def begin(self, run: Any) -> None:
         """See ``Listener``."""
-        self._policy, self._log, self._task = run.agent.greedy, run.log, run.task
-        self._first_refresh_episodes = run.cfg.first_refresh_episodes
-        if self._task.words is not None:
+        named, self._task = self._task.words, run.task
+        self._policy, self._log, self._first_refresh_episodes = (
+            run.agent.greedy,
+            run.log,
+            run.cfg.first_refresh_episodes,
+        )
+        if named is not None and self._task.words is not None:
+            self._task.words.become(words_of(self._folder, len(named)) or named)
             save_words(self._folder, self._task.words)
 
     def _name_words(self, words: Any) -> None:
