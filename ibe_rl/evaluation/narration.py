@@ -14,6 +14,7 @@ from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
+from ibe_rl.evaluation.told_otherwise import answers_table, listening_line
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, explain
 from ibe_rl.explain.what_if import Asking, values_of
@@ -92,13 +93,15 @@ def explainer_state(
     )
 
 
-def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollout, list[Explanation]]:
-    """Roll out one episode, then explain each of its steps."""
+def explain_rollout(
+    run: TrainedRun, cfg: ExplainConfig, every_steps: int = 1
+) -> tuple[RecordedRollout, list[Explanation]]:
+    """Roll out one episode, then explain each of its steps, or every so many."""
     instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence, cfg.what_if)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
-        said = explain(watched.moments, run.policy, predictor, explainer)
+        said = explain(watched.moments[::every_steps], run.policy, predictor, explainer)
     return watched, said
 
 
@@ -117,6 +120,10 @@ def print_narration(
     if isinstance(run.config.agent, ExternalPolicyConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
     console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}")
+    if said[0].what_if:
+        console.print()
+        console.print(answers_table(said, run.task.phrases))
+        console.print(listening_line(said))
     if not all(span.trusted for one in said for span in one.all_spans):
         console.print(f"{NOT_TRUSTED}: the predictor does not trust a path that long.")
 

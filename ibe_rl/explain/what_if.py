@@ -5,7 +5,7 @@ The answers are explanations of twins of the moment's futures, which are told on
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -129,13 +129,25 @@ def whatever(said: Explanation) -> str | None:
     return answers.pop() if len(said.what_if) > 1 and len(answers) == 1 and everywhere else None
 
 
-def in_a_sentence(said: Explanation) -> str:
-    """The answers at one moment; empty if it was not asked.
+def in_a_sentence(said: Explanation, short: Callable[[str], str] = str) -> str:
+    """The answers at one moment, values with the same answer together; empty if it was not asked.
 
-    A value that it follows to the word is not repeated.
+    Args:
+        said: the explanation.
+        short: shortens phrases.
     """
     if not said.what_if:
         return ""
     if (same := whatever(said)) is not None:
-        return f"whatever you say now: {same}"
-    return "; ".join(f"told {name}: {one.said}" for name, one in said.what_if.items())
+        return f"whatever you say now: {short(same)}"
+    return together([*map(short, said.what_if)], [short(one.said) for one in said.what_if.values()])
+
+
+def together(names: Sequence[str], answers: Sequence[str]) -> str:
+    """Values with the same answer, listed together.
+
+    >>> together(["left", "right", "up"], ["left", "down", "left"])
+    'told left or up: left; told right: down'
+    """
+    told_for = {answer: [name for name, one in zip(names, answers, strict=True) if one == answer] for answer in answers}
+    return "; ".join(f"told {' or '.join(values)}: {answer}" for answer, values in told_for.items())

@@ -38,7 +38,7 @@ def height(lanes: int) -> float:
     return LANE_HEIGHT * lanes + AXIS_HEIGHT
 
 
-def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
+def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane], entity: str = ENTITY) -> None:
     """Draw the lanes of an episode at the time that is set."""
     steps = len(lanes[0].words)
     bands, shades, texts = [], [], []
@@ -51,8 +51,8 @@ def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
             if LETTER_WIDTH * len(lane.words[start]) + SIDES <= until - x:  # or it would cover its neighbours
                 texts.append((((x + until) / 2, y - LABEL_DROP), lane.words[start], colours.WHITE))
     strips = rr.LineStrips2D(bands, colors=np.array(shades, np.uint8), radii=PEN)
-    recording.log(f"{ENTITY}/bands", strips)
-    recording.log(f"{ENTITY}/words", labelled([*texts, *_marks(lanes, steps)]))
+    recording.log(f"{entity}/bands", strips)
+    recording.log(f"{entity}/words", labelled([*texts, *_marks(lanes, steps)]))
 
 
 def hatched(left: float, right: float, y: float) -> Array:

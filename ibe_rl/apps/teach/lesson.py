@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields
+from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields, what_if_fields
 from ibe_rl.apps.teach.outcomes import Outcomes
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
@@ -189,7 +189,7 @@ class Lesson:
 
     def _explained(self, episode: int, step: int, state: Array, said: Explanation) -> None:
         """Post an explanation; runs in the explainer's thread."""
-        fields = explanation_fields(said, self._task)
+        fields = {**explanation_fields(said, self._task), **what_if_fields(said, self._task.scene_path)}
         self._server.post("explanation", {"episode": episode, "step": step, **fields})
         if self._speaker.explainer is not None:
             self.outcomes.hear(episode, step, state, said, self._speaker.explainer)

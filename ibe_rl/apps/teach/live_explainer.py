@@ -126,9 +126,6 @@ def explanation_fields(said: Explanation, task: Task) -> dict[str, Any]:
     return {
         "expression": float(said.expression[0]) if said.meant and words is None else None,
         "shares": [[word, round(share, 3)] for word, share in shares],
-        "what_if": [{"told": name, "said": one.said, "path": _path(one, task)} for name, one in said.what_if.items()],
-        "whatever": whatever(said) if said.what_if else None,
-        "listens": None if said.listens is None or math.isnan(said.listens) else said.listens,
         "said": said.said,
         "in_time": said.in_time(),
         "known": said.known,
@@ -141,3 +138,28 @@ def explanation_fields(said: Explanation, task: Task) -> dict[str, Any]:
 
 def _path(said: Explanation, task: Task) -> list[list[float]] | None:
     return None if task.scene_path is None else task.scene_path(said.path).round(2).tolist()
+
+
+def what_if_fields(said: Explanation, drawn: Callable[[Array], Array] | None) -> dict[str, Any]:
+    """What the agent would do if it were told something else, as a page displays it.
+
+    Args:
+        said: the explanation.
+        drawn: states ``(H + 1, S)`` to points ``(H + 1, 2)`` in scene units; None without a scene.
+
+    Returns:
+        ``what_if``: for each value that could be said what is ``told``, what is ``said`` to it, and the ``path`` (or
+        None); empty if it was not asked. ``listens``: in [0, 1], or None. ``whatever``: what it does whatever it is
+        told, or None.
+    """
+    answers = [
+        {
+            "told": name,
+            "expression": float(one.expression[0]) if one.meant else None,
+            "said": one.said,
+            "path": None if drawn is None else drawn(one.path).round(2).tolist(),
+        }
+        for name, one in said.what_if.items()
+    ]
+    listens = None if said.listens is None or math.isnan(said.listens) else round(said.listens, 3)
+    return {"what_if": answers, "listens": listens, "whatever": whatever(said)}
