@@ -152,6 +152,7 @@ class MappingConfig:
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster; empty: all
     newest_frames: int | None = setting(250_000, low=1)  # fit on episodes that ended in these; None: the whole log
     survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # least overlap with which a cluster keeps its identity
+    delay_steps: int | None = setting(None, low=0, high=1_000)  # of instructions; None: estimated at each refresh
     hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving expression changes only by more than this
 
 

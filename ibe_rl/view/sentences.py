@@ -15,6 +15,7 @@ from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, Array
 from ibe_rl.view.wording import literal, short
+from ibe_rl.vocabulary.lateness import lateness_lines
 from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.words import NOTHING
 from ibe_rl.words import Words
@@ -100,7 +101,8 @@ def worth(refresh: Refresh, task: Task) -> list[str]:
     """Whether the words that stand tell the way, what they are known to mean, and what is declared wrongly."""
     verdicts, meanings = refresh.verdicts(task), refresh.standing.meanings
     noticed = [one.text for one in refresh.word_notices if one.kind != NOTHING]  # which a line on meanings says
-    return [in_one_line(verdicts), *meaning_lines(meanings, task), *noticed, *wrong_signs(verdicts, meanings, task)]
+    found = [*meaning_lines(meanings, task), *noticed, *lateness_lines(refresh.delays)]
+    return [in_one_line(verdicts), *found, *wrong_signs(verdicts, meanings, task)]
 
 
 def standing(refresh: Refresh, task: Task, spoken: int | None, links: bool = True) -> str:

@@ -24,6 +24,7 @@ from ibe_rl.ibe.word_meaning import with_word_meanings
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
+from ibe_rl.vocabulary.lateness import Delays
 from ibe_rl.vocabulary.refresh import Refresh, Spans
 from ibe_rl.vocabulary.training_episodes import (
     TrainingEpisodes,
@@ -235,6 +236,7 @@ def learn_vocabulary(
     seed: int,
     last: Spans | None = None,
     reactions: Reactions | None = None,
+    delays: Delays | None = None,
 ) -> Refresh:
     """Learn the vocabulary from the best episodes of the log, and one for each other span.
 
@@ -245,11 +247,12 @@ def learn_vocabulary(
         seed: of the clustering.
         last: the previous vocabularies by horizon, the starting points unless ``memory`` is None.
         reactions: of the agent to opposite instructions; None if it was not asked.
+        delays: of those who instruct; None: as the log tells.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows.
     """
-    lessons, last, steps = read_training_episodes(log, config, seed), last or {}, horizon_of(config)
+    lessons, last, steps = read_training_episodes(log, config, seed, delays), last or {}, horizon_of(config)
     top = best_windows(lessons.best, config, steps)
     meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
     mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
@@ -269,6 +272,7 @@ def learn_vocabulary(
         windows_by_instruction=_count_instructions(top.instruction, task),
         reactions=reactions,
         persons=lessons.persons,
+        delays=lessons.delays,
     )
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe.delay import Delay
 from ibe_rl.ibe.delta import top_episodes
 from ibe_rl.instructors.taught import taught_episodes
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode
+from ibe_rl.vocabulary.lateness import caught_up
 
 NEWEST_TAUGHT = 300
 """Taught episodes that are read, however many frames ago they were."""
@@ -63,6 +65,10 @@ class PersonsEpisodes:
     def suffice(self) -> bool:
         """Whether the words can be learnt from these alone."""
         return len(self.best) + len(self.rest) >= ENOUGH_EPISODES and self.windows >= ENOUGH_WINDOWS
+
+    def caught_up(self, delay: Delay | None) -> PersonsEpisodes:
+        """With what the person said at the steps that it was about."""
+        return replace(self, best=caught_up(self.best, delay), rest=caught_up(self.rest, delay))
 
     def share(self, beside: Sequence[Episode]) -> PersonsShare:
         """What they are of the training data, ``beside`` other episodes or alone.

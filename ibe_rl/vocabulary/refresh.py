@@ -20,6 +20,7 @@ from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
+from ibe_rl.vocabulary.lateness import Delays, of_first
 from ibe_rl.vocabulary.persons import PersonsShare
 from ibe_rl.vocabulary.training_episodes import horizon_of
 from ibe_rl.vocabulary.words import WordNotice
@@ -75,6 +76,7 @@ class Refresh:
         horizon_found: True if this refresh found n in the log.
         persons: what of the training data a person said; None where nobody taught.
         word_notices: what the agent noticed about the instructor's words.
+        delays: how late those who instruct are.
     """
 
     frame: int
@@ -96,6 +98,7 @@ class Refresh:
     horizon_found: bool = False
     persons: PersonsShare | None = None
     word_notices: Sequence[WordNotice] = ()
+    delays: Delays = field(default_factory=dict)
 
     @property
     def standing(self) -> ClusterMapping:
@@ -144,10 +147,22 @@ def save_refresh(
             "reactions": None if refresh.reactions is None else refresh.reactions.to_dict(),
             "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
             **_of_words(refresh, task),
+            **_of_delays(refresh.delays),
         }
         | ({} if refresh.persons is None else {"person": asdict(refresh.persons)}),
     )
     return path
+
+
+def _of_delays(delays: Delays) -> dict[str, Any]:
+    """How late the person is, or whoever instructs; and everybody's delay."""
+    first = of_first(delays)
+    known = first if first and first.known else None
+    return {
+        "delay_steps": known and known.steps,
+        "delay_interval_steps": known and [known.low, known.high],
+        "delays": {who: asdict(delay) for who, delay in delays.items()},
+    }
 
 
 def _of_words(refresh: Refresh, task: Task) -> dict[str, Any]:

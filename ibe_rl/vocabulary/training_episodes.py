@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
+from ibe_rl.vocabulary.lateness import INSTRUCTOR, PERSON, Delays, caught_up, delays_of
 from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
 
 OTHER_EPISODES = 300
@@ -35,6 +36,7 @@ class TrainingEpisodes:
         heard: an unbiased sample of those counted, used for its instructions only.
         others: those of the sample that are not among the best.
         persons: what of it a person said; None where nobody teaches.
+        delays: how late the instructions were, which are taken back by it.
     """
 
     logged: int
@@ -43,34 +45,41 @@ class TrainingEpisodes:
     heard: Sequence[Episode]
     others: Sequence[Episode]
     persons: PersonsShare | None = None
+    delays: Delays = field(default_factory=dict)
 
 
-def read_training_episodes(log: TrajectoryLog, config: MappingConfig, seed: int) -> TrainingEpisodes:
-    """Choose episodes of the log and read them.
+def read_training_episodes(
+    log: TrajectoryLog, config: MappingConfig, seed: int, delays: Delays | None = None
+) -> TrainingEpisodes:
+    """Choose episodes of the log and read them, with what was said at the steps that it was about.
 
-    What a person said counts first, however long ago: alone once it suffices, before that with a weight.
+    What a person said counts first, however long ago: alone once it suffices, before that with a weight. ``delays``
+    are how late everybody was; None: as the log tells.
 
     Raises:
         TooLittleDataError: if no recent episode has ended.
     """
-    taught = taught_rows(log)
+    delays = delays_of(log, config) if delays is None else delays
+    taught, late = taught_rows(log), delays.get(INSTRUCTOR)
     persons = persons_episodes(log, taught, config) if len(taught) else None
+    if persons:
+        persons = persons.caught_up(delays.get(PERSON))
     if persons and persons.suffice:
         heard, rest, share = [*persons.rest, *persons.best], persons.rest, persons.share([])
-        return TrainingEpisodes(len(log.index), len(taught), persons.best, heard, rest, share)
+        return TrainingEpisodes(len(log.index), len(taught), persons.best, heard, rest, share, delays)
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
-    others = log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES])
-    best = log.read(counted[is_best])
+    others = caught_up(log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES]), late)
+    best = caught_up(log.read(counted[is_best]), late)
     share = len(best) / max(1, np.sum(~is_best))
     some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
     heard = [*others, *(best[row] for row in some)]
     if persons is None:
-        return TrainingEpisodes(len(log.index), len(counted), best, heard, others)
+        return TrainingEpisodes(len(log.index), len(counted), best, heard, others, None, delays)
     share = persons.share(best)
     best = [*best, *share.weight * [*persons.best]]
     heard += share.weight * [*persons.rest, *persons.best]
-    return TrainingEpisodes(len(log.index), len(counted), best, heard, others, share)
+    return TrainingEpisodes(len(log.index), len(counted), best, heard, others, share, delays)
 
 
 def _ranked(log: TrajectoryLog, config: MappingConfig) -> tuple[Array, Array]:
@@ -115,10 +124,11 @@ def horizon_line(steps: int) -> str:
     return f"explains the {next_steps}, as long as movements last here; mapping.horizon_steps sets it"
 
 
-def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:
+def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int, delays: Delays | None = None) -> int:
     """Find the horizon to explain in a log; ``horizon_steps`` itself where that is set.
 
-    The duration of movements (``find_horizon``), at most that of an instruction (``instruction_lasts``).
+    The duration of movements (``find_horizon``), at most that of an instruction (``instruction_lasts``). ``delays`` as
+    in ``read_training_episodes``.
 
     Raises:
         TooLittleDataError: if no recent episode has ended.
@@ -128,7 +138,8 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
     best = log.read(random.permutation(counted[is_best])[:AXIS_EPISODES])
-    heard = log.read(random.permutation(counted)[:AXIS_EPISODES])
+    late = (delays_of(log, config) if delays is None else delays).get(INSTRUCTOR)
+    heard = caught_up(log.read(random.permutation(counted)[:AXIS_EPISODES]), late)
     states = [episode.states for episode in best]
     kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
     steps = find_horizon(states, _instruction_axes(heard, seed, kept, leading_change(states, kept)))

@@ -16,7 +16,7 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.apps.teach.lesson_plan import BYE, SEATED, WORDS_NAMED, LessonPlan
 from ibe_rl.apps.teach.link import TrainerEnd
 from ibe_rl.apps.teach.live_explainer import weights_of
-from ibe_rl.apps.teach.understanding import lesson_summary, not_yet, understood, vocabulary
+from ibe_rl.apps.teach.understanding import lateness_message, lesson_summary, not_yet, understood, vocabulary
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_snapshot_env
@@ -115,7 +115,8 @@ class Classroom(Listener):
     def refreshed(self, event: Refreshed) -> None:
         """Send a new vocabulary."""
         self._link.tell("explainer", event.explainer)
-        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task))
+        late = lateness_message(event.refresh.delays)
+        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task) | {"delay": late})
         self._refresh = event.refresh
         self._link.tell("understood", understood(event.refresh, self._task))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode
 from ibe_rl.view.palette import of_clusters
+from ibe_rl.vocabulary.lateness import PERSON, Delays, in_words
 from ibe_rl.vocabulary.refresh import Refresh
 
 FEW_WINDOWS = 50
@@ -60,7 +62,7 @@ def understood(refresh: Refresh, task: Task) -> str:
     parts = [f"I understand {has}." if known else "I do not understand your words yet."]
     parts += [f"I have not heard {lacks} in good episodes yet."] if rare else []
     parts += [f"I have heard {_listed(unclear)}, but cannot tell what that means."] if unclear and known else []
-    return " ".join([*parts, *lateness(refresh)])
+    return " ".join([*parts, *_lateness(refresh)])
 
 
 def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
@@ -74,9 +76,16 @@ def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
     return [f"{value:+g}" if value else "0" for value in task.instruction_values if of_sign[int(np.sign(value))]]
 
 
-def lateness(refresh: Refresh) -> list[str]:
-    """How late the person is, as one sentence; empty where that is not known."""
-    return []  # helper A's delay: after the merge
+def lateness_message(delays: Delays) -> dict[str, Any] | None:
+    """How late the person is, as a page displays it; None if they have said nothing yet."""
+    late = delays.get(PERSON)
+    return late and {**asdict(late), "text": in_words(PERSON, late)}
+
+
+def _lateness(refresh: Refresh) -> list[str]:
+    """How late the person is, in a sentence; nothing where that is not known."""
+    late = refresh.delays.get(PERSON)
+    return [f"{in_words(PERSON, late).capitalize()}."] if late is not None and late.known and late.steps else []
 
 
 def not_yet(episodes: int, needed: int) -> str:
@@ -124,6 +133,7 @@ def lesson_summary(log: TrajectoryLog, task: Task, refresh: Refresh | None) -> d
             for name in counts
         ],
         "meaning": meaning_lines(mapping.meanings, task) if mapping else [],
+        "delay": lateness_message(refresh.delays) if refresh else None,
         "understood": understood(refresh, task) if refresh else "I have not learnt a vocabulary.",
         "consistency": consistency(spoken),
     }
