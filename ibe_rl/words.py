@@ -101,7 +101,10 @@ class Words(Sequence[Phrases]):
         if not len(given) <= self.slots <= MOST_WORDS:
             raise ConfigError(f"instructor.max_words={slots}: allowed are {len(given)} (its words) to {MOST_WORDS}")
         for one in given:
-            self._entries.append(replace(one, word=self._free(one.word)))
+            try:
+                self._entries.append(replace(one, word=self._free(one.word)))
+            except ConfigError as error:
+                raise ConfigError(f"instructor.words: {error}") from None
 
     @property
     def entries(self) -> tuple[Word, ...]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ibe_rl.config.limits import KEPT, MISSING, TINY, setting
+from ibe_rl.config.own_words import OwnWords
 
 MAX_SEED = 9_999
 DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
@@ -65,15 +66,13 @@ CODE_SETTINGS = (
 
 
 @dataclass
-class EnvConfig:
+class EnvConfig(OwnWords):
     """A gymnasium environment; its task is its own attribute (``ibe_rl.task.Task``) or declared in ``task``."""
 
     id: str = MISSING  # gymnasium id, or module:id to import the module first
     kwargs: dict[str, Any] = field(default_factory=dict)  # passed to the environment's constructor
     task: TaskConfig | None = None
     given: bool = False  # true in the folder of a run whose environment a Python program gave (ibe_rl.settings)
-    words: list[str] = field(default_factory=list)  # those of the instructor, which sets them: instructor.words
-    max_words: int | None = setting(None, low=1, high=12)  # likewise: instructor.max_words
 
 
 @dataclass
@@ -114,14 +113,10 @@ class AgentConfig:
 
 
 @dataclass
-class InstructorConfig:
+class InstructorConfig(OwnWords):
     """What all instructors share."""
 
     kind: str = "oracle"
-    words: list[str] = field(
-        default_factory=list
-    )  # what it says, instead of numbers; the oracle's: of its values in order
-    max_words: int | None = setting(None, low=1, high=12)  # places for words, also later ones; None: as many as words
 
 
 @dataclass
@@ -135,10 +130,7 @@ class ObedienceConfig:
 
 @dataclass
 class MappingConfig:
-    """What all mappings share: the training data, the meaning of the words, and how clusters keep their identity.
-
-    The defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md).
-    """
+    """What all mappings share; the defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md)."""
 
     kind: str = "paper"  # name in summaries and tables
     horizon_steps: int | None = setting(None, low=1)  # None: estimated from the episodes at each refresh

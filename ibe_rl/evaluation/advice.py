@@ -120,7 +120,7 @@ def advice(
         return ["judge more or longer episodes (evaluate.episodes), or make env.task.explained_band smaller"]
     if least.why == NO_MEANING:
         return [ASK_FOR_IT]
-    signs = _check_sign(verdicts, run) if least.level == REVERSED else []
+    signs = _check_sign(verdicts, run) if least.level == REVERSED and run.task.words is None else []
     return [*signs, _compared(run, least), *_horizons(rows, ours, run), ASK_FOR_IT]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.evaluation.moments import Moments, Spoken
-from ibe_rl.ibe.word_meaning import asked_motion
+from ibe_rl.ibe.word_meaning import asked_motion, moves_of
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import estimate, weighted_mean
 from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at
@@ -192,10 +192,12 @@ def score_confidence(probability: Array, true: Array, truth: Truth, known: Array
 
 
 def balance(mapping: Any) -> dict[str, Any]:
-    """Balance of a vocabulary's clusters in size and sign; empty for one without cluster sizes."""
+    """Balance of a vocabulary's clusters in size and, of numbers, in sign; empty for one without cluster sizes."""
     if not len(getattr(mapping, "sizes", ())):
         return {}
     found = {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes))}
+    if moves_of(mapping.meanings) is not None:  # words have no sides
+        return found
     columns = [left_right(column) for column in mapping.expressions.T]
     sides = [{"value": list(column), "low": None, "high": None} for column in columns]
     if len(sides) == 1:

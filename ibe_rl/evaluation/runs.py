@@ -42,6 +42,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Policy
 from ibe_rl.vocabulary.refresh import Saved, load_refresh
 from ibe_rl.vocabulary.training_episodes import settled
+from ibe_rl.vocabulary.words import take_up_words
 
 _RUNS = Path("runs")
 OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
@@ -113,6 +114,7 @@ def load_run(
     config = run_config(folder, env, trusted)
     made = make_env(config.env)
     task = task_of(made)
+    take_up_words(folder, task)
     if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")
     else:

@@ -111,9 +111,8 @@ class Meaning:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         plain = asdict(self) | {"evidence": [asdict(each) for each in self.evidence]}
-        return (
-            plain if self.moves else {name: value for name, value in plain.items() if name not in ("moves", "same_as")}
-        )
+        of_words = () if self.moves else ("moves", "same_as")
+        return {name: value for name, value in plain.items() if name not in of_words}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:

@@ -52,6 +52,7 @@ from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browse
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
+from ibe_rl.vocabulary.words import save_words, take_up_words
 
 
 @contextmanager
@@ -146,6 +147,9 @@ def _begin(
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
         run.metrics, run.notes = list(metrics), notes
+        take_up_words(folder, run.task)
+        if run.task.words is not None:
+            save_words(folder, run.task.words)
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
         columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]

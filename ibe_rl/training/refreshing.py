@@ -64,11 +64,11 @@ def learn_to_predict(run: Run) -> None:
 
 
 def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
-    """How the greedy policy reacts to opposite instructions; None if it cannot be asked.
+    """How the greedy policy reacts to opposite instructions; None if it cannot be asked, as of words.
 
     Each moment is from a different episode, on seeds never trained on.
     """
-    if not asks_policy(run.cfg.predictor) or not len(run.log.index):
+    if run.task.words is not None or not asks_policy(run.cfg.predictor) or not len(run.log.index):
         return None
     first = ASKING_SEED + ASKED_AT * (run.counts.tried + run.counts.skipped)
     typical_steps, seeds = int(np.median(run.log.index["steps"][-200:])), range(first, first + ASKED_AT)

@@ -121,7 +121,7 @@ class VocabularyTracker:
         found = self._asked_for.horizon_steps is None and self.mapping is None
         last = {} if self.mapping is None else {horizon_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions, self.delays)
-        learnt = replace(learnt, horizon_found=found)
+        learnt = replace(learnt, horizon_found=found, word_notices=notices_of(learnt, self.mapping, self._task.words))
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)
@@ -133,8 +133,6 @@ class VocabularyTracker:
             if self._next_id:  # the horizon has changed; ids are never reused
                 learnt = replace(learnt, mapping=replace(learnt.mapping, ids=learnt.mapping.ids + self._next_id))
             learnt = replace(learnt, scores=mean_scores(each), scores_of_numbers=each)
-        if self._task.words is not None:
-            learnt = replace(learnt, word_notices=notices_of(learnt, self.mapping, self._task.words))
         if learnt.taken:
             self.mapping, self.spans = learnt.mapping, learnt.spans
             self._learnt_at, self._actions = learnt.frame, actions

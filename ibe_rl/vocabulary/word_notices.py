@@ -15,15 +15,17 @@ STILL_LIKE = 0.3
 """Correlation of a word's share before and now, over the newest best movements: below, its meaning has changed."""
 
 
-def notices_of(refresh: Refresh, last: ClusterMapping | None, words: Words) -> list[WordNotice]:
+def notices_of(refresh: Refresh, last: ClusterMapping | None, words: Words | None) -> list[WordNotice]:
     """What is to be told about the words of a newly learnt vocabulary.
 
     Args:
         refresh: the newest one.
         last: the vocabulary before; None at the first refresh.
-        words: of the instructor.
+        words: of the instructor; None where it gives numbers, which nothing is noticed of.
     """
     mapping = refresh.mapping
+    if words is None:
+        return []
     found = _nothing_yet(mapping, words)
     found += [
         WordNotice(SAME, pair, f"you use '{words.names[pair[0]]}' and '{words.names[pair[1]]}' alike")

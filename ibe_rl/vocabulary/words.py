@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.storage.run_folder import WORDS, read_json, write_atomically
+from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 from ibe_rl.words import Words
 
@@ -50,6 +51,17 @@ def save_words(folder: Path, words: Words) -> Path:
     text = json.dumps(words.to_dicts(), ensure_ascii=False, indent=1)
     write_atomically(path, lambda stream: stream.write(text.encode()))
     return path
+
+
+def take_up_words(folder: Path, task: Task) -> None:
+    """Let the words of a task be those that a run has by now, where its folder holds any.
+
+    Raises:
+        ConfigError: if the file is damaged.
+    """
+    kept = None if task.words is None else words_of(folder, len(task.words))
+    if task.words is not None and kept is not None:
+        task.words.become(kept)
 
 
 def words_of(folder: Path, slots: int | None = None) -> Words | None:

@@ -14,9 +14,11 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.observer import Observer, carries_on
-from ibe_rl.types import Array, Explanation, Instructor, Moment, Predictor
+from ibe_rl.task import Task
+from ibe_rl.types import Array, Explanation, ExpressionMapping, Instructor, Moment, Predictor
 
 _DIGITS = 4
 
@@ -31,7 +33,7 @@ class SpokenFrames:
     """What is said at consecutive frames.
 
     Attributes:
-        expressions: the first number of each, 0 where nothing is known.
+        expressions: the first number of each, 0 where nothing is known; of words, the movement that they let expect.
         phrases: one a frame.
         known: False where the agent does not know.
     """
@@ -84,18 +86,21 @@ class Speaker:
         }
         if self.paper is not None:
             states[PAPER] = ExplainerState(self.paper, steps, words, {}, self.futures)
-        return {arm: _spoken(put_in_words(paths, state, trusted.reshape(shape))) for arm, state in states.items()}
+        said = {arm: put_in_words(paths, state, trusted.reshape(shape)) for arm, state in states.items()}
+        return {arm: _spoken(said[arm], states[arm].mapping, run.task) for arm in states}
 
     def really(self, deltas: Array) -> SpokenFrames:
         """What its own vocabulary calls real changes ``(N, S)``."""
         expressions = self.run.mapping.express(deltas)
         phrases = phrases_of(expressions, self.run.task.phrases)
-        return SpokenFrames(tuple(expressions[:, 0].tolist()), tuple(phrases.tolist()), (True,) * len(deltas))
+        values = expected_motion(self.run.mapping, expressions, self.run.task.explained)[:, 0]
+        return SpokenFrames(tuple(values.tolist()), tuple(phrases.tolist()), (True,) * len(deltas))
 
 
-def _spoken(said: Sequence[Explanation]) -> SpokenFrames:
+def _spoken(said: Sequence[Explanation], mapping: ExpressionMapping, task: Task) -> SpokenFrames:
+    values = expected_motion(mapping, np.array([one.expression for one in said]), task.explained)[:, 0]
     return SpokenFrames(
-        tuple(float(one.expression[0]) if one.known else 0.0 for one in said),
+        tuple(float(value) if one.known else 0.0 for one, value in zip(said, values, strict=True)),
         tuple(one.said for one in said),
         tuple(one.known for one in said),
     )

@@ -20,6 +20,7 @@ from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.limits import nearest
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.metrics.observer import Observer
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Instructor, Policy
@@ -234,7 +235,8 @@ def phrases_in_order(speaker: Speaker, said: Sequence[dict[str, SpokenFrames]]) 
     order: dict[str, float] = {}
     for mapping in known:
         phrases = phrases_of(mapping.expressions, run.task.phrases).tolist()
-        for phrase, expression in zip(phrases, mapping.expressions[:, 0].tolist(), strict=True):
+        values = expected_motion(mapping, mapping.expressions, run.task.explained)[:, 0].tolist()
+        for phrase, expression in zip(phrases, values, strict=True):
             order.setdefault(phrase, expression)
     for each in said:
         for words in each.values():
