@@ -147,6 +147,7 @@ class Lesson:
                     given=[int(self._given(value, said)) for value, said in self._said],
                     by=[said.by for _, said in self._said],
                     heard=[said.heard for _, said in self._said],
+                    words=[] if self._task.words is None else [told(value, self._task)[1] for value, _ in self._said],
                     marks=[
                         [step, said.wrong.episode, said.wrong.step]
                         for step, (_, said) in enumerate(self._said)

@@ -35,7 +35,7 @@ function showSummary(summary) {
     const figure = document.createElement("figure");
     const surface = document.createElement("canvas");
     const outcome = film.came_true ? "came true" : `it went: “${film.went}”`;
-    figure.append(surface, element("figcaption", `“${film.said}” – ${outcome}`));
+    figure.append(surface, element("figcaption", `“${film.said}”: ${outcome}`));
     films.append(figure);
     play(surface, film);
   }

@@ -79,7 +79,7 @@ def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
 def lateness_message(delays: Delays) -> dict[str, Any] | None:
     """How late the person is, as a page displays it; None if they have said nothing yet."""
     late = delays.get(PERSON)
-    return late and {**asdict(late), "text": in_words(PERSON, late)}
+    return None if late is None else {**asdict(late), "text": in_words(PERSON, late)}
 
 
 def _lateness(refresh: Refresh) -> list[str]:

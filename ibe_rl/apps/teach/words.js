@@ -30,7 +30,7 @@ function makeButtons() {
 function makeNames() {
   const words = choices();
   const fields = now.words.words.length < now.words.most ? [...words, ""] : words;
-  at("naming").hidden = at("typing").hidden = false;
+  at("wording").hidden = false;
   if (at("names").contains(document.activeElement)) document.activeElement.blur();
   at("names").replaceChildren(...fields.map((word, slot) => {
     const field = document.createElement("input");
@@ -52,14 +52,14 @@ let typedCount = 0;
 
 at("typing").addEventListener("submit", (event) => {
   event.preventDefault();
-  const text = at("typed").value.trim();
+  const text = at("typed").value.normalize("NFC").trim().replace(/\s+/g, " ");
   if (!text) return;
   at("typed").value = "";
   const alike = (word) => word.normalize("NFKC").toLowerCase() === text.normalize("NFKC").toLowerCase();
   const known = choices().find(alike);
   if (known === undefined) send({ kind: "name", slot: choices().length, word: text });
   const source = `typed ${(typedCount += 1)}`;
-  say.press(source, known === undefined ? text.normalize("NFC") : known);
+  say.press(source, known === undefined ? text : known);
   setTimeout(() => say.release(source), TYPED_HOLDS_MS);
 });
 
@@ -87,7 +87,7 @@ let outcomeAt = -OUTCOME_SHOWN_MS;
 Object.assign(hear, {
   words(message) {
     now.words = message;
-    say.releaseAll();
+    for (const one of [...held]) if (!message.words.includes(one.value)) say.release(one.source); // renamed
     makeButtons();
     makeNames();
   },
@@ -96,7 +96,7 @@ Object.assign(hear, {
     outcomeAt = performance.now();
     now.outcome = message;
     const went = message.came_true ? "came true" : `it went: “${message.went}”`;
-    at("came").textContent = `it said “${message.said}” – ${went}`;
+    at("came").textContent = `it said “${message.said}”: ${went}`;
     at("outcome").hidden = false;
     at("outcome").className = message.came_true ? "tag true" : "tag";
     at("wrong").textContent = "that was wrong";
