@@ -27,6 +27,12 @@ MOVES = """(() => {
   const last = trail.slice(-8);
   return last.length < 8 ? 0 : (last.at(-1)[0] - last[0][0]) / now.scene.size[0];
 })()"""
+LISTEN = """() => {
+  const before = hear.explanation;
+  lesson.heard = [];
+  hear.explanation = (one) => { lesson.heard.push(one.said); before(one); };
+}"""
+LEARNT = "lesson.now.vocabulary !== null && lesson.heard.length > 12 && lesson.now.outcome !== null"
 
 
 def teach(page: Page, until_true: str, seconds: float = 150.0) -> None:
@@ -51,10 +57,8 @@ def lesson(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, set[str], se
     folder = tmp_path_factory.mktemp("words") / "run"
     with taught(folder, *SETTINGS) as training, browsing() as browser:
         page = opened(browser, training.address)
-        page.evaluate(
-            "() => { lesson.heard = []; const before = hear.explanation; hear.explanation = (one) => { lesson.heard.push(one.said); before(one); }; }"
-        )
-        teach(page, "lesson.now.vocabulary !== null && lesson.heard.length > 12 && lesson.now.outcome !== null")
+        page.evaluate(LISTEN)
+        teach(page, LEARNT)
         before = set(page.evaluate("lesson.heard"))
         page.click("#wrong")
         page.click("#naming summary")

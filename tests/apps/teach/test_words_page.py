@@ -1,4 +1,4 @@
-"""The page with words of one's own, its outcomes and its summary, in a real browser before a server without training."""
+"""The page with words of one's own, its outcomes and its summary, in a real browser; nothing trains beside it."""
 
 from __future__ import annotations
 
@@ -50,9 +50,7 @@ def page(browser: Browser, room: Room) -> Iterator[Page]:
     room.server.post("scene", {"episode": 0, "size": [600, 400], "background": []})
     opened = browser.new_page(viewport={"width": 1280, "height": 720})
     opened.goto(f"http://{HOST}:{room.port}/")
-    until(
-        opened, "lesson.connected && lesson.now.words !== null && lesson.now.scene !== null && lesson.now.seat !== null"
-    )
+    until(opened, "lesson.connected && lesson.now.words && lesson.now.scene && lesson.now.seat")
     yield opened
     opened.close()
 
@@ -132,7 +130,7 @@ def test_a_typed_text_is_a_word(page: Page, room: Room):
 def test_what_became_of_an_explanation_and_that_it_was_wrong(page: Page, room: Room):
     room.server.post("outcome", {"episode": 0, "step": 3, "said": "links", "went": "halt", "came_true": False})
     until(page, "!document.getElementById('outcome').hidden")
-    assert page.inner_text("#came") == "it said “links” – it went: “halt”"
+    assert page.inner_text("#came") == "it said “links”: it went: “halt”"
     page.click("#wrong")
     until(page, "document.getElementById('wrong').textContent === 'noted'")
     marks: list[Wrong | None] = []
@@ -154,8 +152,11 @@ def test_what_it_would_do_if_it_were_told_otherwise(page: Page, room: Room):
     until(page, "document.getElementById('instruction').textContent === 'you say links'")
     assert page.locator("#shares li").count() == 3
     assert page.locator("#gauge").is_hidden()
-    painted = """() => { const canvas = document.getElementById("canvas");
-      return canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height / 2).data.some((one) => one > 0); }"""
+    painted = """() => {
+      const canvas = document.getElementById("canvas");
+      const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height / 2).data;
+      return pixels.some((one) => one > 0);
+    }"""
     until(page, f"({painted})()")
 
 
