@@ -34,6 +34,7 @@ class RecordedEpisode:
         heard: per step the page's number of the newest key press or release that took effect.
         marks: explanations that the person calls wrong: step of this episode at which that was heard, episode and step
             of the explanation.
+        words: per step the word that was said, None in silence; empty where instructions are numbers.
     """
 
     episode: int
@@ -42,6 +43,7 @@ class RecordedEpisode:
     by: Sequence[str]
     heard: Sequence[int]
     marks: Sequence[Sequence[int]] = field(default_factory=list)
+    words: Sequence[str | None] = field(default_factory=list)
 
 
 class LessonWriter:
@@ -76,7 +78,7 @@ def read_lesson(path: Path, instruction_size: int) -> list[RecordedEpisode]:
 def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
     try:
         episode = RecordedEpisode(**json.loads(line))
-        wrong = _wrong(episode, number, size) or _wrong_marks(episode.marks, number, len(episode.by))
+        wrong = _wrong(episode, number, size) or _wrong_marks(episode, number)
     except (ValueError, TypeError, RecursionError):
         wrong = NO_EPISODE
     if wrong:
@@ -104,8 +106,11 @@ def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
     return None
 
 
-def _wrong_marks(marks: Any, number: int, steps: int) -> str | None:
-    """What is wrong with the marks of an episode, or None; may raise TypeError."""
+def _wrong_marks(recorded: RecordedEpisode, number: int) -> str | None:
+    """What is wrong with the marks and words of an episode, or None; may raise TypeError."""
+    marks, steps = recorded.marks, len(recorded.by)
+    if len(recorded.words) not in (0, steps) or not all(one is None or type(one) is str for one in recorded.words):
+        return "words are not one for each step, or null"
     whole = all(len(one) == 3 and all(type(part) is int for part in one) for one in marks)
     fits = whole and all(
         0 <= at < steps and episode in (number - 1, number) and 0 <= step <= MOST_STEPS for at, episode, step in marks

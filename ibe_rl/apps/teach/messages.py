@@ -11,6 +11,7 @@ MAX_BYTES = 512
 """Longer messages are refused."""
 MAX_COUNT = 2**53
 """The largest number that a page can count to."""
+LONGEST_TEXT = 200
 SPEEDS = (0.05, 1_000.0)
 
 
@@ -20,11 +21,11 @@ class BadMessageError(ValueError):
 
 @dataclass(frozen=True)
 class Press:
-    """The person instructs ``value`` until released, in the episode that they see."""
+    """The person instructs ``value``, a number or a word, until released, in the episode that they see."""
 
     sequence: int
     episode: int
-    value: float
+    value: float | str
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,15 @@ class Wrong:
     step: int
 
 
-Message = Press | Release | Pause | Speed | HandOver | Sit | Wrong
+@dataclass(frozen=True)
+class Name:
+    """The person renames the word of a slot, or adds one in the first free slot."""
+
+    slot: int
+    word: str
+
+
+Message = Press | Release | Pause | Speed | HandOver | Sit | Wrong | Name
 
 
 def parse(text: str | bytes) -> Message:
@@ -113,8 +122,14 @@ def _number(name: str, value: Any, low: float, high: float) -> float:
     return float(value)
 
 
-def _value(name: str, value: Any) -> float:
-    return _number(name, value, -1.0, 1.0)
+def _text(name: str, value: Any) -> str:
+    if type(value) is not str or len(value) > LONGEST_TEXT:
+        raise BadMessageError(f"{name} is not a text of at most {LONGEST_TEXT} characters")
+    return value
+
+
+def _value(name: str, value: Any) -> float | str:
+    return _text(name, value) if type(value) is str else _number(name, value, -1.0, 1.0)
 
 
 def _times(name: str, value: Any) -> float | None:
@@ -129,4 +144,5 @@ KINDS: dict[str, tuple[Callable[..., Message], dict[str, Callable[[str, Any], An
     "oracle": (HandOver, {"on": _flag}),
     "sit": (Sit, {}),
     "wrong": (Wrong, {"episode": _count, "step": _count}),
+    "name": (Name, {"slot": _count, "word": _text}),
 }

@@ -9,7 +9,9 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed, Wrong
+from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
+from ibe_rl.types import ConfigError
+from ibe_rl.words import Words
 
 ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN_VALUE = "accepted", "watching", "repeated", "past", "unknown value"
 """The result of a message; all but the first change nothing."""
@@ -22,7 +24,7 @@ class Said:
     """The instruction at one step.
 
     Attributes:
-        value: the instruction, None if there is none or the rule is asked.
+        value: the instruction, of words the slot; None if there is none or the rule is asked.
         by: one of ``PERSON``, ``HELD``, ``ORACLE``, ``NOBODY``.
         heard: number of the newest press or release that it includes, 0 before the first.
         wrong: an explanation that the person has called wrong since the last step.
@@ -51,17 +53,20 @@ class TeachingSession:
     each step until its release, and to at least one step. Of two presses between two steps the later one applies.
 
     Args:
-        values: the possible instructions.
+        values: the possible instructions, where these are numbers.
         hold_steps: how long an instruction lasts after its release, within the episode; None until its end.
         speed: initial speed.
+        words: the possible instructions, where these are words; a page may rename them and add some.
 
     Attributes:
         changed: condition notified whenever the pace may have changed.
     """
 
-    def __init__(self, values: Sequence[float], hold_steps: int | None, speed: float | None):
+    def __init__(
+        self, values: Sequence[float], hold_steps: int | None, speed: float | None, words: Words | None = None
+    ):
         self.changed = threading.Condition()
-        self._values, self._hold_steps = tuple(values), hold_steps
+        self._values, self._hold_steps, self.words = tuple(values), hold_steps, words
         self._controls = Controls(paused=False, speed=speed, oracle=False)
         self._present: dict[int, int] = {}  # each page and the number of its newest press or release
         self._chair: int | None = None
@@ -124,6 +129,8 @@ class TeachingSession:
                 return self._set_instruction(page, message)
             if isinstance(message, Wrong):
                 return self._mark(message)
+            if isinstance(message, Name):
+                return self._name(message)
             self._control(message)
             return ACCEPTED
 
@@ -161,16 +168,35 @@ class TeachingSession:
     def _set_instruction(self, page: int, message: Press | Release) -> str:
         if message.sequence <= self._present[page]:
             return REPEATED
-        if isinstance(message, Press) and message.value not in self._values:
+        value = self._value_of(message.value) if isinstance(message, Press) else None
+        if isinstance(message, Press) and value is None:
             return UNKNOWN_VALUE
         self._present[page] = message.sequence
         if message.episode != self._episode:
             return PAST
         if isinstance(message, Press):
-            self._pressed, self._down, self._taken = message.value, True, False
+            self._pressed, self._down, self._taken = value, True, False
         else:
             self._down = False
             self._pressed = None if self._taken else self._pressed
+        return ACCEPTED
+
+    def _value_of(self, said: float | str) -> float | None:
+        """The instruction of a press; None if it is not one of the possible ones."""
+        if self.words is not None:
+            return self.words.slot_of(said) if isinstance(said, str) else None
+        return said if not isinstance(said, str) and said in self._values else None
+
+    def _name(self, message: Name) -> str:
+        if self.words is None:
+            return "instructions are numbers here, and have no names"
+        try:
+            if message.slot < len(self.words.names):
+                self.words.rename(message.slot, message.word)
+            else:
+                self.words.add(message.word)
+        except ConfigError as error:
+            return str(error)
         return ACCEPTED
 
     def _mark(self, message: Wrong) -> str:

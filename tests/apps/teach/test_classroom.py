@@ -25,13 +25,13 @@ from ibe_rl.apps.teach import classroom
 from ibe_rl.apps.teach.classroom import (
     PORT,
     Classroom,
-    LessonPlan,
     choose_port,
     open_classroom,
     page_invitation,
-    vocabulary,
 )
 from ibe_rl.apps.teach.lesson import Lesson, Stage
+from ibe_rl.apps.teach.lesson_plan import LessonPlan
+from ibe_rl.apps.teach.understanding import vocabulary
 from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.instructed_envs import make_vector_env

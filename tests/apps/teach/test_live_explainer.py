@@ -20,6 +20,8 @@ from ibe_rl.types import CANNOT_TELL, Explanation, Moment
 
 OBSERVATIONS = np.random.default_rng(0).normal(size=(200, LANDER_TASK.observation_size)).astype(np.float32)
 
+WITHOUT_SCENE = replace(LANDER_TASK, scene_path=None)
+
 
 @pytest.fixture(scope="module")
 def moment() -> Moment:
@@ -160,13 +162,12 @@ def test_what_is_told_is_json_and_says_it_all(moment: Moment):
     speaker, _ = speaks()
     speaker.speak_with(explainer_state())
     said = speaker.say(moment)
-    assert LANDER_TASK.scene_path is not None
-    shown = json.loads(json.dumps(explanation_fields(said, LANDER_TASK.scene_path(said.path)), allow_nan=False))
+    shown = json.loads(json.dumps(explanation_fields(said, LANDER_TASK), allow_nan=False))
     assert shown["expression"] == said.expression[0]
     assert shown["said"] == said.said
     assert shown["horizon_steps"] == HORIZON_STEPS
     assert np.shape(shown["path"]) == (HORIZON_STEPS + 1, 2)
-    assert explanation_fields(said, None)["path"] is None
+    assert explanation_fields(said, WITHOUT_SCENE)["path"] is None
 
 
 def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
@@ -174,7 +175,7 @@ def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
     features = np.random.default_rng(0).uniform(size=(50, 2))
     calibration = Calibration.fit(features, features[:, 0] > 0.5, CONFIDENCE_FEATURES)
     speaker.speak_with(replace(explainer_state(), calibration=calibration, min_confidence=1.1))
-    shown = explanation_fields(speaker.say(moment), None)
+    shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     json.dumps(shown, allow_nan=False)
     assert (shown["known"], type(shown["known"])) == (False, bool)
     assert shown["said"] == "I do not know"
@@ -186,7 +187,7 @@ def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: 
     assert isinstance(known, ClusterMapping)
     unknown = replace(known, meanings=(Meaning(negative=False, positive=False),))
     speaker.speak_with(replace(explainer_state(), mapping=unknown))
-    shown = explanation_fields(speaker.say(moment), None)
+    shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     assert (shown["said"], shown["in_time"]) == (CANNOT_TELL, CANNOT_TELL)
     assert (shown["meant"], shown["expression"], shown["confidence"]) == (False, None, None)
 
@@ -194,5 +195,5 @@ def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: 
 def test_a_confidence_that_is_no_probability_is_not_shown(moment: Moment):
     speaker, _ = speaks()
     speaker.speak_with(explainer_state())
-    shown = explanation_fields(speaker.say(moment), None)
+    shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     assert (shown["meant"], shown["confidence"]) == (True, None)
