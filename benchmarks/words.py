@@ -18,17 +18,19 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from benchmarks.robustness import fly
-from ibe_rl.config.settings import MappingConfig
+from ibe_rl.collect.rollout import play
+from ibe_rl.config.settings import InstructorConfig, MappingConfig
 from ibe_rl.envs.lander_task import LANDER_TASK
 from ibe_rl.envs.lander_words_task import FASTER, HOLD, LANDER_WORDS_TASK, LEFT, RIGHT, SLOWER
 from ibe_rl.envs.worded import worded
-from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.refit import Refits
+from ibe_rl.evaluation.rollouts import seeds_for
 from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.ibe.delay import find_delay
+from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.ibe.word_meaning import expected_motion, top_words
+from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics.bootstrap import weighted_f1
 from ibe_rl.metrics.quality import direction, motion_auc, phrases_of
@@ -39,6 +41,7 @@ from ibe_rl.vocabulary.fitting import fit_mapping
 from ibe_rl.vocabulary.lateness import caught_up
 
 console = Console(highlight=False)
+STRIDE_STEPS, ENVS = 4, 50
 RESULTS = Path(__file__).parent / "words.json"
 FLAWS = {
     "": FlawedConfig(),
@@ -104,27 +107,32 @@ def judged(mapping: ExpressionMapping, delta: Array, task: Task, truth: Truth) -
     }
 
 
-def measure(run: TrainedRun, moments: Moments, seed: int) -> list[dict[str, Any]]:
-    """All languages and flaws on the log of one run."""
-    refits, rows = Refits(run, seed), []
-    own: MappingConfig = run.config.mapping
-    paper = IBEConfig(horizon_steps=run.horizon_steps)
-    real = moments.realised[:, moments.at(run.horizon_steps)].astype(float)
-    for language, (task, truth) in LANGUAGES.items():
-        for flaw, flaws in FLAWS.items():
-            row: dict[str, Any] = {"run": run.folder.name, "language": language, "flaw": flaw}
-            for name, config in {"ours": own, "paper": paper}.items():
-                lessons = refits.lessons(config)
-                best, heard = (told(part, task, flaws, seed) for part in (lessons.best, lessons.heard))
-                if name == "ours":
-                    delay = find_delay(heard)
-                    row["delay_steps"] = delay.steps
-                    best, heard = caught_up(best, delay), caught_up(heard, delay)
-                mapping = fit_mapping(best, heard, config, task, seed, horizon_steps=run.horizon_steps)
-                row[name] = judged(mapping, real, task, truth)
-            console.print(row)
-            rows.append(row)
-    return rows
+def real_changes(run: TrainedRun, episodes: int) -> Array:
+    """Changes ``(N, S)`` of the state over the horizon, at moments of greedy episodes that are not in the log."""
+    envs = [run.make_env() for _ in range(min(ENVS, episodes))]
+    flown = play(
+        envs, run.policy, make_instructor(InstructorConfig("oracle"), run.task), seeds_for("judged", 0, episodes)
+    )
+    windows = cut_windows(flown, run.horizon_steps, "clamp")
+    return np.asarray(windows.delta[windows.step % STRIDE_STEPS == 0], float)
+
+
+def measure(run: TrainedRun, real: Array, language: str, flaw: str, seed: int) -> dict[str, Any]:
+    """One language and flaw on the log of one run."""
+    refits, (task, truth), flaws = Refits(run, seed), LANGUAGES[language], FLAWS[flaw]
+    paper: MappingConfig = IBEConfig(horizon_steps=run.horizon_steps)
+    row: dict[str, Any] = {"run": run.folder.name, "language": language, "flaw": flaw}
+    for name, config in {"ours": run.config.mapping, "paper": paper}.items():
+        lessons = refits.lessons(config)
+        best, heard = (told(part, task, flaws, seed) for part in (lessons.best, lessons.heard))
+        if name == "ours":
+            delay = find_delay(heard)
+            row["delay_steps"] = delay.steps
+            best, heard = caught_up(best, delay), caught_up(heard, delay)
+        mapping = fit_mapping(best, heard, config, task, seed, horizon_steps=run.horizon_steps)
+        row[name] = judged(mapping, real, task, truth)
+    console.print(row)
+    return row
 
 
 def report(rows: Sequence[dict[str, Any]]) -> str:
@@ -136,6 +144,8 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
     for language in LANGUAGES:
         for flaw in FLAWS:
             here = [row for row in rows if (row["language"], row["flaw"]) == (language, flaw)]
+            if not here:
+                continue
             ours, paper = ([row[name] for row in here] for name in ("ours", "paper"))
             cells = [_least([one["f1"] for one in ours]), _least([one["f1"] for one in paper])]
             cells += [_aucs(ours), _aucs(paper), ", ".join(str(row["delay_steps"]) for row in here)]
@@ -160,10 +170,12 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.runs:
         rows = []
-        for seed, folder in enumerate(asked.runs):
-            run = load_run(folder)
-            rows += measure(run, fly(run, asked.episodes), seed)
-        write_json(RESULTS, {"rows": rows})
+        runs = [load_run(folder) for folder in asked.runs]
+        real = [real_changes(run, asked.episodes) for run in runs]
+        for flaw in FLAWS:
+            for language in LANGUAGES:
+                rows += [measure(run, real[seed], language, flaw, seed) for seed, run in enumerate(runs)]
+                write_json(RESULTS, {"rows": rows})
     console.print(report(read_json(RESULTS)["rows"]), soft_wrap=True)
 
 
