@@ -151,5 +151,7 @@ def together(names: Sequence[str], answers: Sequence[str]) -> str:
     >>> together(["left", "right", "up"], ["left", "down", "left"])
     'told left or up: left; told right: down'
     """
+    if len(set(answers)) == 1:
+        return f"whatever it is told: {answers[0]}"
     told_for = {answer: [name for name, one in zip(names, answers, strict=True) if one == answer] for answer in answers}
     return "; ".join(f"told {' or '.join(values)}: {answer}" for answer, values in told_for.items())
