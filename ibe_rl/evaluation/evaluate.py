@@ -185,6 +185,8 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     for line in lines_of(quality["verdict"]["text"], quality["verdict"]["advice"]):
         console.print(line, markup=False, soft_wrap=True)
+    if "instructed_by" in about:
+        console.print(f"The instructions (m*) are {about['instructed_by']}, not the rule's.", soft_wrap=True)
     console.print()
     title = (
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "

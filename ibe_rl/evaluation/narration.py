@@ -15,7 +15,7 @@ from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.told_otherwise import answers_table, listening_line
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import TrainedRun, instructed_by
 from ibe_rl.explain.explainer import ExplainerState, explain
 from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe.meaning_lines import meaning_lines
@@ -113,6 +113,8 @@ def print_narration(
     verdicts = verdicts_of(episode_scores(watched.episode, said, run.task, run.mapping), run.mapping.meanings, run.task)
     console = console or PlainConsole()
     console.width = max(console.width, 120)
+    if by := instructed_by(run):
+        console.print(f"The instructions (m*) are {by}, not the rule's.")
     for line in _opening(run, verdicts):
         console.print(line)
     _print_table(run, watched, said, true, console)

@@ -13,7 +13,7 @@ import numpy as np
 from ibe_rl.config.limits import MISSING
 from ibe_rl.config.settings import CollectConfig
 from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, habits_stand_in
-from ibe_rl.instructors.taught import NOT_TAUGHT, SPEAKERS, Told, told_of
+from ibe_rl.instructors.taught import MARKED_BEFORE, NOT_TAUGHT, SPEAKERS, Told, told_of
 from ibe_rl.storage.run_folder import LESSON, REPLACED, WORDS
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
@@ -113,9 +113,10 @@ def _wrong_marks(recorded: RecordedEpisode, number: int) -> str | None:
         return "words are not one for each step, or null"
     whole = all(len(one) == 3 and all(type(part) is int for part in one) for one in marks)
     fits = whole and all(
-        0 <= at < steps and episode in (number - 1, number) and 0 <= step <= MOST_STEPS for at, episode, step in marks
+        0 <= at < steps and max(0, number - MARKED_BEFORE) <= episode <= number and 0 <= step <= MOST_STEPS
+        for at, episode, step in marks
     )
-    return None if fits else "marks are not [step, this episode or the one before, step of it]"
+    return None if fits else f"marks are not [step, this episode or one of {MARKED_BEFORE} before, step of it]"
 
 
 def _in_range(value: Any) -> bool:

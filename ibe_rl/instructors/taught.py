@@ -14,7 +14,9 @@ SPEAKERS = ("person", "held", "oracle", "nobody")
 """Source of the instruction at a step: "held" is the person's earlier one still in force, "oracle" the rule."""
 Told = tuple[int, int, int]
 """Numbers of a step in the log: who spoke (0: another environment), and a mark: in which episode (0: no mark, 1: this
-one, 2: the one before) and at which of its steps the explanation was made that the person calls wrong."""
+one, 2: the one before, ...) and at which of its steps the explanation was made that the person calls wrong."""
+MARKED_BEFORE = 10
+"""So many episodes back can still be marked: they are short, and people take their time."""
 NOT_TAUGHT: Told = (0, 0, 0)
 
 

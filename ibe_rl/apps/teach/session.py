@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
+from ibe_rl.instructors.taught import MARKED_BEFORE
 from ibe_rl.types import ConfigError
 from ibe_rl.words import Words
 
@@ -138,7 +139,7 @@ class TeachingSession:
         """Begin an episode, without an instruction."""
         with self.changed:
             self._episode = episode
-            self._wrong = [one for one in self._wrong if one.episode >= episode - 1]
+            self._wrong = [one for one in self._wrong if one.episode >= episode - MARKED_BEFORE]
             self._silence()
 
     def take(self) -> Said:
@@ -200,7 +201,7 @@ class TeachingSession:
         return ACCEPTED
 
     def _mark(self, message: Wrong) -> str:
-        if message.episode not in (self._episode - 1, self._episode):
+        if not self._episode - MARKED_BEFORE <= message.episode <= self._episode:
             return PAST
         if message not in self._wrong:
             self._wrong.append(message)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -26,6 +27,7 @@ from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
+from ibe_rl.words import Words
 
 PAGE = 1
 HORIZON_STEPS = 5
@@ -60,8 +62,8 @@ class Script:
 class Watching(TeachingSession):
     """A desk that remembers what was taken from it."""
 
-    def __init__(self, hold_steps: int | None = 0):
-        super().__init__(LANDER_TASK.instruction_values, hold_steps, speed=1.0)
+    def __init__(self, hold_steps: int | None = 0, words: Words | None = None):
+        super().__init__(LANDER_TASK.instruction_values, hold_steps, speed=1.0, words=words)
         self.taken: list[Said] = []
 
     def take(self) -> Said:
@@ -72,10 +74,20 @@ class Watching(TeachingSession):
 class Theatre:
     """A lesson on the lander, with a page that instructs."""
 
-    def __init__(self, folder: Path, hold_steps: int | None = 0, seed: int = 3, speaker: LiveExplainer | None = None):
-        self.record, self.pages, self.desk = folder / "lesson.jsonl", Pages(), Watching(hold_steps)
+    def __init__(
+        self,
+        folder: Path,
+        hold_steps: int | None = 0,
+        seed: int = 3,
+        speaker: LiveExplainer | None = None,
+        words: Words | None = None,
+    ):
+        self.record, self.pages, self.desk = folder / "lesson.jsonl", Pages(), Watching(hold_steps, words)
         self.desk.join(PAGE)
-        self.clock, self.stage = Script(self.desk), Stage(make_lander())
+        game = make_lander()
+        if words is not None:
+            game.task = replace(LANDER_TASK, phrases=words)  # type: ignore[attr-defined]  # the outermost one is read
+        self.clock, self.stage = Script(self.desk), Stage(game)
         self.stage.reset(seed=seed)
         self.speaker = speaker or speaks()[0]
         server, clock = cast(Server, self.pages), cast(Clock, self.clock)
