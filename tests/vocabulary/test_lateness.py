@@ -22,7 +22,8 @@ from ibe_rl.vocabulary.lateness import (
     in_words,
     of_first,
 )
-from ibe_rl.vocabulary.tracker import VocabularyTracker, figures
+from ibe_rl.vocabulary.refresh_columns import figures
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 from ibe_rl.vocabulary.training_episodes import read_training_episodes
 
 PERSON_SPEAKS, OTHERS = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1)), np.zeros((STEPS, 3), np.int32)

@@ -6,7 +6,8 @@ from by_hand import TASK, config, defy, obey, race, stay
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS, VocabularyTracker, figures
+from ibe_rl.vocabulary.refresh_columns import REFRESH_COLUMNS, figures
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement")
