@@ -118,10 +118,11 @@ def advice(
         return []
     if least.why == NOT_MEASURED:
         return ["judge more or longer episodes (evaluate.episodes), or make env.task.explained_band smaller"]
+    ask = [] if run.task.words is not None else [ASK_FOR_IT]  # which compares numbers
     if least.why == NO_MEANING:
-        return [ASK_FOR_IT]
+        return ask
     signs = _check_sign(verdicts, run) if least.level == REVERSED and run.task.words is None else []
-    return [*signs, _compared(run, least), *_horizons(rows, ours, run), ASK_FOR_IT]
+    return [*signs, _compared(run, least), *_horizons(rows, ours, run), *ask]
 
 
 def _check_sign(verdicts: Sequence[Verdict], run: TrainedRun) -> list[str]:

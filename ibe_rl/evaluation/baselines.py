@@ -99,12 +99,17 @@ def forecasts(regressors: Sequence[StateRegressor], states: Array) -> Array:
 
 
 def cheap_baselines(
-    moments: Moments, horizon_steps: int, task: Task, regressors: Sequence[StateRegressor], instruction: Array
+    moments: Moments,
+    horizon_steps: int,
+    task: Task,
+    regressors: Sequence[StateRegressor],
+    instruction: Array | None = None,
 ) -> dict[str, Array]:
     """Statements ``(N, d)`` of each baseline without a simulator; those that the task does not support are missing.
 
-    ``instruction`` ``(N, d)`` is the last one, of words the directions that they ask for.
+    ``instruction`` ``(N, d)`` is the last one, of words the directions that they ask for; None: that of the moments.
     """
+    instruction = moments.instruction if instruction is None else instruction
     states = moments.state
     said = {
         "last_instruction": instruction,

@@ -141,7 +141,7 @@ def _score(name: str, spoken: Spoken, mapping: ExpressionMapping, task: Task, tr
     scores = score(Statements(name, said, said, truth, spoken), own)
     if task.words is None:
         return scores
-    return scores | {"word_f1": word_f1(spoken.word, spoken.real_word, len(task.words), truth.weights)}
+    return scores | {"word_f1": word_f1(spoken.word, spoken.real_word, spoken.told_word, truth.weights)}
 
 
 def rows_of(judged: Judged) -> list[dict[str, Any]]:

@@ -104,6 +104,7 @@ class Spoken:
         first_known: ``(N,)`` the same of the first future's phrase.
         word: ``(N,)`` of words, the slot of the one that fits the first future best.
         real_word: ``(N,)`` the same of the real change.
+        told_word: ``(N,)`` the same of the instruction.
     """
 
     expression: Array
@@ -118,6 +119,7 @@ class Spoken:
     first_known: Array
     word: Array
     real_word: Array
+    told_word: Array
 
     @property
     def features(self) -> Array:

@@ -36,6 +36,7 @@ def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, word
         first_known=mapping.knows(predicted[:, 0]),
         word=top_words(first),
         real_word=top_words(realised),
+        told_word=top_words(moments.instruction),
     )
 
 

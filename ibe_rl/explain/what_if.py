@@ -49,7 +49,9 @@ class Asking:
 
 
 def values_of(task: Task) -> dict[str, Array]:
-    """The values that an environment declares, called by its own phrases."""
+    """The values that an environment declares, called by its own phrases; or the words of whoever teaches."""
+    if task.words is not None:
+        return {word: task.words.one_hot(slot) for slot, word in enumerate(task.words.names)}
     each, numbers = task.instruction_values, task.instruction_size
     rows = [*product(each, repeat=numbers)] if len(each) ** numbers <= MOST_VALUES else _one_at_a_time(each, numbers)
     values = [np.array(row, np.float32) for row in rows]
@@ -149,5 +151,7 @@ def together(names: Sequence[str], answers: Sequence[str]) -> str:
     >>> together(["left", "right", "up"], ["left", "down", "left"])
     'told left or up: left; told right: down'
     """
+    if len(set(answers)) == 1:
+        return f"whatever it is told: {answers[0]}"
     told_for = {answer: [name for name, one in zip(names, answers, strict=True) if one == answer] for answer in answers}
     return "; ".join(f"told {' or '.join(values)}: {answer}" for answer, values in told_for.items())

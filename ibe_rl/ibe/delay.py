@@ -35,7 +35,7 @@ PARSIMONY = 0.02
 MIN_INFORMATION, MIN_CHANGES, MIN_STEPS = 0.02, 10, 200
 """Nats a step that the state must tell of what was said, its changes, and steps: with less the log does not tell."""
 LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 3, 20, 5
-"""Fewer steps count as none. A wider interval is no answer, nor are states so far ahead, which followed what was said."""
+"""Fewer steps count as none. A wider interval is no answer, nor are states so far ahead: they are consequences."""
 RESAMPLES, INTERVAL_PERCENTILES = 200, (2.5, 97.5)
 MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 300, 2_500, 5_000
 TRIED, CLIMBS = 4, 3

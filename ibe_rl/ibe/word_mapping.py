@@ -18,10 +18,12 @@ from ibe_rl.ibe.split import count_distinct, split
 from ibe_rl.ibe.word_meaning import MIN_HEARD, auc_of, balanced_shares, word_meanings
 from ibe_rl.types import Array
 
-LEAST_SINGULAR = 0.05
-"""Of an axis, relative to the first one: smaller ones are noise."""
-BOTH_WAYS = 0.02
-"""Standard deviations that a dimension must move up after one word and down after another to count as a consequence."""
+TINY_SINGULAR = 1e-3
+"""Of an axis, relative to the first one: smaller ones are rounding."""
+LOSS = 0.025
+"""Balanced accuracy that leaving out further axes may cost."""
+SAME_WAY = 0.02
+"""A dimension that moves by so many standard deviations the same way after every word is no consequence of them."""
 GAIN = 0.1
 """Balanced accuracy above chance from which words depend on the state."""
 ALIKE_AUC = 0.6
@@ -130,22 +132,39 @@ def word_axes(
         TooLittleDataError: if no movement goes with the words.
     """
     spread = delta.std(axis=0)
-    found = _axes_of_states(states[often[heard]], heard[often[heard]], seed)
-    if found is None:
-        some = rows[often[said[rows]]]
+    some = rows[often[said[rows]]]
+    weights = _axes_of_states(states[often[heard]], heard[often[heard]], seed)
+    if weights is None:
         weights = _regression(delta[some] / np.where(spread > 0, spread, 1), said[some], seed)[0]
         weights = weights / np.where(spread > 0, spread, 1)
     else:
-        both = _both_ways(delta, said, often, spread)
-        weights = found * both if np.any(found * both * kept) else found
+        moved = _consequences(delta, said, often, spread)
+        weights = weights * moved if np.any(weights * moved * kept) else weights
     weights = (weights - weights.mean(axis=0)) * kept
     _, strength, directions = np.linalg.svd(weights * spread, full_matrices=False)
-    count = int((strength > LEAST_SINGULAR * strength[0]).sum()) if strength[0] > 0 else 0
+    count = int((strength > TINY_SINGULAR * strength[0]).sum()) if strength[0] > 0 else 0
     if not count:
         raise TooLittleDataError("no movement goes with the words")
     axes = directions[:count].T / np.where(spread > 0, spread, np.inf)[:, None]
+    axes = axes[:, : _needed(delta[some] @ axes, said[some], seed)]
     usual: Array = (delta @ axes).std(axis=0)
     return axes / np.where(usual > 0, usual, 1)
+
+
+def _needed(places: Array, words: Array, seed: int) -> int:
+    """How many of the axes, the first ones, are needed to tell the words apart by the movement as well as with all.
+
+    Args:
+        places: ``(N, P)`` movements along all axes.
+        words: ``(N,)`` what was said before, by slot.
+        seed: of the solver.
+    """
+    standard = StandardScaler().fit_transform(places)
+    all_of_them = _regression(standard, words, seed)[2]
+    enough = (
+        p for p in range(1, places.shape[1]) if _regression(standard[:, :p], words, seed)[2] >= all_of_them - LOSS
+    )
+    return next(enough, places.shape[1])
 
 
 def _axes_of_states(states: Array, heard: Array, seed: int) -> Array | None:
@@ -175,11 +194,11 @@ def _regression(features: Array, words: Array, seed: int) -> tuple[Array, float,
     return weights, float(np.mean(guessed == words)), float(balanced_accuracy_score(words, guessed))
 
 
-def _both_ways(delta: Array, said: Array, often: Array, spread: Array) -> Array:
-    """Which dimensions ``(S,)`` rise after one word and fall after another; the others move whatever is said."""
+def _consequences(delta: Array, said: Array, often: Array, spread: Array) -> Array:
+    """Which dimensions ``(S,)`` do not move the same way after every word; the others are conditions of the words."""
     means = np.stack([delta[said == slot].mean(axis=0) for slot in np.flatnonzero(often)])
-    both: Array = (means.min(axis=0) < -BOTH_WAYS * spread) & (means.max(axis=0) > BOTH_WAYS * spread)
-    return both
+    same: Array = (means.min(axis=0) > SAME_WAY * spread) | (means.max(axis=0) < -SAME_WAY * spread)
+    return ~same
 
 
 def alike_pairs(

@@ -1,4 +1,4 @@
-"""An instructor with the flaws of a person: sometimes wrong, late or absent."""
+"""An instructor with the flaws of a person: sometimes wrong, late or absent, and slow to let go of a key."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Self
 import numpy as np
 
 from ibe_rl.config.limits import setting
-from ibe_rl.config.settings import InstructorConfig
+from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.task import Task
-from ibe_rl.types import Array, Episode, Instructor
+from ibe_rl.types import Array, ConfigError, Episode, Instructor
 
 
 @dataclass
@@ -22,6 +22,7 @@ class FlawedConfig(InstructorConfig):
     kind: str = "flawed"
     wrong: float = setting(0.0, low=0.0, high=1.0)  # share of spells with another value than the right one
     late_steps: int = setting(0, low=0, high=1_000)  # delay of the instruction; silent until then
+    lasting_steps: int = setting(0, low=0, high=1_000)  # for which a number is still said when it should be 0 again
     present: float = setting(1.0, low=0.0, high=1.0)  # share of spells with any instruction
     spell_steps: int = setting(25, low=1)  # 1: drawn at every step
 
@@ -40,7 +41,7 @@ class Flawed:
         words: how many words there are, where instructions are words; a wrong one is another word. 0: numbers.
     """
 
-    kind, settings, check = "flawed", FlawedConfig, staticmethod(Oracle.check)
+    kind, settings = "flawed", FlawedConfig
 
     def __init__(self, inner: Instructor, values: Sequence[float], config: FlawedConfig, seed: int, words: int = 0):
         self._inner, self._values, self._config = inner, np.array(values, np.float32), config
@@ -55,17 +56,31 @@ class Flawed:
         words = 0 if task.words is None else len(task.words.names)
         return cls(Oracle(task.rule, words > 0), task.instruction_values, config, seed, words)
 
+    @staticmethod
+    def check(config: FlawedConfig, collect: CollectConfig, task: Task) -> None:
+        """Refuse words that the rule cannot say, or that would last beside the next ones.
+
+        Raises:
+            ConfigError: naming the key, the value and what is allowed.
+        """
+        Oracle.check(config, collect, task)
+        if task.words is not None and config.lasting_steps:
+            raise ConfigError(f"instructor.lasting_steps={config.lasting_steps}: allowed is 0 with instructor.words")
+
     def reset(self, rows: Array) -> None:
         """Clear these rows, and begin a spell."""
         self._inner.reset(rows)
         if len(rows) != len(self._age):
             self._age, self._history = np.zeros(len(rows), np.int64), None
+            self._held, self._left = np.zeros((2, len(rows), 1))
             self._absent, self._shift = np.zeros(len(rows), bool), np.zeros(len(rows), np.int64)
         self._age[rows] = 0
+        self._left[rows] = 0
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.types.Instructor``."""
         right = np.concatenate(self._inner.instruct(states, rows), axis=1)
+        right[:, :-1] = self._lasting(right[:, :-1], rows)
         self._draw_spells(rows & (self._age % self._config.spell_steps == 0))
         said = self._delayed(right, rows)
         self._age[rows] += 1
@@ -80,6 +95,17 @@ class Flawed:
         values = max(2, self._words or len(self._values))
         shift = self._random.integers(1, values, len(rows)) * (wrong < self._config.wrong)
         self._absent[rows], self._shift[rows] = (absent >= self._config.present)[rows], shift[rows]
+
+    def _lasting(self, right: Array, rows: Array) -> Array:
+        """The right instruction, or the last one that was not 0 for a while longer."""
+        if not self._config.lasting_steps:
+            return right
+        self._held, self._left = (np.broadcast_to(one, right.shape).copy() for one in (self._held, self._left))
+        lasts = (right == 0) & (self._left > 0)
+        said = np.where(lasts, self._held, right)
+        left = np.where(right != 0, self._config.lasting_steps, self._left - lasts)
+        self._held[rows], self._left[rows] = said[rows], left[rows]
+        return said
 
     def _delayed(self, right: Array, rows: Array) -> Array:
         """The right instruction ``late_steps`` ago, silence before that."""

@@ -14,7 +14,7 @@ from ibe_rl.config.limits import MISSING
 from ibe_rl.config.settings import CollectConfig
 from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, habits_stand_in
 from ibe_rl.instructors.taught import MARKED_BEFORE, NOT_TAUGHT, SPEAKERS, Told, told_of
-from ibe_rl.storage.run_folder import LESSON, REPLACED
+from ibe_rl.storage.run_folder import LESSON, REPLACED, WORDS
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
@@ -201,5 +201,10 @@ def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
         raise ConfigError(
             f"instructor.recording={config.recording}: it was resumed, so its episodes are not those of one session; "
             f"allowed is a run that was taught in one sitting"
+        )
+    if task.words is None and (path.parent / WORDS).exists():
+        raise ConfigError(
+            f"instructor.recording={config.recording}: this session was taught in words; allowed are its "
+            f"instructor.words and instructor.max_words ({path.parent / WORDS})"
         )
     return read_lesson(path, task.instruction_size)

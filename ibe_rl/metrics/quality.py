@@ -161,9 +161,23 @@ def instruction_f1(expression: Array, instruction: Array, values: Sequence[float
     return weighted_f1(said, real, len(allowed), weights)
 
 
-def word_f1(said: Array, real: Array, slots: int, weights: Array) -> Array:
-    """Macro-F1 ``(R,)`` of the spoken words ``(N,)``, by slot, against those of the realised movements ``(N,)``."""
-    return weighted_f1(said, real, slots, weights)
+def word_f1(said: Array, real: Array, told: Array, weights: Array) -> Array:
+    """Macro-F1 ``(R,)`` of spoken words against those of the realised movements, over all words that were told.
+
+    A word that the agent is told and never says counts 0, so that one word for everything is no good vocabulary.
+
+    Args:
+        said: ``(N,)`` slots of the spoken words.
+        real: ``(N,)`` of the realised movements.
+        told: ``(N,)`` of the instructions.
+        weights: ``(R, N)``.
+    """
+    each = []
+    for slot in np.unique(told):
+        counts = weights @ ((said == slot).astype(float) + (real == slot))
+        hits = weights @ ((said == slot) & (real == slot))
+        each.append(np.divide(2 * hits, counts, out=np.zeros(len(weights)), where=counts > 0))
+    return np.asarray(np.mean(each, axis=0))
 
 
 def vocabulary_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> dict[str, float]:

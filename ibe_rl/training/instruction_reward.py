@@ -150,7 +150,7 @@ def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
     return judge
 
 
-def check_instruction_reward(cfg: TrainConfig, task: Task) -> None:
+def check_instruction_reward(cfg: TrainConfig) -> None:
     """Refuse an extra reward that could never be judged.
 
     Raises:
@@ -159,8 +159,6 @@ def check_instruction_reward(cfg: TrainConfig, task: Task) -> None:
     asked = f"obedience.judge={cfg.obedience.judge}"
     if cfg.obedience.judge == "none":
         return
-    if task.words is not None:
-        raise ConfigError(f"{asked} with instructions in words: allowed is none, it compares numbers")
     if not speaks(cfg.instructor):
         raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
     if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:

@@ -66,7 +66,7 @@ class AnswersOfEpisode:
 
     def send(self) -> None:
         """Draw them from the time that is set on; what was there of an earlier episode goes."""
-        for entity in (PATHS, IF_TOLD):
+        for entity in [IF_TOLD] if self.drawn is None else [PATHS, IF_TOLD]:
             self.recording.log(entity, rr.Clear(recursive=True))
         asked = last_asked(self.said)
         names = next((list(one.what_if) for one in asked if one is not None), [])

@@ -17,13 +17,12 @@ from ibe_rl.ibe.estimator import IBEMapping
 from ibe_rl.ibe.interpret import interpret
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Interpretation, Reactions, UnknownMeaningWarning
-from ibe_rl.ibe.settings import IBEConfig, check_settings
+from ibe_rl.ibe.settings import check_settings
 from ibe_rl.ibe.space import TooLittleDataError
-from ibe_rl.ibe.word_mapping import fit_words
-from ibe_rl.ibe.word_meaning import with_word_meanings
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
+from ibe_rl.vocabulary.fitting_words import fit_worded
 from ibe_rl.vocabulary.lateness import Delays
 from ibe_rl.vocabulary.refresh import Refresh, Spans
 from ibe_rl.vocabulary.training_episodes import (
@@ -76,32 +75,15 @@ def fit_windows(
 ) -> ClusterMapping:
     """Learn a vocabulary from windows; otherwise as ``fit_mapping``."""
     states, instructions = instructed_states(heard, seed)
-    if task.words is not None and isinstance(config, IBEConfig) and config.space == "rule":
-        return _fit_words(windows, states, instructions, config, task, seed)
+    if task.words is not None:
+        return fit_worded(windows, states, instructions, config, task, _estimator(config, task, seed, None), seed)
     estimator = _estimator(config, task, seed, last)
     with warnings.catch_warnings():  # the mapping records it, and explainers report it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
         mapping = estimator.fit(windows.delta, windows.instruction, states, instructions, interpretation).mapping_
     if not isinstance(mapping, ClusterMapping):
         raise TypeError(f"mapping={config.kind}: its mapping_ is a {type(mapping).__name__}, not a ClusterMapping")
-    return mapping if task.words is None else with_word_meanings(mapping, windows)
-
-
-def _fit_words(
-    windows: Windows, states: Array, instructions: Array, config: IBEConfig, task: Task, seed: int
-) -> ClusterMapping:
-    chosen = _dimensions(config, task)
-    size = len(task.state_names)
-    return fit_words(
-        windows,
-        states,
-        instructions,
-        clusters_per_axis=config.n_clusters,
-        kept=np.isin(np.arange(size), range(size) if chosen is None else chosen),
-        n_init=config.n_init,
-        max_fit_windows=config.max_fit_windows,
-        seed=seed,
-    )
+    return mapping
 
 
 def interpret_lessons(

@@ -14,7 +14,7 @@ MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
 SCORED = {f"ibe/{name}" for name in SCORES}
 STALE = {f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS}
 HELD_AGAINST = {"ibe/policy_drift", "ibe/staleness"}
-ALWAYS = {"ibe/episodes", "ibe/windows"}
+ALWAYS = {"ibe/episodes", "ibe/windows", "ibe/delay_steps"}
 
 
 def test_figures_tell_of_a_first_refresh_what_it_stands_on_and_its_scores(log: TrajectoryLog):

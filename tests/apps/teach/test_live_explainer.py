@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from on_stage import HORIZON_STEPS, explainer_state, greedy, make_lander, speaks
 
-from ibe_rl.apps.teach.live_explainer import explanation_fields, weights_of
+from ibe_rl.apps.teach.live_explainer import explanation_fields, weights_of, what_if_fields
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, explain
+from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict.simulator import Simulator
@@ -197,3 +198,19 @@ def test_a_confidence_that_is_no_probability_is_not_shown(moment: Moment):
     speaker.speak_with(explainer_state())
     shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     assert (shown["meant"], shown["confidence"]) == (True, None)
+
+
+def test_what_it_would_do_if_told_otherwise_is_json_with_paths(moment: Moment):
+    speaker, _ = speaks()
+    speaker.speak_with(replace(explainer_state(), what_if=Asking(values_of(LANDER_TASK), futures=1)))
+    said = speaker.say(moment)
+    fields = json.loads(json.dumps(what_if_fields(said, LANDER_TASK.scene_path)))
+    assert [one["told"] for one in fields["what_if"]] == [*values_of(LANDER_TASK)]
+    assert [one["said"] for one in fields["what_if"]] == [one.said for one in said.what_if.values()]
+    assert np.shape([one["path"] for one in fields["what_if"]]) == (3, HORIZON_STEPS + 1, 2)
+    assert 0 <= fields["listens"] <= 1
+    assert fields["whatever"] is None or fields["whatever"] == said.phrase
+    assert {one["path"] for one in what_if_fields(said, None)["what_if"]} == {None}
+    plain = replace(said, what_if={}, listens=None)
+    assert what_if_fields(plain, None) == {"what_if": [], "listens": None, "whatever": None}
+    assert what_if_fields(replace(said, listens=float("nan")), None)["listens"] is None
