@@ -93,7 +93,7 @@ def _of_episode(task: Task, scene: Sequence[rrb.Container]) -> rrb.Container:
     signals = [_so_far(task, number, title) for number, title in numbers_of(task)]
     spoken = rrb.TextDocumentView(origin="/spoken", name="What it said in this episode")
     above = [_lanes()] if scene else [_lanes(), _what_if(task)]
-    shares = [*[22] * len(above), *_shared(task, 20), 18, 40]
+    shares = [*[22] * len(above), *_shared(task, 20), 22, 36]
     return rrb.Horizontal(*scene, rrb.Vertical(*above, *signals, _now(), spoken, row_shares=shares))
 
 
