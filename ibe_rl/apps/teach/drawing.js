@@ -31,7 +31,7 @@ function draw() {
   words();
   if (!now.scene || !now.frame) return;
   const [width, height] = now.scene.size;
-  const limit = Math.max(260, innerHeight - (now.words ? 400 : 330));
+  const limit = Math.max(260, innerHeight - (now.words ? 440 : 370));
   const high = Math.min((canvas.clientWidth * height) / width, limit);
   canvas.style.height = `${high}px`;
   fit(canvas, high);
