@@ -110,7 +110,11 @@ def test_the_words_of_the_page_are_those_of_the_run(enter: Callable[..., Classro
     assert worded[1].words is not None
     assert worded[1].words.names == ("לשמאל", "hold", "faster")
     saved = json.loads((tmp_path / "words.json").read_text())
-    assert [(one["added_at_frame"], list(one["renamed_from"])) for one in saved] == [(0, ["left"]), (0, []), (STEPS, [])]
+    assert [(one["added_at_frame"], list(one["renamed_from"])) for one in saved] == [
+        (0, ["left"]),
+        (0, []),
+        (STEPS, []),
+    ]
     begun(enter(Told(), task=worded[2]), greedy(), log, worded[2])
     assert worded[2].words is not None
     assert worded[2].words.names == ("לשמאל", "hold", "faster")
