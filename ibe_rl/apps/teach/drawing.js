@@ -19,8 +19,10 @@ function drawOtherwise(place) {
     pen.stroke();
     pen.fillStyle = `hsl(${hue} 80% 75% / 70%)`;
     const [x, y] = place(one.path[one.path.length - 1]);
-    const wide = pen.measureText(one.told).width;
-    pen.fillText(one.told, Math.max(0, Math.min(canvas.width - wide, x + 4)), Math.max(14, y - 4));
+    const told = one.told.length > 14 ? `${one.told.slice(0, 13)}…` : one.told;
+    const wide = pen.measureText(told).width;
+    const below = y + 14 * devicePixelRatio;
+    pen.fillText(told, Math.max(0, Math.min(canvas.width - wide, x - wide / 2)), Math.min(canvas.height - 4, below));
   });
 }
 

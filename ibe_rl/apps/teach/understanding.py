@@ -22,6 +22,7 @@ from ibe_rl.types import CANNOT_TELL, Array, Episode
 from ibe_rl.view.palette import of_clusters
 from ibe_rl.vocabulary.lateness import PERSON, Delays, in_words
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.words import NOTHING
 
 FEW_WINDOWS = 50
 """A word with fewer windows in good episodes has hardly been heard there."""
@@ -54,7 +55,7 @@ def _first(values: Array, task: Task) -> Array:
 
 def understood(refresh: Refresh, task: Task) -> str:
     """In one line, what the agent has understood and what it lacks."""
-    counts = refresh.windows_by_instruction
+    counts = heard_windows(refresh, task)
     known = known_words(refresh.standing, task)
     rare = [name for name, count in counts.items() if count < FEW_WINDOWS]
     unclear = [name for name in counts if name not in known and name not in rare]
@@ -62,7 +63,17 @@ def understood(refresh: Refresh, task: Task) -> str:
     parts = [f"I understand {has}." if known else "I do not understand your words yet."]
     parts += [f"I have not heard {lacks} in good episodes yet."] if rare else []
     parts += [f"I have heard {_listed(unclear)}, but cannot tell what that means."] if unclear and known else []
+    parts += [f"{one.text[0].upper()}{one.text[1:]}." for one in refresh.word_notices if one.kind != NOTHING]
     return " ".join([*parts, *_lateness(refresh)])
+
+
+def heard_windows(refresh: Refresh, task: Task) -> dict[str, int]:
+    """Windows in good episodes by number, or by word as it is called now."""
+    counts = refresh.windows_by_instruction
+    if task.words is None:
+        return dict(counts)
+    names = task.words.names
+    return dict(zip(names, [*counts.values(), *[0] * len(names)], strict=False))
 
 
 def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
@@ -123,7 +134,7 @@ def lesson_summary(log: TrajectoryLog, task: Task, refresh: Refresh | None) -> d
     episodes, marked = taught_episodes(log, rows.tolist())
     spoken = [one for one in episodes if np.any(one.given)]
     counts = _said(spoken, task)
-    heard = refresh.windows_by_instruction if refresh else {}
+    heard = heard_windows(refresh, task) if refresh else {}
     mapping = refresh.standing if refresh else None
     return {
         "episodes": len(episodes),

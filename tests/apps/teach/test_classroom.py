@@ -112,7 +112,8 @@ def learnt(frames: int) -> Refreshed:
     """A refresh, as far as a page hears of it."""
     said, nothing = explainer_state(), cast(Any, None)
     late = {"person": Delay(22, 18, 25)}
-    refresh: Any = SimpleNamespace(standing=said.mapping, delays=late, windows_by_instruction={"+1": 200, "-1": 3})
+    refresh: Any = SimpleNamespace(standing=said.mapping, delays=late, word_notices=[])
+    refresh.windows_by_instruction = {"+1": 200, "-1": 3}
     return Refreshed(frames, 1, refresh, nothing, [], [], said, came_true=1.0)
 
 

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from by_hand import STEPS, add
 from by_hand import TASK as LIFT
-from on_stage import Told, begun, greedy, make_classroom
+from on_stage import Told, begun, explainer_state, greedy, make_classroom
 
 from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.vocabulary.listener import Refreshed
 from ibe_rl.words import Words
 
 
@@ -38,18 +41,16 @@ class Page(Told):
 
 
 @pytest.fixture
-def enter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Classroom]]:
+def enter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Classroom]:
     """Makes the trainer's end, with something else in place of the link."""
-    opened: list[Classroom] = []
 
     def make(link: Told, **settings: Any) -> Classroom:
-        opened.append(make_classroom(tmp_path, **settings))
-        real = opened[-1]._link
-        monkeypatch.setattr(opened[-1], "_link", link)
-        real.close()
-        return opened[-1]
+        made = make_classroom(tmp_path, **settings)
+        made.close()
+        monkeypatch.setattr(made, "_link", link)
+        return made
 
-    yield make
+    return make
 
 
 def waits(trainer: Classroom, stops_after: float = math.inf) -> list[str]:
@@ -118,6 +119,22 @@ def test_the_words_of_the_page_are_those_of_the_run(enter: Callable[..., Classro
     begun(enter(Told(), task=worded[2]), greedy(), log, worded[2])
     assert worded[2].words is not None
     assert worded[2].words.names == ("לשמאל", "hold", "faster")
+
+
+def test_what_was_learnt_is_told_again_in_the_new_words(enter: Callable[..., Classroom], tmp_path: Path):
+    link, worded = Told(), replace(LANDER_TASK, phrases=Words(["left", "hold", "right"]))
+    trainer = begun(enter(link, task=worded), greedy(), TrajectoryLog(tmp_path / "log", 10_000, ("a",)), worded)
+    mapping = replace(explainer_state().mapping, expressions=np.eye(3), mean_instructions=np.eye(3))
+    refresh: Any = SimpleNamespace(standing=mapping, delays={}, windows_by_instruction={}, word_notices=[])
+    said, nothing = replace(explainer_state(), mapping=mapping, words=worded.phrases), cast(Any, None)
+    trainer.refreshed(Refreshed(9, 1, refresh, nothing, [], [], said, came_true=1.0))
+    phrases = [one["phrase"] for one in link.newest["vocabulary"]["clusters"]]
+    named = Words(["left", "hold", "right"])
+    named.rename(2, "rechts")
+    trainer._name_words(named.to_dicts())
+    renamed = [one["phrase"] for one in link.newest["vocabulary"]["clusters"]]
+    assert renamed == [one.replace("right", "rechts") for one in phrases] != phrases
+    assert "'rechts'" in link.newest["understood"]
 
 
 def test_the_farewell_sums_up_what_the_person_said(enter: Callable[..., Classroom], tmp_path: Path):
