@@ -68,7 +68,7 @@ def make_stand_in(config: InstructorConfig, task: Task, seed: int, log: Trajecto
     return make_instructor(other, task, seed)
 
 
-def about(instructor: Instructor) -> str | None:
+def named_instructor(instructor: Instructor) -> str | None:
     """Whose instructions these are, in words, where a person is behind them; else None."""
     return getattr(instructor, "about", None)
 

@@ -12,7 +12,7 @@ from ibe_rl.apps.study.scenes import Scene
 from ibe_rl.apps.study.settings import IBE, NONE, PAPER
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
-from ibe_rl.explain.what_if import told, values_of
+from ibe_rl.explain.what_if import told_twins, values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.ibe.word_meaning import expected_motion
@@ -84,7 +84,7 @@ class Speaker:
         """
         run, shape = self.run, (len(moments), self.futures)
         futures = [moment for moment in moments for _ in range(self.futures)]
-        twins = told(futures, {if_told: values_of(run.task)[if_told]}) if if_told else []
+        twins = told_twins(futures, {if_told: values_of(run.task)[if_told]}) if if_told else []
         predicted = self.predictor.rollout([*futures, *twins], run.policy, run.horizon_steps)
         paths, trusted = predicted.paths[-len(futures) :], predicted.trusted_steps[-len(futures) :]
         paths = paths.reshape(*shape, *paths.shape[1:])
