@@ -178,11 +178,8 @@ class TrajectoryLog:
     def told_first(self) -> Array:
         """The same of the first step of each episode, ``(E, TOLD_SIZE)``; zeros where no person teaches."""
         column = self._columns.get(TOLD_COLUMN)
-        return (
-            np.zeros((len(self._kept), TOLD_SIZE), np.int32)
-            if column is None
-            else np.array(column[self.index["start"]])
-        )
+        silence = np.zeros((len(self._kept), TOLD_SIZE), np.int32)
+        return silence if column is None else np.array(column[self.index["start"]])
 
     def percepts_at(self, rows: Array, steps: Array, most_numbers: int) -> Array:
         """Percepts ``(N, P)`` at steps ``(N,)`` of episodes ``(N,)``; fewer if they exceed ``most_numbers``."""

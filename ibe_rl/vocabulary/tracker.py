@@ -113,7 +113,8 @@ class VocabularyTracker:
         found = self._asked_for.horizon_steps is None and self.mapping is None
         last = {} if self.mapping is None else {horizon_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions, self.delays)
-        learnt = replace(learnt, horizon_found=found, word_notices=notices_of(learnt, self.mapping, self._task.words))
+        noticed = notices_of(learnt.mapping, learnt.top.delta, self.mapping, self._task.words)
+        learnt = replace(learnt, horizon_found=found, word_notices=noticed)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)

@@ -87,11 +87,14 @@ def test_in_evaluations_the_persons_habits_instruct_as_soon_as_there_are_some(lo
     instructor.reset(EVERYBODY)
     before = {"habits": [[0, 0], [0, 0]], "oracle": [[-1, 1], [1, 1]]}[others]
     instead = {"habits": "silent", "oracle": "oracle"}[others]
-    assert (says(instructor), about(instructor)) == (before, f"the person has said nothing yet; {instead} instead")
+    assert (says(instructor), named_instructor(instructor)) == (
+        before,
+        f"the person has said nothing yet; {instead} instead",
+    )
     teach(log)
     instructor.reset(EVERYBODY)
     assert says(instructor) == [[1, 1], [-1, 1]]
-    assert about(instructor) == "the habits of the person who taught, from 20 of their episodes"
+    assert named_instructor(instructor) == "the habits of the person who taught, from 20 of their episodes"
 
 
 def test_what_the_oracle_said_is_not_a_habit_of_the_person(log: TrajectoryLog):

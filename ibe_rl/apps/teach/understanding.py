@@ -22,7 +22,7 @@ from ibe_rl.types import CANNOT_TELL, Array, Episode
 from ibe_rl.view.palette import of_clusters
 from ibe_rl.vocabulary.lateness import TEACHER, Delays, in_words
 from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.words import NOTHING
+from ibe_rl.vocabulary.words import MEANS_NOTHING
 
 FEW_WINDOWS = 50
 """A word with fewer windows in good episodes has hardly been heard there."""
@@ -63,7 +63,7 @@ def understanding_line(refresh: Refresh, task: Task) -> str:
     parts = [f"I understand {has}." if known else "I do not understand your words yet."]
     parts += [f"I have not heard {lacks} in good episodes yet."] if rare else []
     parts += [f"I have heard {_listed(unclear)}, but cannot tell what that means."] if unclear and known else []
-    parts += [f"{one.text[0].upper()}{one.text[1:]}." for one in refresh.word_notices if one.kind != NOTHING]
+    parts += [f"{one.text[0].upper()}{one.text[1:]}." for one in refresh.word_notices if one.kind != MEANS_NOTHING]
     return " ".join([*parts, *_lateness(refresh)])
 
 
