@@ -9,7 +9,7 @@ every delay alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -228,3 +228,20 @@ def _answer(gained: Array, most: int, rows: int) -> Delay:
     if untold or total.max() < MIN_INFORMATION * rows:
         return Delay(0, 0, most, known=False)
     return Delay(0 if low <= 0 or best < LEAST_STEPS else best, max(0, low), max(0, high))
+
+
+def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
+    """The same episodes with what was said at the steps that it was about; nothing at the last ones."""
+    if delay is None or not delay.steps:
+        return [*episodes]
+    return [
+        replace(one, instructions=_earlier(one.instructions, delay.steps), given=_earlier(one.given, delay.steps))
+        for one in episodes
+    ]
+
+
+def _earlier(column: Array, steps: int) -> Array:
+    """The rows ``(T, ...)`` so many steps earlier; zeros where there are none."""
+    moved = np.zeros_like(column)
+    moved[: max(0, len(column) - steps)] = column[steps:]
+    return moved

@@ -25,10 +25,10 @@ from ibe_rl.types import Array, ConfigError, Episode
 from ibe_rl.vocabulary.fitting_words import fit_worded
 from ibe_rl.vocabulary.lateness import Delays
 from ibe_rl.vocabulary.refresh import Refresh, Spans
+from ibe_rl.vocabulary.settled_horizon import horizon_of
 from ibe_rl.vocabulary.training_episodes import (
     TrainingEpisodes,
     best_windows,
-    horizon_of,
     instructed_states,
     instructed_windows,
     read_training_episodes,

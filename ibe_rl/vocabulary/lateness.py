@@ -11,7 +11,7 @@ from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe.delay import Delay, find_delay
 from ibe_rl.instructors.taught import taught_episodes, taught_rows
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Episode
+from ibe_rl.types import Episode
 
 Delays = Mapping[str, Delay]
 """How late each of those who instruct is, by ``TEACHER`` and ``INSTRUCTOR``; nobody who never said anything."""
@@ -59,23 +59,6 @@ def _changed(last: Delay | None, found: Delay) -> Delay:
         return replace(found, steps=last.steps)
     overlap = found.low <= last.high and last.low <= found.high
     return replace(found, steps=round((last.steps + found.steps) / 2)) if overlap else found
-
-
-def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
-    """The same episodes with what was said at the steps that it was about; nothing at the last ones."""
-    if delay is None or not delay.steps:
-        return [*episodes]
-    return [
-        replace(one, instructions=_earlier(one.instructions, delay.steps), given=_earlier(one.given, delay.steps))
-        for one in episodes
-    ]
-
-
-def _earlier(column: Array, steps: int) -> Array:
-    """The rows ``(T, ...)`` so many steps earlier; zeros where there are none."""
-    moved = np.zeros_like(column)
-    moved[: max(0, len(column) - steps)] = column[steps:]
-    return moved
 
 
 def of_first(delays: Delays) -> Delay | None:

@@ -30,7 +30,8 @@ from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocab
 from ibe_rl.vocabulary.lateness import Delays, delays_of
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.training_episodes import find_steps, settled
 from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200

@@ -8,20 +8,13 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, add, config, obey, stay
 
-from ibe_rl.ibe.delay import Delay
+from ibe_rl.ibe.delay import Delay, caught_up
 from ibe_rl.instructors.taught import told_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.view.sentences import worth
 from ibe_rl.vocabulary import lateness as module
-from ibe_rl.vocabulary.lateness import (
-    INSTRUCTOR,
-    TEACHER,
-    caught_up,
-    delays_of,
-    in_words,
-    of_first,
-)
+from ibe_rl.vocabulary.lateness import INSTRUCTOR, TEACHER, delays_of, in_words, of_first
 from ibe_rl.vocabulary.refresh_columns import figures
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 from ibe_rl.vocabulary.training_episodes import read_training_episodes
