@@ -7,7 +7,7 @@ Shapes: ``N`` moments, ``W`` values, ``F`` futures, ``S`` state dimensions, ``R`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,11 +17,9 @@ import numpy as np
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.envs.snapshots import stoppable
-from ibe_rl.evaluation.moments import Plan
+from ibe_rl.evaluation.moments import FUTURES_AT_ONCE, TakenMoment
 from ibe_rl.evaluation.progress_bar import progress_bar
-from ibe_rl.evaluation.rollouts import FUTURES_AT_ONCE, TakenMoment, seeds_for, take_moments
 from ibe_rl.evaluation.rows import WHAT_IF, estimate_json
-from ibe_rl.evaluation.run_predictor import processes_for
 from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.explain.what_if import Values, listening, told_twins, values_of
@@ -230,7 +228,12 @@ class WhatIf:
 
 
 def judge_what_if(
-    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, vocabularies: Mapping[str, ExpressionMapping]
+    run: TrainedRun,
+    cfg: ExplainConfig,
+    predictor: Predictor,
+    vocabularies: Mapping[str, ExpressionMapping],
+    take: Callable[[str, int], Sequence[TakenMoment]],
+    processes: int = 1,
 ) -> WhatIf:
     """Ask and give each value at moments of held-out episodes.
 
@@ -239,12 +242,14 @@ def judge_what_if(
         cfg: of the evaluation.
         predictor: that foretells.
         vocabularies: by the name of their explainer, the evaluated one first; all of the run's horizon.
+        take: plays so many held-out episodes for a purpose; their moments.
+        processes: in which the copies are.
     """
     if stoppable(run.make_env()) is None:
         return WhatIf(note=CANNOT_COPY)
     config, values, words = cfg.evaluate, values_of(run.task), run.task.phrases
     judged, held_out = (
-        _asked(run, cfg, predictor, values, purpose, episodes)
+        _asked(run, cfg, predictor, values, take(purpose, episodes), processes)
         for purpose, episodes in (("judged", config.episodes), ("held_out", config.calibration_episodes))
     )
     weights = episode_weights(judged.episode, config.resamples, config.seed)
@@ -266,17 +271,16 @@ def judge_what_if(
 
 
 def _asked(
-    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, values: Values, purpose: str, episodes: int
+    run: TrainedRun,
+    cfg: ExplainConfig,
+    predictor: Predictor,
+    values: Values,
+    moments: Sequence[TakenMoment],
+    processes: int,
 ) -> AskedWhatIf:
-    horizon, seeds = run.horizon_steps, seeds_for(purpose, cfg.evaluate.seed, episodes)
-    taken = take_moments(run, run.policy, seeds, Plan(cfg.evaluate.what_if_stride_steps, 1, (horizon,)))
-    world = Simulator(
-        partial(make_snapshot_env, run.config.env),
-        run.task.rule,
-        processes=processes_for(cfg.predictor.processes, run.policy),
-        seed=cfg.evaluate.seed + TRUTH_SEED,
-    )
+    make_env, seed = partial(make_snapshot_env, run.config.env), cfg.evaluate.seed + TRUTH_SEED
+    world = Simulator(make_env, run.task.rule, processes=processes, seed=seed)
     try:
-        return ask_what_if(taken, run.policy, predictor, world, values, cfg.predictor.futures, horizon)
+        return ask_what_if(moments, run.policy, predictor, world, values, cfg.predictor.futures, run.horizon_steps)
     finally:
         world.close()
