@@ -173,7 +173,7 @@ def losses(run: TrainedRun, moments: Moments, flaws: FlawedConfig, draw: int) ->
     refits, values = Refits(run, draw), run.task.instruction_values
     found: dict[str, Any] = {"late": flaws.late_steps}
     for name, config in {"own": run.config.mapping, "paper": PAPER}.items():
-        lessons = refits.lessons(config)
+        lessons = refits.lessons(replace(config, delay_steps=0))  # before anything is taken back
         best, heard = (corrupted(part, values, flaws, 7 * draw + 1) for part in (lessons.best, lessons.heard))
         if config.delay_steps is None:
             delay = find_delay(heard)

@@ -21,7 +21,7 @@ from rich.console import Console
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.settings import InstructorConfig, MappingConfig
 from ibe_rl.envs.lander_task import LANDER_TASK
-from ibe_rl.envs.lander_words_task import FASTER, HOLD, LANDER_WORDS_TASK, LEFT, RIGHT, SLOWER
+from ibe_rl.envs.lander_words_task import FALL_LEFT, FALL_RIGHT, FASTER, HOLD, LANDER_WORDS_TASK, SLOWER
 from ibe_rl.envs.worded import worded
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import seeds_for
@@ -68,7 +68,7 @@ def of_five(delta: Array, task: Task) -> Array:
     """Of five words: the change that is largest in its declared band, ``hold`` where none is beyond it."""
     aside, speed = (delta[:, list(task.explained)] / np.array(task.explained_band)).T
     moved = np.maximum(np.abs(aside), np.abs(speed)) > 1
-    way = np.where(aside < 0, LEFT, RIGHT)
+    way = np.where(aside < 0, FALL_LEFT, FALL_RIGHT)
     faster = np.where(speed < 0, FASTER, SLOWER)
     return np.where(moved, np.where(np.abs(aside) >= np.abs(speed), way, faster), HOLD)
 

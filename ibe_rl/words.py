@@ -118,7 +118,7 @@ class Words(Sequence[Phrases]):
 
     def name_at(self, slot: int) -> str:
         """The word of a slot, or that it is free."""
-        return self._entries[slot].word if slot < len(self._entries) else FREE
+        return self._entries[slot].word if slot < len(self._entries) else FREE_SLOT
 
     def slot_of(self, text: str) -> int | None:
         """The slot of a word; None if there is no such word."""
@@ -193,7 +193,7 @@ class Words(Sequence[Phrases]):
         return Phrases(f"not {name}", f"not {name}", name, ((0.5, ""),))
 
 
-FREE = "(no word yet)"
+FREE_SLOT = "(no word yet)"
 _HIDDEN = ("Cc", "Cs", "Co", "Cn", "Zl", "Zp")
 _TURNS_TEXT = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
 """Signs that change the direction of all text after them."""

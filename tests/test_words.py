@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ibe_rl.types import ConfigError
-from ibe_rl.words import FREE, LONGEST_WORD, MOST_WORDS, Word, Words, clean
+from ibe_rl.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, Word, Words, clean
 
 
 def test_words_of_any_script_keep_their_slots():
@@ -15,7 +15,7 @@ def test_words_of_any_script_keep_their_slots():
     assert words.add("west", 500) == 5
     words.rename(5, "Westen")
     assert words.entries[5] == Word("Westen", 500, ("west",))
-    assert (words.name_at(5), words.name_at(6)) == ("Westen", FREE)
+    assert (words.name_at(5), words.name_at(6)) == ("Westen", FREE_SLOT)
     assert Words.from_dicts(words.to_dicts(), 7).entries == words.entries
 
 
@@ -29,7 +29,7 @@ def test_a_new_name_may_differ_in_letters_only():
 def test_one_word_alone_is_said_or_not():
     left, free = Words(["a {left}"], 2)
     assert (left.positive.format(degree=""), left.zero) == ("a {left}", "not a {{left}}")
-    assert FREE in free.positive
+    assert FREE_SLOT in free.positive
     assert len(Words(["a", "b", "c"])[:2]) == 2
     with pytest.raises(IndexError):
         Words(["a"])[1]

@@ -30,7 +30,7 @@ from ibe_rl.types import Array, Episode, Explanation, Moment
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports
 from ibe_rl.vocabulary.refresh import Change, Refresh
-from ibe_rl.vocabulary.tracker import figures
+from ibe_rl.vocabulary.refresh_columns import figures
 
 TASK: Task = LANDER_TASK
 HORIZON_STEPS = 60

@@ -19,8 +19,8 @@ from ibe_rl.envs.lander_task import FLAG_DISTANCE
 from ibe_rl.types import Array
 from ibe_rl.words import Words
 
-LEFT, RIGHT, HOLD, FASTER, SLOWER = range(5)
-WORDS = ("left", "right", "hold", "faster", "slower")
+FALL_LEFT, FALL_RIGHT, HOLD, FASTER, SLOWER = range(5)
+FIVE_WORDS = ("left", "right", "hold", "faster", "slower")
 
 
 def say_one_word(states: Array) -> Array:
@@ -38,15 +38,15 @@ def say_one_word(states: Array) -> Array:
     word = np.full(aside.shape, HOLD)
     sideways = (np.abs(aside) > 1) & (np.abs(aside) >= np.abs(slow))
     speed = (np.abs(slow) > 1) & ~sideways
-    word = np.where(sideways, np.where(aside > 0, LEFT, RIGHT), word)
+    word = np.where(sideways, np.where(aside > 0, FALL_LEFT, FALL_RIGHT), word)
     word = np.where(speed, np.where(slow > 0, FASTER, SLOWER), word)
-    return np.eye(len(WORDS), dtype=np.float32)[word]
+    return np.eye(len(FIVE_WORDS), dtype=np.float32)[word]
 
 
 LANDER_WORDS_TASK = replace(
     LANDER_SPEED_TASK,
     name="Lunar Lander, five words",
     rule=say_one_word,
-    phrases=Words(WORDS),
+    phrases=Words(FIVE_WORDS),
     instruction_values=(0.0, 1.0),
 )

@@ -4,26 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
-import gymnasium
 import numpy as np
 
-from ibe_rl.envs.wrappers import task_of
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.words import Words
 
 GIVEN_OR_NOT = (0.0, 1.0)
 """The values of each slot of an instruction in words."""
-
-
-def with_words(env: gymnasium.Env[Any, Any], words: Sequence[str], most_words: int | None) -> gymnasium.Env[Any, Any]:
-    """The environment with a task whose instructions are words; itself without any."""
-    task = task_of(env)
-    if words or most_words is not None or task.words is not None:
-        env.task = worded(task, words, most_words)  # type: ignore[attr-defined]  # the outermost one is read
-    return env
 
 
 def worded(task: Task, words: Sequence[str], most_words: int | None = None) -> Task:

@@ -24,7 +24,7 @@ from ibe_rl.evaluation.rows import WHAT_IF, estimate_json
 from ibe_rl.evaluation.run_predictor import processes_for
 from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
-from ibe_rl.explain.what_if import Values, listening, told, values_of
+from ibe_rl.explain.what_if import Values, listening, told_twins, values_of
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.confidence import Calibration, ece
@@ -38,7 +38,7 @@ TRUTH_SEED = 7_919
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedWhatIf:
     """``N`` moments, what was foretold of them for ``W`` values, and what then happened.
 
     Attributes:
@@ -59,7 +59,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Answers:
+class WhatIfAnswers:
     """The answers of one vocabulary at ``N`` moments to ``W`` values.
 
     Attributes:
@@ -89,7 +89,7 @@ class Answers:
         return Calibration.fit(self.features[counted], self.true[counted], CONFIDENCE_FEATURES)
 
 
-def ask(
+def ask_what_if(
     moments: Sequence[TakenMoment],
     policy: Policy,
     predictor: Predictor,
@@ -97,7 +97,7 @@ def ask(
     values: Values,
     futures: int,
     horizon_steps: int,
-) -> Asked:
+) -> AskedWhatIf:
     """Ask at each moment for each value, and then give it in a copy.
 
     Args:
@@ -120,7 +120,7 @@ def ask(
             )
             advance()
     plain, predicted, trusted, realised = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return Asked(np.array([one.episode for one in moments]), values, plain, predicted, trusted, realised)
+    return AskedWhatIf(np.array([one.episode for one in moments]), values, plain, predicted, trusted, realised)
 
 
 def _foretold(
@@ -128,7 +128,7 @@ def _foretold(
 ) -> tuple[Array, Array]:
     """Changes ``(N, 1 + W, F, S)``, first of the moments as they are, and whether they are trusted."""
     several = [moment for moment in moments for _ in range(futures)]
-    predicted = predictor.rollout([*several, *told(several, values)], policy, horizon_steps)
+    predicted = predictor.rollout([*several, *told_twins(several, values)], policy, horizon_steps)
     shape = (1 + len(values), len(moments), futures)
     changes = (predicted.paths[:, -1] - predicted.paths[:, 0]).reshape(*shape, -1)
     trusted = (predicted.trusted_steps >= horizon_steps).reshape(shape)
@@ -142,14 +142,14 @@ def _given(moments: Sequence[Moment], policy: Policy, world: Predictor, values: 
     return np.asarray((paths[:, -1] - paths[:, 0]).reshape(len(moments), len(values), -1))
 
 
-def answer(asked: Asked, mapping: ExpressionMapping, words: Sequence[Phrases]) -> Answers:
+def answer(asked: AskedWhatIf, mapping: ExpressionMapping, words: Sequence[Phrases]) -> WhatIfAnswers:
     """Put predictions and what happened into the words of a vocabulary."""
     shape, size = asked.realised.shape[:2], asked.realised.shape[-1]
     deltas = asked.predicted.reshape(-1, *asked.predicted.shape[2:])
     phrases, which, agreement = majority_phrases(deltas, mapping, words, asked.trusted.reshape(len(deltas), -1))
     spoken = deltas[np.arange(len(deltas)), which]
     expressions = mapping.express(spoken).reshape(*shape, -1)
-    return Answers(
+    return WhatIfAnswers(
         phrase=np.array(phrases).reshape(shape),
         real=phrases_of(mapping.express(asked.realised.reshape(-1, size)), words).reshape(shape),
         plain=np.array(majority_phrases(asked.plain, mapping, words)[0]),
@@ -159,7 +159,7 @@ def answer(asked: Asked, mapping: ExpressionMapping, words: Sequence[Phrases]) -
     )
 
 
-def row_of(name: str, answers: Answers, calibration: Calibration, weights: Array) -> dict[str, Any]:
+def row_of(name: str, answers: WhatIfAnswers, calibration: Calibration, weights: Array) -> dict[str, Any]:
     """The row of a vocabulary, where the meaning of the words is known.
 
     Args:
@@ -191,7 +191,9 @@ def _row(name: str, true: Array, each: Array, other: Array) -> dict[str, Any]:
     }
 
 
-def baseline_rows(answers: Answers, values: Values, words: Sequence[Phrases], weights: Array) -> list[dict[str, Any]]:
+def baseline_rows(
+    answers: WhatIfAnswers, values: Values, words: Sequence[Phrases], weights: Array
+) -> list[dict[str, Any]]:
     """Two that ask nobody: it does what it does anyway, and it does what it is told."""
     obeyed = phrases_of(np.array([*values.values()]), words)
     guesses = {"as_it_is": answers.plain[:, None], "obeys": obeyed[None]}
@@ -265,7 +267,7 @@ def judge_what_if(
 
 def _asked(
     run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, values: Values, purpose: str, episodes: int
-) -> Asked:
+) -> AskedWhatIf:
     horizon, seeds = run.horizon_steps, seeds_for(purpose, cfg.evaluate.seed, episodes)
     taken = take_moments(run, run.policy, seeds, Plan(cfg.evaluate.what_if_stride_steps, 1, (horizon,)))
     world = Simulator(
@@ -275,6 +277,6 @@ def _asked(
         seed=cfg.evaluate.seed + TRUTH_SEED,
     )
     try:
-        return ask(taken, run.policy, predictor, world, values, cfg.predictor.futures, horizon)
+        return ask_what_if(taken, run.policy, predictor, world, values, cfg.predictor.futures, horizon)
     finally:
         world.close()

@@ -10,7 +10,7 @@ from ibe_rl.types import Array
 from ibe_rl.words import Phrases, Words
 
 NORMALISATIONS = ("minmax", "sign")
-BETWEEN, A_LITTLE = 2 / 3, 1 / 3
+BETWEEN_FROM, A_LITTLE_FROM = 2 / 3, 1 / 3
 """Share of another word, relative to the largest, from which a movement is between both, or only a little the first."""
 NO_WORD = "no word for it"
 
@@ -62,11 +62,11 @@ def in_own_words(expression: Array, words: Words) -> str:
     top = int(np.argmax(shares))
     if not shares[top] > 0:
         return NO_WORD
-    close = [f"'{words.names[slot]}'" for slot in np.flatnonzero(shares >= BETWEEN * shares[top] - 1e-9).tolist()]
+    close = [f"'{words.names[slot]}'" for slot in np.flatnonzero(shares >= BETWEEN_FROM * shares[top] - 1e-9).tolist()]
     if len(close) > 1:
         return f"between {', '.join(close[:-1])} and {close[-1]}"
     second = float(np.delete(shares, top).max(initial=0))
-    return f"a little {close[0]}" if second > A_LITTLE * shares[top] else words.names[top]
+    return f"a little {close[0]}" if second > A_LITTLE_FROM * shares[top] else words.names[top]
 
 
 def phrases_of(expressions: Array, vocabulary: Sequence[Phrases]) -> Array:

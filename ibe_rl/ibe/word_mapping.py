@@ -13,13 +13,16 @@ from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
-from ibe_rl.ibe.space import MAX_ACCURACY_LOSS, SPARSITY_THRESHOLDS, Space, TooLittleDataError, along
+from ibe_rl.ibe.space import SPARSITY_THRESHOLDS, Space, TooLittleDataError, along
 from ibe_rl.ibe.split import count_distinct, split
 from ibe_rl.ibe.word_meaning import MIN_HEARD, auc_of, balanced_shares, word_meanings
 from ibe_rl.types import Array
 
 TINY_SINGULAR = 1e-3
 """Of an axis, relative to the first one: smaller ones are rounding."""
+MAX_LOSS, MAX_BALANCED_LOSS = 0.04, 0.08
+"""Accuracy that leaving out dimensions of the state may cost. With mistakes that last, further ones seem to help; the
+second one is less than one of twelve words."""
 LOSS = 0.025
 """Balanced accuracy that leaving out further axes may cost."""
 SAME_WAY = 0.02
@@ -179,8 +182,8 @@ def _axes_of_states(states: Array, heard: Array, seed: int) -> Array | None:
     largest = np.abs(weights).max(axis=0)
     for share in SPARSITY_THRESHOLDS:
         counts = largest >= share * largest.max()
-        sparse, without, _ = _regression(standard * counts, heard, seed)
-        if without >= accuracy - MAX_ACCURACY_LOSS:
+        sparse, without, balanced_without = _regression(standard * counts, heard, seed)
+        if without >= accuracy - MAX_LOSS and balanced_without >= balanced - MAX_BALANCED_LOSS:
             weights = sparse * counts
             break
     return weights / scaler.scale_

@@ -55,6 +55,6 @@ class Oracle:
         """See ``ibe_rl.types.Instructor``; where the rule gives words, none of them is silence."""
         said = self._rule(states)
         if self._of_words:
-            given: Array = said.any(axis=1)[:, None]
+            given: Array = said.max(axis=1, keepdims=True) > 0
             return said, given.astype(np.float32)
         return said, np.ones((len(rows), 1), np.float32)

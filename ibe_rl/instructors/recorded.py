@@ -14,11 +14,11 @@ from ibe_rl.config.limits import MISSING
 from ibe_rl.config.settings import CollectConfig
 from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, habits_stand_in
 from ibe_rl.instructors.taught import MARKED_BEFORE, NOT_TAUGHT, SPEAKERS, Told, told_of
-from ibe_rl.storage.run_folder import LESSON, REPLACED, WORDS
+from ibe_rl.storage.run_folder import LESSON, REPLACED, WORD_LIST
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
-MOST_STEPS = 2**31 - 1
+LAST_STEP = 2**31 - 1
 NO_EPISODE = "not an episode with instructions, given, by and heard"
 
 
@@ -113,7 +113,7 @@ def _wrong_marks(recorded: RecordedEpisode, number: int) -> str | None:
         return "words are not one for each step, or null"
     whole = all(len(one) == 3 and all(type(part) is int for part in one) for one in marks)
     fits = whole and all(
-        0 <= at < steps and max(0, number - MARKED_BEFORE) <= episode <= number and 0 <= step <= MOST_STEPS
+        0 <= at < steps and max(0, number - MARKED_BEFORE) <= episode <= number and 0 <= step <= LAST_STEP
         for at, episode, step in marks
     )
     return None if fits else f"marks are not [step, this episode or one of {MARKED_BEFORE} before, step of it]"
@@ -202,9 +202,9 @@ def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
             f"instructor.recording={config.recording}: it was resumed, so its episodes are not those of one session; "
             f"allowed is a run that was taught in one sitting"
         )
-    if task.words is None and (path.parent / WORDS).exists():
+    if task.words is None and (path.parent / WORD_LIST).exists():
         raise ConfigError(
             f"instructor.recording={config.recording}: this session was taught in words; allowed are its "
-            f"instructor.words and instructor.max_words ({path.parent / WORDS})"
+            f"instructor.words and instructor.max_words ({path.parent / WORD_LIST})"
         )
     return read_lesson(path, task.instruction_size)

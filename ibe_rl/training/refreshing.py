@@ -27,8 +27,8 @@ from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.listener import Refreshed
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.refresh_columns import figures
 from ibe_rl.vocabulary.rule_reads import lead_on
-from ibe_rl.vocabulary.tracker import figures
 
 ASKING_SEED = EVALUATION_SEED + 100_000
 

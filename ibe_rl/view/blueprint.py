@@ -13,7 +13,7 @@ from ibe_rl.view import curves, lanes, picture
 from ibe_rl.view import palette as colours
 from ibe_rl.view.curves import Chart
 from ibe_rl.view.palette import BACKGROUND, EXPLANATION, INSTRUCTED, TRAIL, WHITE
-from ibe_rl.view.what_if import IF_TOLD, PATHS
+from ibe_rl.view.what_if import IF_TOLD, TOLD_PATHS
 
 FRAMES, FILM = "frames", "film"
 FILM_FPS = 50
@@ -93,7 +93,7 @@ def _of_episode(task: Task, scene: Sequence[rrb.Container]) -> rrb.Container:
     signals = [_so_far(task, number, title) for number, title in numbers_of(task)]
     spoken = rrb.TextDocumentView(origin="/spoken", name="What it said in this episode")
     above = [_lanes()] if scene else [_lanes(), _what_if(task)]
-    shares = [*[22] * len(above), *_shared(task, 20), 18, 40]
+    shares = [*[22] * len(above), *_shared(task, 20), 22, 36]
     return rrb.Horizontal(*scene, rrb.Vertical(*above, *signals, _now(), spoken, row_shares=shares))
 
 
@@ -215,7 +215,7 @@ def log_styles(recording: rr.RecordingStream, task: Task) -> None:
     static("scene/verdict", rr.Points2D.from_fields(radii=rr.Radius.ui_points(1), show_labels=True))
     static("scene/says", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4), show_labels=True, draw_order=55.0))
     static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTED], radii=rr.Radius.ui_points(1), show_labels=True))
-    static(PATHS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
+    static(TOLD_PATHS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
     for entity in (lanes.ENTITY, IF_TOLD):
         static(
             f"{entity}/now",

@@ -17,7 +17,7 @@ from ibe_rl.types import CANNOT_TELL, Array
 from ibe_rl.view.wording import literal, short
 from ibe_rl.vocabulary.lateness import lateness_lines
 from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.words import NOTHING
+from ibe_rl.vocabulary.words import MEANS_NOTHING
 from ibe_rl.words import Words
 
 
@@ -100,7 +100,7 @@ def moved(refresh: Refresh) -> list[str]:
 def worth(refresh: Refresh, task: Task) -> list[str]:
     """Whether the words that stand tell the way, what they are known to mean, and what is declared wrongly."""
     verdicts, meanings = refresh.verdicts(task), refresh.standing.meanings
-    noticed = [one.text for one in refresh.word_notices if one.kind != NOTHING]  # which a line on meanings says
+    noticed = [one.text for one in refresh.word_notices if one.kind != MEANS_NOTHING]  # which a line on meanings says
     found = [*meaning_lines(meanings, task), *noticed, *lateness_lines(refresh.delays)]
     return [in_one_line(verdicts), *found, *wrong_signs(verdicts, meanings, task)]
 

@@ -51,7 +51,7 @@ def fit_worded(
             max_fit_windows=config.max_fit_windows,
             seed=seed,
         )
-    heard = np.asarray(windows.instruction).any(axis=0)
+    heard: Array = np.asarray(windows.instruction).max(axis=0) > 0
     fitted = estimator.fit(windows.delta, windows.instruction[:, heard], states, instructions[:, heard])
     return with_word_meanings(_with_all(fitted.mapping_, heard), windows)
 

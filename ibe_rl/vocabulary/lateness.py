@@ -14,8 +14,8 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode
 
 Delays = Mapping[str, Delay]
-"""How late each of those who instruct is, by ``PERSON`` and ``INSTRUCTOR``; nobody who never said anything."""
-PERSON, INSTRUCTOR = "person", "instructor"
+"""How late each of those who instruct is, by ``TEACHER`` and ``INSTRUCTOR``; nobody who never said anything."""
+TEACHER, INSTRUCTOR = "person", "instructor"
 """Who teaches in a browser, or taught in the session that is replayed; and whoever instructs all the others."""
 NEWEST_EPISODES = 300
 SAME_STEPS = 3
@@ -31,7 +31,7 @@ def delays_of(log: TrajectoryLog, config: MappingConfig, last: Delays | None = N
         last: what was found before; it changes only as far as the log says so.
     """
     if config.delay_steps is not None:
-        return {who: Delay(config.delay_steps, config.delay_steps, config.delay_steps) for who in (PERSON, INSTRUCTOR)}
+        return {who: Delay(config.delay_steps, config.delay_steps, config.delay_steps) for who in (TEACHER, INSTRUCTOR)}
     heard = {who: [one for one in said if np.any(one.given)] for who, said in _heard(log, config).items()}
     return {who: _changed((last or {}).get(who), find_delay(said)) for who, said in heard.items() if said}
 
@@ -45,7 +45,7 @@ def _heard(log: TrajectoryLog, config: MappingConfig) -> dict[str, Sequence[Epis
     counted[taught] = False
     heard: dict[str, Sequence[Episode]] = {INSTRUCTOR: log.read(np.flatnonzero(counted)[-NEWEST_EPISODES:])}
     if len(taught):
-        heard[PERSON], _ = taught_episodes(log, taught[-NEWEST_EPISODES:].tolist())
+        heard[TEACHER], _ = taught_episodes(log, taught[-NEWEST_EPISODES:].tolist())
     return heard
 
 
@@ -80,12 +80,12 @@ def _earlier(column: Array, steps: int) -> Array:
 
 def of_first(delays: Delays) -> Delay | None:
     """The delay of the person if one teaches, else of whoever instructs; None if nobody has said anything."""
-    return delays.get(PERSON) or delays.get(INSTRUCTOR)
+    return delays.get(TEACHER) or delays.get(INSTRUCTOR)
 
 
 def in_words(who: str, delay: Delay) -> str:
     """How late somebody is, in one sentence to a person or about an instructor."""
-    you, are = ("you", "are") if who == PERSON else ("the instructor", "is")
+    you, are = ("you", "are") if who == TEACHER else ("the instructor", "is")
     if not delay.known:
         return f"how late {you} {are} cannot be told"
     if not delay.steps:

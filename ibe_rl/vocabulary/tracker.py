@@ -21,13 +21,13 @@ from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import policy_drift, vocabulary_drift
-from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES, mean_scores, number_scores, phrase_accuracy, phrase_hits
+from ibe_rl.metrics.quality import mean_scores, number_scores, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import wrong_signs
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
 from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocabulary
-from ibe_rl.vocabulary.lateness import Delays, delays_of, of_first
+from ibe_rl.vocabulary.lateness import Delays, delays_of
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
@@ -38,14 +38,6 @@ JUDGED_EPISODES = 200
 OTHER_HORIZON = 1.5
 """Factor by which a horizon found in the log must differ from the previous one to replace it."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
-REFRESH_COLUMNS = (
-    *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown", "ibe/listens", "ibe/delay_steps"),
-    *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
-    *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
-    *(f"ibe/{name}" for name in SCORES),
-    *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
-)
-"""The columns of metrics.csv of a refresh."""
 
 
 class VocabularyTracker:
@@ -121,7 +113,8 @@ class VocabularyTracker:
         found = self._asked_for.horizon_steps is None and self.mapping is None
         last = {} if self.mapping is None else {horizon_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions, self.delays)
-        learnt = replace(learnt, horizon_found=found, word_notices=notices_of(learnt, self.mapping, self._task.words))
+        noticed = notices_of(learnt.mapping, learnt.top.delta, self.mapping, self._task.words)
+        learnt = replace(learnt, horizon_found=found, word_notices=noticed)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)
@@ -290,28 +283,3 @@ def check_refreshing(config: TrainConfig, task: Task) -> None:
             f"refresh_when_stale={config.refresh_when_stale:g}: allowed is null with refresh_every_frames=null, "
             "which never refreshes"
         )
-
-
-def figures(refresh: Refresh) -> dict[str, float]:
-    """Columns of metrics.csv; ``_stale`` is the previous vocabulary on the same newest episodes."""
-    change, scores = refresh.change, refresh.scores
-    row: dict[str, float] = {"ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
-    if late := of_first(refresh.delays):
-        row["ibe/delay_steps"] = late.steps if late.known else float("nan")
-    if change is not None:
-        scores = refresh.scores if refresh.taken else change.last_scores
-        row |= {f"ibe/{name}_stale": value for name, value in change.last_scores.items() if name != OF_THE_MOMENTS}
-        row |= {"ibe/policy_drift": change.policy_drift, "ibe/staleness": change.staleness}
-        row |= _moved(change) if refresh.taken else {}
-    return row | {f"ibe/{name}": value for name, value in scores.items()}
-
-
-def _moved(change: Change) -> dict[str, float]:
-    return {
-        "ibe/survived": len(change.transition.survived),
-        "ibe/vanished": len(change.transition.vanished),
-        "ibe/emerged": len(change.transition.emerged),
-        "ibe/vocabulary_drift": change.drift.phrase_changed,
-        "ibe/expression_moved": change.drift.expression_moved,
-        "ibe/cluster_agreement": change.drift.cluster_agreement,
-    }

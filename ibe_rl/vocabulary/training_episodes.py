@@ -15,7 +15,7 @@ from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
-from ibe_rl.vocabulary.lateness import INSTRUCTOR, PERSON, Delays, caught_up, delays_of
+from ibe_rl.vocabulary.lateness import INSTRUCTOR, TEACHER, Delays, caught_up, delays_of
 from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
 
 OTHER_EPISODES = 300
@@ -63,7 +63,7 @@ def read_training_episodes(
     taught, late = taught_rows(log), delays.get(INSTRUCTOR)
     persons = persons_episodes(log, taught, config) if len(taught) else None
     if persons:
-        persons = persons.caught_up(delays.get(PERSON))
+        persons = persons.caught_up(delays.get(TEACHER))
     if persons and persons.suffice:
         heard, rest, share = [*persons.rest, *persons.best], persons.rest, persons.share([])
         return TrainingEpisodes(len(log.index), len(taught), persons.best, heard, rest, share, delays)

@@ -7,38 +7,40 @@ import numpy as np
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.types import Array
-from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.words import CHANGED, NOTHING, SAME, WordNotice
+from ibe_rl.vocabulary.words import MEANS_NOTHING, MEANS_OTHER, MEANS_SAME, WordNotice
 from ibe_rl.words import Words
 
 STILL_LIKE = 0.3
 """Correlation of a word's share before and now, over the newest best movements: below, its meaning has changed."""
 
 
-def notices_of(refresh: Refresh, last: ClusterMapping | None, words: Words | None) -> list[WordNotice]:
+def notices_of(
+    mapping: ClusterMapping, delta: Array, last: ClusterMapping | None, words: Words | None
+) -> list[WordNotice]:
     """What is to be told about the words of a newly learnt vocabulary.
 
     Args:
-        refresh: the newest one.
+        mapping: the newest one.
+        delta: ``(W, S)`` movements of the best episodes.
         last: the vocabulary before; None at the first refresh.
         words: of the instructor; None where it gives numbers, which nothing is noticed of.
     """
-    mapping = refresh.mapping
     if words is None:
         return []
     found = _nothing_yet(mapping, words)
     found += [
-        WordNotice(SAME, pair, f"you use '{words.names[pair[0]]}' and '{words.names[pair[1]]}' alike")
+        WordNotice(MEANS_SAME, pair, f"you use '{words.names[pair[0]]}' and '{words.names[pair[1]]}' alike")
         for pair in same_words(mapping, len(words.names))
     ]
-    return found + ([] if last is None else _changed(last, mapping, np.asarray(refresh.top.delta), words))
+    return found + ([] if last is None else _changed(last, mapping, np.asarray(delta), words))
 
 
 def _nothing_yet(mapping: ClusterMapping, words: Words) -> list[WordNotice]:
-    unknown = [slot for slot in range(len(words.names)) if not mapping.meanings[slot].known]
+    known = [one.known for one in mapping.meanings]
+    reasons = {slot: mapping.meanings[slot].reason for slot in range(len(words.names)) if not known[slot]}
     return [
-        WordNotice(NOTHING, (slot,), f"'{words.names[slot]}' means nothing to me yet: {mapping.meanings[slot].reason}")
-        for slot in unknown
+        WordNotice(MEANS_NOTHING, (slot,), f"'{words.names[slot]}' means nothing to me yet: {reason}")
+        for slot, reason in reasons.items()
     ]
 
 
@@ -56,7 +58,7 @@ def _changed(last: ClusterMapping, mapping: ClusterMapping, delta: Array, words:
     for slot, word in enumerate(words.names):
         both_known = last.meanings[slot].known and mapping.meanings[slot].known
         if both_known and _correlation(before[:, slot], now[:, slot]) < STILL_LIKE:
-            found.append(WordNotice(CHANGED, (slot,), f"'{word}' no longer means what it meant before"))
+            found.append(WordNotice(MEANS_OTHER, (slot,), f"'{word}' no longer means what it meant before"))
     return found
 
 

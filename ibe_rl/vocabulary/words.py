@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ibe_rl.storage.run_folder import WORDS, read_json, write_atomically
+from ibe_rl.storage.run_folder import WORD_LIST, read_json, write_atomically
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 from ibe_rl.words import Words
 
-SAME, NOTHING, CHANGED = "same", "nothing", "changed"
+MEANS_SAME, MEANS_NOTHING, MEANS_OTHER = "same", "nothing", "changed"
 """Kinds of notices: two words mean the same, one means nothing yet, one has changed its meaning."""
 
 
@@ -26,7 +26,7 @@ class WordNotice:
     """What the agent has noticed about words at a refresh.
 
     Attributes:
-        kind: ``SAME``, ``NOTHING`` or ``CHANGED``.
+        kind: ``MEANS_SAME``, ``MEANS_NOTHING`` or ``MEANS_OTHER``.
         slots: of the words it is about.
         text: one sentence to the instructor, "you use 'left' and 'west' alike".
     """
@@ -47,7 +47,7 @@ class WordNotice:
 
 def save_words(folder: Path, words: Words) -> Path:
     """Write ``words.json`` of a run; returns its path."""
-    path = folder / WORDS
+    path = folder / WORD_LIST
     text = json.dumps(words.to_dicts(), ensure_ascii=False, indent=1)
     write_atomically(path, lambda stream: stream.write(text.encode()))
     return path
@@ -74,7 +74,7 @@ def words_of(folder: Path, slots: int | None = None) -> Words | None:
     Raises:
         ConfigError: if the file is damaged.
     """
-    path = folder / WORDS
+    path = folder / WORD_LIST
     if not path.exists():
         return None
     try:

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +11,18 @@ from ibe_rl.envs.worded import worded
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.ibe.space import scaled
-from ibe_rl.storage.run_folder import WORDS
+from ibe_rl.storage.run_folder import WORD_LIST
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.word_notices import notices_of
-from ibe_rl.vocabulary.words import CHANGED, NOTHING, SAME, WordNotice, save_words, take_up_words, words_of
+from ibe_rl.vocabulary.words import (
+    MEANS_NOTHING,
+    MEANS_OTHER,
+    MEANS_SAME,
+    WordNotice,
+    save_words,
+    take_up_words,
+    words_of,
+)
 from ibe_rl.words import Words
 
 
@@ -43,7 +49,7 @@ def test_a_run_that_goes_on_has_its_present_words(tmp_path: Path):
 
 @pytest.mark.parametrize("text", ["", "{", "[3]", '[{"word": "a"}]', '[{"word": "", "added_at_frame": 0}]'])
 def test_damaged_words_are_named(tmp_path: Path, text: str):
-    (tmp_path / WORDS).write_text(text)
+    (tmp_path / WORD_LIST).write_text(text)
     with pytest.raises(ConfigError, match=r"words\.json: not the words of a run"):
         words_of(tmp_path)
 
@@ -55,7 +61,7 @@ def test_more_words_than_places_are_refused(tmp_path: Path):
 
 
 def test_a_notice_survives_its_file():
-    notice = WordNotice(SAME, (0, 2), "you use 'left' and 'west' alike")
+    notice = WordNotice(MEANS_SAME, (0, 2), "you use 'left' and 'west' alike")
     assert WordNotice.from_dict(notice.to_dict()) == notice
 
 
@@ -72,8 +78,7 @@ def mapping(shares: Array, *meanings: Meaning) -> ClusterMapping:
 
 
 def noticed(now: ClusterMapping, last: ClusterMapping | None = None) -> list[tuple[str, tuple[int, ...]]]:
-    refresh: Any = SimpleNamespace(mapping=now, top=SimpleNamespace(delta=DELTA))
-    return [(one.kind, one.slots) for one in notices_of(refresh, last, Words(["a", "b", "c"]))]
+    return [(one.kind, one.slots) for one in notices_of(now, DELTA, last, Words(["a", "b", "c"]))]
 
 
 KNOWN = Meaning(moves=(1.0,))
@@ -83,19 +88,18 @@ LEFT_RIGHT = np.array([[1.0, 0, 0], [0, 1.0, 0]])
 def test_it_says_what_means_nothing_and_what_means_the_same():
     unknown = replace(KNOWN, positive=False, reason="not heard yet")
     found = mapping(LEFT_RIGHT, KNOWN, unknown, replace(KNOWN, same_as=0))
-    assert noticed(found) == [(NOTHING, (1,)), (SAME, (0, 2))]
-    refresh: Any = SimpleNamespace(mapping=found, top=SimpleNamespace(delta=DELTA))
-    assert [one.text for one in notices_of(refresh, None, Words(["left", "up", "west"]))] == [
+    assert noticed(found) == [(MEANS_NOTHING, (1,)), (MEANS_SAME, (0, 2))]
+    assert [one.text for one in notices_of(found, DELTA, None, Words(["left", "up", "west"]))] == [
         "'up' means nothing to me yet: not heard yet",
         "you use 'left' and 'west' alike",
     ]
-    assert notices_of(refresh, None, None) == []
+    assert notices_of(found, DELTA, None, None) == []
 
 
 def test_it_says_what_has_changed_its_meaning():
     before = mapping(LEFT_RIGHT, KNOWN, KNOWN, KNOWN)
     after = mapping(LEFT_RIGHT[:, [1, 0, 2]], KNOWN, KNOWN, KNOWN)
-    assert noticed(after, before) == [(CHANGED, (0,)), (CHANGED, (1,))]
+    assert noticed(after, before) == [(MEANS_OTHER, (0,)), (MEANS_OTHER, (1,))]
     assert noticed(before, before) == []
     numbers = replace(before, meanings=())
     assert noticed(after, numbers) == []

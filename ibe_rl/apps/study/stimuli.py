@@ -45,6 +45,7 @@ class CutEpisode:
         last: step of the last frame that is seen.
         end: step that people are asked about.
         frames: how many are seen.
+        told: what it is told from the last frame on; empty: what the instructor says.
     """
 
     seed: int
@@ -52,6 +53,7 @@ class CutEpisode:
     last: int
     end: int
     frames: int
+    told: str = ""
 
     @property
     def first(self) -> int:
@@ -186,7 +188,7 @@ def stimuli_of(
     said: list[dict[str, SpokenFrames]] = []
     for one in chosen:
         steps = range(one.first, one.last + 1)
-        spoken = speaker.say([one.watched.moments[at] for at in steps])
+        spoken = speaker.say([one.watched.moments[at] for at in steps], one.told)
         said.append({**spoken, TRUE_FUTURE: speaker.really(real_changes(one, speaker.run.horizon_steps))})
         step()
     for each, placebo in zip(said, words_of_others([each[IBE] for each in said], random), strict=True):
@@ -217,6 +219,7 @@ def _stimulus(
         "later": _frames(one, scene, range(one.last + 1, one.end + 1)),
         "phrases": options,
         "explanations": {arm: words.as_json() for arm, words in said.items()},
+        **({"told": one.told} if one.told else {}),
         "truth": {"at": round(ends_at(one, scene), _DIGITS), "choice": options.index(said[TRUE_FUTURE].phrases[-1])},
         "observers": expectations(asked, said, speaker, observer, scene, options),
         **about_episode(one.seed, one.watched.episode),

@@ -16,7 +16,7 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.apps.teach.lesson_plan import BYE, SEATED, WORDS_NAMED, LessonPlan
 from ibe_rl.apps.teach.link import TrainerEnd
 from ibe_rl.apps.teach.live_explainer import weights_of
-from ibe_rl.apps.teach.understanding import lateness_message, lesson_summary, not_yet, understood, vocabulary
+from ibe_rl.apps.teach.understanding import lateness_message, lesson_summary, not_yet, understanding_line, vocabulary
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_snapshot_env
@@ -123,7 +123,7 @@ class Classroom(Listener):
         """Send what has been learnt, in the words as they are called now."""
         late = lateness_message(event.refresh.delays)
         self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task) | {"delay": late})
-        self._link.tell("understood", understood(event.refresh, self._task))
+        self._link.tell("understood", understanding_line(event.refresh, self._task))
 
     def skipped(self, frames: int, reason: str) -> None:
         """Say why there is no new vocabulary."""

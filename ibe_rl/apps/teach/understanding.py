@@ -20,9 +20,9 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode
 from ibe_rl.view.palette import of_clusters
-from ibe_rl.vocabulary.lateness import PERSON, Delays, in_words
+from ibe_rl.vocabulary.lateness import TEACHER, Delays, in_words
 from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.words import NOTHING
+from ibe_rl.vocabulary.words import MEANS_NOTHING
 
 FEW_WINDOWS = 50
 """A word with fewer windows in good episodes has hardly been heard there."""
@@ -53,7 +53,7 @@ def _first(values: Array, task: Task) -> Array:
     return values[:, 0] if task.words is None else values.max(axis=1)
 
 
-def understood(refresh: Refresh, task: Task) -> str:
+def understanding_line(refresh: Refresh, task: Task) -> str:
     """In one line, what the agent has understood and what it lacks."""
     counts = heard_windows(refresh, task)
     known = known_words(refresh.standing, task)
@@ -63,7 +63,7 @@ def understood(refresh: Refresh, task: Task) -> str:
     parts = [f"I understand {has}." if known else "I do not understand your words yet."]
     parts += [f"I have not heard {lacks} in good episodes yet."] if rare else []
     parts += [f"I have heard {_listed(unclear)}, but cannot tell what that means."] if unclear and known else []
-    parts += [f"{one.text[0].upper()}{one.text[1:]}." for one in refresh.word_notices if one.kind != NOTHING]
+    parts += [f"{one.text[0].upper()}{one.text[1:]}." for one in refresh.word_notices if one.kind != MEANS_NOTHING]
     return " ".join([*parts, *_lateness(refresh)])
 
 
@@ -89,14 +89,14 @@ def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
 
 def lateness_message(delays: Delays) -> dict[str, Any] | None:
     """How late the person is, as a page displays it; None if they have said nothing yet."""
-    late = delays.get(PERSON)
-    return None if late is None else {**asdict(late), "text": in_words(PERSON, late)}
+    late = delays.get(TEACHER)
+    return None if late is None else {**asdict(late), "text": in_words(TEACHER, late)}
 
 
 def _lateness(refresh: Refresh) -> list[str]:
     """How late the person is, in a sentence; nothing where that is not known."""
-    late = refresh.delays.get(PERSON)
-    return [f"{in_words(PERSON, late).capitalize()}."] if late is not None and late.known and late.steps else []
+    late = refresh.delays.get(TEACHER)
+    return [f"{in_words(TEACHER, late).capitalize()}."] if late is not None and late.known and late.steps else []
 
 
 def not_yet(episodes: int, needed: int) -> str:
@@ -145,7 +145,7 @@ def lesson_summary(log: TrajectoryLog, task: Task, refresh: Refresh | None) -> d
         ],
         "meaning": meaning_lines(mapping.meanings, task) if mapping else [],
         "delay": lateness_message(refresh.delays) if refresh else None,
-        "understood": understood(refresh, task) if refresh else "I have not learnt a vocabulary.",
+        "understood": understanding_line(refresh, task) if refresh else "I have not learnt a vocabulary.",
         "consistency": consistency(spoken),
     }
 
