@@ -19,7 +19,8 @@ function drawOtherwise(place) {
     pen.stroke();
     pen.fillStyle = `hsl(${hue} 80% 75% / 70%)`;
     const [x, y] = place(one.path[one.path.length - 1]);
-    const told = one.told.length > 14 ? `${one.told.slice(0, 13)}…` : one.told;
+    const name = now.words ? one.told : signed(choices()[index]);
+    const told = name.length > 14 ? `${name.slice(0, 13)}…` : name;
     const wide = pen.measureText(told).width;
     const below = y + 14 * devicePixelRatio;
     pen.fillText(told, Math.max(0, Math.min(canvas.width - wide, x - wide / 2)), Math.min(canvas.height - 4, below));

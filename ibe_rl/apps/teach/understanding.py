@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.teach.live_explainer import sayable_values
 from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable
 from ibe_rl.ibe.meaning_lines import meaning_lines
@@ -152,7 +152,7 @@ def lesson_summary(log: TrajectoryLog, task: Task, refresh: Refresh | None) -> d
 
 def _said(episodes: Sequence[Episode], task: Task) -> dict[str, int]:
     """Steps at which each word, or number, was given."""
-    values = sayable_values(task)
+    values = values_of(task)
     return {
         name: sum(int(np.sum(one.given & (one.instructions == value).all(axis=1))) for one in episodes)
         for name, value in values.items()
@@ -163,7 +163,7 @@ def _short(name: str, task: Task) -> str:
     """The name under which windows are counted: of numbers, the number."""
     if task.words is not None:
         return name
-    value = float(sayable_values(task)[name][0])
+    value = float(values_of(task)[name][0])
     return f"{value:+g}" if value else "0"
 
 
