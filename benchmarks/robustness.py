@@ -34,7 +34,7 @@ from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.run_folder import REFRESHES, read_json, write_json
 from ibe_rl.types import ConfigError, ExpressionMapping
-from ibe_rl.vocabulary.lateness import INSTRUCTOR
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "robustness.json"

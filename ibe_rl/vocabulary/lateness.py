@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +12,8 @@ from ibe_rl.ibe.delay import Delay, find_delay
 from ibe_rl.instructors.taught import taught_episodes, taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
-Delays = Mapping[str, Delay]
-"""How late each of those who instruct is, by ``TEACHER`` and ``INSTRUCTOR``; nobody who never said anything."""
-TEACHER, INSTRUCTOR = "person", "instructor"
-"""Who teaches in a browser, or taught in the session that is replayed; and whoever instructs all the others."""
 NEWEST_EPISODES = 300
 SAME_STEPS = 3
 """A delay found anew that differs by no more leaves the earlier one as it is."""
@@ -59,11 +56,6 @@ def _changed(last: Delay | None, found: Delay) -> Delay:
         return replace(found, steps=last.steps)
     overlap = found.low <= last.high and last.low <= found.high
     return replace(found, steps=round((last.steps + found.steps) / 2)) if overlap else found
-
-
-def of_first(delays: Delays) -> Delay | None:
-    """The delay of the person if one teaches, else of whoever instructs; None if nobody has said anything."""
-    return delays.get(TEACHER) or delays.get(INSTRUCTOR)
 
 
 def in_words(who: str, delay: Delay) -> str:

@@ -16,8 +16,9 @@ from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
-from ibe_rl.vocabulary.lateness import INSTRUCTOR, TEACHER, Delays, delays_of
+from ibe_rl.vocabulary.lateness import delays_of
 from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
 OTHER_EPISODES = 300
 """Most episodes outside the best that are read, for comparison and for their instructions."""

@@ -14,10 +14,11 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.view.sentences import worth
 from ibe_rl.vocabulary import lateness as module
-from ibe_rl.vocabulary.lateness import INSTRUCTOR, TEACHER, delays_of, in_words, of_first
+from ibe_rl.vocabulary.lateness import delays_of, in_words
 from ibe_rl.vocabulary.refresh_columns import figures
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 from ibe_rl.vocabulary.training_episodes import read_training_episodes
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, of_first
 
 PERSON_SPEAKS, OTHERS = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1)), np.zeros((STEPS, 3), np.int32)
 UNKNOWN = Delay(0, 0, 50, known=False)
