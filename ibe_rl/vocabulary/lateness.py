@@ -17,9 +17,9 @@ Delays = Mapping[str, Delay]
 """How late each of those who instruct is, by ``PERSON`` and ``INSTRUCTOR``; nobody who never said anything."""
 PERSON, INSTRUCTOR = "person", "instructor"
 """Who teaches in a browser, or taught in the session that is replayed; and whoever instructs all the others."""
-NEWEST_EPISODES = 300
+NEWEST_EPISODES = 400
 SAME_STEPS = 3
-"""A delay found anew that differs by no more leaves the earlier one as it is."""
+"""A delay found anew that differs by no more leaves the earlier one as it is, within the new interval."""
 
 
 def delays_of(log: TrajectoryLog, config: MappingConfig, last: Delays | None = None) -> dict[str, Delay]:
@@ -55,10 +55,11 @@ def _changed(last: Delay | None, found: Delay) -> Delay:
         return found
     if not found.known:
         return last
-    if abs(found.steps - last.steps) <= SAME_STEPS:
-        return replace(found, steps=last.steps)
-    overlap = found.low <= last.high and last.low <= found.high
-    return replace(found, steps=round((last.steps + found.steps) / 2)) if overlap else found
+    near = abs(found.steps - last.steps) <= SAME_STEPS
+    if not found.steps or not (near or (found.low <= last.high and last.low <= found.high)):
+        return found
+    steps = last.steps if near else round((last.steps + found.steps) / 2)
+    return replace(found, steps=min(max(steps, found.low), found.high) if steps else 0)
 
 
 def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
