@@ -14,9 +14,9 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
-NEWEST_EPISODES = 300
+NEWEST_EPISODES = 400
 SAME_STEPS = 3
-"""A delay found anew that differs by no more leaves the earlier one as it is."""
+"""A delay found anew that differs by no more leaves the earlier one as it is, within the new interval."""
 
 
 def delays_of(log: TrajectoryLog, config: MappingConfig, last: Delays | None = None) -> dict[str, Delay]:
@@ -52,10 +52,11 @@ def _changed(last: Delay | None, found: Delay) -> Delay:
         return found
     if not found.known:
         return last
-    if abs(found.steps - last.steps) <= SAME_STEPS:
-        return replace(found, steps=last.steps)
-    overlap = found.low <= last.high and last.low <= found.high
-    return replace(found, steps=round((last.steps + found.steps) / 2)) if overlap else found
+    near = abs(found.steps - last.steps) <= SAME_STEPS
+    if not found.steps or not (near or (found.low <= last.high and last.low <= found.high)):
+        return found
+    steps = last.steps if near else round((last.steps + found.steps) / 2)
+    return replace(found, steps=min(max(steps, found.low), found.high) if steps else 0)
 
 
 def in_words(who: str, delay: Delay) -> str:

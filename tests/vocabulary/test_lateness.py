@@ -77,8 +77,11 @@ def test_only_the_newest_are_heard(log: TrajectoryLog, heard: list[Sequence[Epis
         (None, Delay(20, 18, 22), 20),
         (UNKNOWN, Delay(20, 18, 22), 20),
         (Delay(20, 18, 22), Delay(23, 19, 25), 20),  # nearly the same: it stays
-        (Delay(20, 10, 26), Delay(26, 24, 28), 23),  # perhaps the same: half way
+        (Delay(20, 10, 26), Delay(26, 22, 28), 23),  # perhaps the same: half way
         (Delay(20, 18, 22), Delay(40, 38, 42), 40),  # another one for sure
+        (Delay(27, 26, 32), Delay(25, 24, 26), 26),  # nearly the same, as far as the log allows
+        (Delay(4, 3, 6), Delay(0, 0, 3), 0),
+        (Delay(0, 0, 1), Delay(3, 2, 4), 0),
         (Delay(20, 18, 22), UNKNOWN, 20),
         (UNKNOWN, UNKNOWN, 0),
     ],
