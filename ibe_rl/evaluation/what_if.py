@@ -36,7 +36,7 @@ TRUTH_SEED = 7_919
 
 
 @dataclass(frozen=True)
-class AskedWhatIf:
+class AskedMoments:
     """``N`` moments, what was foretold of them for ``W`` values, and what then happened.
 
     Attributes:
@@ -57,7 +57,7 @@ class AskedWhatIf:
 
 
 @dataclass(frozen=True)
-class WhatIfAnswers:
+class JudgedAnswers:
     """The answers of one vocabulary at ``N`` moments to ``W`` values.
 
     Attributes:
@@ -87,7 +87,7 @@ class WhatIfAnswers:
         return Calibration.fit(self.features[counted], self.true[counted], CONFIDENCE_FEATURES)
 
 
-def ask_what_if(
+def ask_and_give(
     moments: Sequence[TakenMoment],
     policy: Policy,
     predictor: Predictor,
@@ -95,7 +95,7 @@ def ask_what_if(
     values: Values,
     futures: int,
     horizon_steps: int,
-) -> AskedWhatIf:
+) -> AskedMoments:
     """Ask at each moment for each value, and then give it in a copy.
 
     Args:
@@ -118,7 +118,7 @@ def ask_what_if(
             )
             advance()
     plain, predicted, trusted, realised = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return AskedWhatIf(np.array([one.episode for one in moments]), values, plain, predicted, trusted, realised)
+    return AskedMoments(np.array([one.episode for one in moments]), values, plain, predicted, trusted, realised)
 
 
 def _foretold(
@@ -140,14 +140,14 @@ def _given(moments: Sequence[Moment], policy: Policy, world: Predictor, values: 
     return np.asarray((paths[:, -1] - paths[:, 0]).reshape(len(moments), len(values), -1))
 
 
-def answer(asked: AskedWhatIf, mapping: ExpressionMapping, words: Sequence[Phrases]) -> WhatIfAnswers:
+def answer(asked: AskedMoments, mapping: ExpressionMapping, words: Sequence[Phrases]) -> JudgedAnswers:
     """Put predictions and what happened into the words of a vocabulary."""
     shape, size = asked.realised.shape[:2], asked.realised.shape[-1]
     deltas = asked.predicted.reshape(-1, *asked.predicted.shape[2:])
     phrases, which, agreement = majority_phrases(deltas, mapping, words, asked.trusted.reshape(len(deltas), -1))
     spoken = deltas[np.arange(len(deltas)), which]
     expressions = mapping.express(spoken).reshape(*shape, -1)
-    return WhatIfAnswers(
+    return JudgedAnswers(
         phrase=np.array(phrases).reshape(shape),
         real=phrases_of(mapping.express(asked.realised.reshape(-1, size)), words).reshape(shape),
         plain=np.array(majority_phrases(asked.plain, mapping, words)[0]),
@@ -157,7 +157,7 @@ def answer(asked: AskedWhatIf, mapping: ExpressionMapping, words: Sequence[Phras
     )
 
 
-def row_of(name: str, answers: WhatIfAnswers, calibration: Calibration, weights: Array) -> dict[str, Any]:
+def row_of(name: str, answers: JudgedAnswers, calibration: Calibration, weights: Array) -> dict[str, Any]:
     """The row of a vocabulary, where the meaning of the words is known.
 
     Args:
@@ -190,7 +190,7 @@ def _row(name: str, true: Array, each: Array, other: Array) -> dict[str, Any]:
 
 
 def baseline_rows(
-    answers: WhatIfAnswers, values: Values, words: Sequence[Phrases], weights: Array
+    answers: JudgedAnswers, values: Values, words: Sequence[Phrases], weights: Array
 ) -> list[dict[str, Any]]:
     """Two that ask nobody: it does what it does anyway, and it does what it is told."""
     obeyed = phrases_of(np.array([*values.values()]), words)
@@ -277,10 +277,10 @@ def _asked(
     values: Values,
     moments: Sequence[TakenMoment],
     processes: int,
-) -> AskedWhatIf:
+) -> AskedMoments:
     make_env, seed = partial(make_snapshot_env, run.config.env), cfg.evaluate.seed + TRUTH_SEED
     world = Simulator(make_env, run.task.rule, processes=processes, seed=seed)
     try:
-        return ask_what_if(moments, run.policy, predictor, world, values, cfg.predictor.futures, run.horizon_steps)
+        return ask_and_give(moments, run.policy, predictor, world, values, cfg.predictor.futures, run.horizon_steps)
     finally:
         world.close()

@@ -18,7 +18,7 @@ from ibe_rl.view import palette as colours
 from ibe_rl.view import picture
 from ibe_rl.view.lanes import BAND_HEIGHT, IF_TOLD, IF_TOLD_PATHS, LANE_HEIGHT, Lane, log_lanes, step_marks, x_of
 
-FADED = 0.55
+PATH_SHADE = 0.55
 """How much of its colour a path keeps that will not be flown."""
 LONGEST_NAME = 14
 """Characters beside a lane."""
@@ -79,7 +79,7 @@ class AnswersOfEpisode:
         rows = [step for step in picture.changes([id(one) for one in asked]) if asked[step] is not None]
         answers = [asked[step].what_if[name] for step in rows for name in names]  # type: ignore[union-attr]
         paths = picture.thinned(self.drawn(np.stack([one.trusted_path for one in answers])))
-        shades = np.tile((FADED * told_shades(self.task, names)).astype(np.uint8), (len(rows), 1))
+        shades = np.tile((PATH_SHADE * told_shades(self.task, names)).astype(np.uint8), (len(rows), 1))
         strips = rr.LineStrips2D.columns(strips=paths, colors=shades).partition([len(names)] * len(rows))
         rr.send_columns(IF_TOLD_PATHS, self.columns(rows), strips, recording=self.recording)
 
