@@ -19,7 +19,7 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh
-from ibe_rl.vocabulary.words import NOTHING, SAME, WordNotice
+from ibe_rl.vocabulary.words import MEANS_NOTHING, MEANS_SAME, WordNotice
 from ibe_rl.words import Words
 
 PERSON = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1))
@@ -76,8 +76,10 @@ def test_it_says_how_late_the_person_is(log: TrajectoryLog):
 
 
 def test_it_says_what_it_notices_about_the_words_but_not_twice(log: TrajectoryLog):
-    alike = WordNotice(SAME, (0, 1), "you use 'left' and 'west' alike")
-    noticed = replace(learnt(log, Meaning()), word_notices=[alike, WordNotice(NOTHING, (2,), "'up' means nothing yet")])
+    alike = WordNotice(MEANS_SAME, (0, 1), "you use 'left' and 'west' alike")
+    noticed = replace(
+        learnt(log, Meaning()), word_notices=[alike, WordNotice(MEANS_NOTHING, (2,), "'up' means nothing yet")]
+    )
     assert understanding_line(noticed, TASK) == "I understand '-1', '0' and '+1'. You use 'left' and 'west' alike."
 
 
