@@ -34,7 +34,7 @@ PARSIMONY = 0.02
 """Share of the information that one more dimension of the state must add to be believed."""
 MIN_INFORMATION, MIN_CHANGES, MIN_STEPS = 0.05, 10, 200
 """Nats a step that the state must tell of what was said, its changes, and steps: with less the log does not tell."""
-LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 3, 20, 5
+LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 6, 20, 5
 """Fewer steps count as none. A wider interval is no answer, nor are states so far ahead: they are consequences."""
 RESAMPLES, INTERVAL_PERCENTILES = 200, (2.5, 97.5)
 MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 400, 2_500, 5_000
