@@ -38,7 +38,7 @@ from ibe_rl.runtime.workers import (
     start_method_for_torchrl,
     starting,
 )
-from ibe_rl.storage.log import TOLD_COLUMN
+from ibe_rl.storage.log_columns import TOLD_COLUMN
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Instructor

@@ -15,7 +15,7 @@ from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
 from ibe_rl.envs.errors import GateError, located
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.storage.log import TOLD_COLUMN, TOLD_SIZE
+from ibe_rl.storage.log_columns import TOLD_COLUMN, TOLD_SIZE
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array, Instructor, observe

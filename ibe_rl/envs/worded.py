@@ -4,26 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
-import gymnasium
 import numpy as np
 
-from ibe_rl.envs.wrappers import task_of
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.words import Words
+from ibe_rl.words import WordError, Words
 
 GIVEN_OR_NOT = (0.0, 1.0)
 """The values of each slot of an instruction in words."""
-
-
-def with_words(env: gymnasium.Env[Any, Any], words: Sequence[str], most_words: int | None) -> gymnasium.Env[Any, Any]:
-    """The environment with a task whose instructions are words; itself without any."""
-    task = task_of(env)
-    if words or most_words is not None or task.words is not None:
-        env.task = worded(task, words, most_words)  # type: ignore[attr-defined]  # the outermost one is read
-    return env
 
 
 def worded(task: Task, words: Sequence[str], most_words: int | None = None) -> Task:
@@ -43,7 +32,10 @@ def worded(task: Task, words: Sequence[str], most_words: int | None = None) -> T
     own = task.words
     if not words and own is None:
         raise ConfigError(f"instructor.max_words={most_words}: allowed beside instructor.words, which are not set")
-    chosen = Words(words or own.names if own is not None else words, most_words)
+    try:
+        chosen = Words(words or own.names if own is not None else words, most_words)
+    except WordError as error:
+        raise ConfigError(str(error)) from None
     values = range(len(own.names)) if own is not None else task.instruction_values
     ruled = len(chosen.names) == len(values) and (own is not None or task.instruction_size == 1)
     rule = (

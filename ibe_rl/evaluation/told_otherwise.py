@@ -33,7 +33,7 @@ def answers_table(said: Sequence[Explanation], words: Sequence[Phrases]) -> Tabl
     rows = _rows(said, short)
     left_out = len(rows) - MOST_ANSWERS
     for number, row in enumerate(rows):
-        if left_out <= 0 or number < FIRST_ANSWERS or number >= FIRST_ANSWERS + left_out:
+        if left_out <= 1 or number < FIRST_ANSWERS or number >= FIRST_ANSWERS + left_out:
             table.add_row(*row)
         elif number == FIRST_ANSWERS:
             table.add_row("...")

@@ -13,7 +13,7 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
-from ibe_rl.instructors import about, make_instructor, stand_in
+from ibe_rl.instructors import make_instructor, named_instructor, stand_in
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import TRAJECTORIES
@@ -68,7 +68,7 @@ def instructed_by(run: TrainedRun) -> str | None:
     """Who instructs in the episodes that are explained and judged, where a person taught; else None."""
     config = run.config.instructor
     stands_in = stand_in(config, run.folder)
-    return None if stands_in is config else about(make_instructor(stands_in, run.task))
+    return None if stands_in is config else named_instructor(make_instructor(stands_in, run.task))
 
 
 def open_log(folder: Path) -> TrajectoryLog:

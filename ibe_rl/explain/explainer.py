@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibe_rl.explain.what_if import Asking, told, with_answers
+from ibe_rl.explain.what_if import Asking, told_twins, with_answers
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
@@ -61,7 +61,7 @@ def explain(
         return []
     longest, asking = max([explainer.horizon_steps, *explainer.spans]), explainer.what_if
     futures = [moment for moment in moments for _ in range(explainer.futures)]
-    twins = told(futures, asking.values, asking.rows(len(moments), explainer.futures)) if asking else []
+    twins = told_twins(futures, asking.values, asking.rows(len(moments), explainer.futures)) if asking else []
     predicted = predictor.rollout([*futures, *twins], policy, longest)
     said = put_in_words(*_by_moment(predicted, slice(len(futures)), explainer.futures, explainer))
     if asking is None:

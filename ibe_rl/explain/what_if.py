@@ -68,7 +68,7 @@ def _one_at_a_time(each: Sequence[float], numbers: int) -> list[tuple[float, ...
     return [*dict.fromkeys(tuple(one + 0.0 for one in row) for row in alone)]
 
 
-def told(futures: Sequence[Moment], values: Values, rows: Sequence[int] | None = None) -> list[Moment]:
+def told_twins(futures: Sequence[Moment], values: Values, rows: Sequence[int] | None = None) -> list[Moment]:
     """The twins of futures, to be rolled out behind them: those with the first value, then those with the second, ...
 
     Args:

@@ -9,7 +9,7 @@ every delay alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from ibe_rl.ibe.rule_parts import (
     axes_of,
     gains,
-    information,
+    information_of,
     levels_of,
     part_of,
     partition,
@@ -32,11 +32,11 @@ EVERY_STEPS, BEFORE_STEPS, BEYOND_STEPS = 15, 20, 25
 """Steps between the delays at which rules are looked for; how far before 0 and beyond the best one is compared."""
 PARSIMONY = 0.02
 """Share of the information that one more dimension of the state must add to be believed."""
-MIN_INFORMATION, MIN_CHANGES, MIN_STEPS = 0.05, 10, 200
+MIN_INFORMATION, MIN_CHANGES, LEAST_SAID = 0.05, 10, 200
 """Nats a step that the state must tell of what was said, its changes, and steps: with less the log does not tell."""
 LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 6, 20, 5
 """Fewer steps count as none. A wider interval is no answer, nor are states so far ahead: they are consequences."""
-RESAMPLES, INTERVAL_PERCENTILES = 200, (2.5, 97.5)
+BOOTSTRAPS, LOW_HIGH = 200, (2.5, 97.5)
 MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 400, 2_500, 5_000
 TRIED, CLIMBS = 4, 3
 
@@ -141,7 +141,7 @@ def _tells(steps: _Steps, most: int) -> bool:
     changes = int(np.sum(steps.kinds[rows] != steps.kinds[rows - 1]))
     learnt = [rows[(steps.episode[rows] % 2 == fold) & steps.given[rows]] for fold in (0, 1)]
     late = [steps.said[one[steps.step[one] >= most]] for one in learnt]
-    return changes >= MIN_CHANGES and all(len(one) >= MIN_STEPS // 2 and np.ptp(one) > 0 for one in late)
+    return changes >= MIN_CHANGES and all(len(one) >= LEAST_SAID // 2 and np.ptp(one) > 0 for one in late)
 
 
 def _some(rows: Array, most: int) -> Array:
@@ -176,7 +176,7 @@ def _candidates(steps: _Steps, learnt: Array, judged: Array, most: int) -> list[
     for lag in range(0, most + 1, EVERY_STEPS):
         for dimensions, weights in supports(steps.states[given - lag], steps.said[given]):
             part = ranked_parts(steps.states[:, dimensions] @ weights)
-            told = np.array([information(part[judged - each], steps.kinds[judged]) for each in lags])
+            told = np.array([information_of(part[judged - each], steps.kinds[judged]) for each in lags])
             rule, key = _Rule(dimensions, int(lags[told.argmax()]), np.repeat(told, 5)[: most + 1]), tuple(dimensions)
             best[key] = max(best.get(key, rule), rule, key=lambda one: float(one.told.max()))
     return _simplest([*best.values()])[:TRIED]
@@ -187,7 +187,7 @@ def _climb(steps: _Steps, rule: _Rule, learnt: Array, judged: Array) -> _Rule:
     best, lag = rule._replace(told=np.zeros_like(rule.told)), rule.lag
     for _ in range(CLIMBS):
         part = _parts(steps, rule.dimensions, lag, learnt)
-        told = np.array([information(part[judged - each], steps.kinds[judged]) for each in range(len(rule.told))])
+        told = np.array([information_of(part[judged - each], steps.kinds[judged]) for each in range(len(rule.told))])
         best = max(best, rule._replace(lag=int(told.argmax()), told=told), key=lambda one: float(one.told.max()))
         if int(told.argmax()) == lag:
             break
@@ -218,13 +218,30 @@ def _gained(steps: _Steps, dimensions: list[int], lag: int, top: int) -> Array:
 
 def _answer(gained: Array, most: int, rows: int) -> Delay:
     """The delay with most information, with an interval over resampled episodes and over halves of them."""
-    weights = np.random.default_rng(0).multinomial(len(gained), np.full(len(gained), 1 / len(gained)), RESAMPLES)
+    weights = np.random.default_rng(0).multinomial(len(gained), np.full(len(gained), 1 / len(gained)), BOOTSTRAPS)
     total = gained.sum(axis=0)
     best = int(total.argmax()) - BEFORE_STEPS
     halves = [int(gained[fold::2].sum(axis=0).argmax()) - BEFORE_STEPS for fold in (0, 1)]
-    low, high = np.percentile((weights @ gained).argmax(axis=1) - BEFORE_STEPS, INTERVAL_PERCENTILES)
+    low, high = np.percentile((weights @ gained).argmax(axis=1) - BEFORE_STEPS, LOW_HIGH)
     low, high = int(min(low, *halves)), int(max(high, *halves))
     untold = high - low > WIDEST_STEPS or best < -EARLY_STEPS or high >= most
     if untold or total.max() < MIN_INFORMATION * rows:
         return Delay(0, 0, most, known=False)
     return Delay(0 if low <= 0 or best < LEAST_STEPS else best, max(0, low), max(0, high))
+
+
+def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
+    """The same episodes with what was said at the steps that it was about; nothing at the last ones."""
+    if delay is None or not delay.steps:
+        return [*episodes]
+    return [
+        replace(one, instructions=_earlier(one.instructions, delay.steps), given=_earlier(one.given, delay.steps))
+        for one in episodes
+    ]
+
+
+def _earlier(column: Array, steps: int) -> Array:
+    """The rows ``(T, ...)`` so many steps earlier; zeros where there are none."""
+    moved = np.zeros_like(column)
+    moved[: max(0, len(column) - steps)] = column[steps:]
+    return moved

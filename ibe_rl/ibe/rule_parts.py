@@ -11,7 +11,7 @@ from ibe_rl.types import Array
 MOST_LEVELS, LEVELS = 9, 5
 """A number with more distinct values is divided into levels, equally many steps in each."""
 MOST_DIMENSIONS = 5
-PARTS, MIN_PART_STEPS = 16, 20
+MOST_PARTS, MIN_PART_STEPS = 16, 20
 RIDGE = 1e-6
 MIN_MISTAKES = 0.01
 ROUNDS = 3
@@ -67,7 +67,7 @@ def axes_of(states: Array, kinds: Array) -> Array:
 def partition(places: Array, kinds: Array) -> DecisionTreeClassifier:
     """A tree that divides places ``(N, D)`` into parts in which the same is said."""
     tree = DecisionTreeClassifier(
-        criterion="entropy", max_leaf_nodes=PARTS, min_samples_leaf=MIN_PART_STEPS, random_state=0
+        criterion="entropy", max_leaf_nodes=MOST_PARTS, min_samples_leaf=MIN_PART_STEPS, random_state=0
     )
     return tree.fit(places, kinds)
 
@@ -83,7 +83,7 @@ def part_of(tree: DecisionTreeClassifier, places: Array) -> Array:
 
 def ranked_parts(places: Array) -> Array:
     """The part ``(N,)`` of places on a line ``(N,)``: quantiles, equally many steps in each."""
-    edges = np.quantile(places[:: max(1, len(places) // 4_000)], np.arange(1, PARTS) / PARTS)
+    edges = np.quantile(places[:: max(1, len(places) // 4_000)], np.arange(1, MOST_PARTS) / MOST_PARTS)
     return np.searchsorted(edges, places)
 
 
@@ -94,7 +94,7 @@ def table_of(parts: Array, kinds: Array) -> Array:
     return np.bincount(parts * count + kinds, minlength=rows * count).reshape(rows, count)
 
 
-def information(parts: Array, kinds: Array) -> float:
+def information_of(parts: Array, kinds: Array) -> float:
     """Mutual information of parts and what was said, in nats."""
     table = table_of(parts, kinds) / len(kinds)
     both = table.sum(axis=1, keepdims=True) * table.sum(axis=0)
@@ -103,7 +103,7 @@ def information(parts: Array, kinds: Array) -> float:
 
 
 def gains(parts: Array, kinds: Array) -> Array:
-    """How much likelier ``(N,)`` what was said is where its part is known, in nats; its mean is ``information``."""
+    """How much likelier ``(N,)`` what was said is where its part is known, in nats; its mean is ``information_of``."""
     table = table_of(parts, kinds) + 1e-9
     ratio = np.log(table * table.sum() / (table.sum(axis=1, keepdims=True) * table.sum(axis=0)))
     found: Array = ratio[parts, kinds]

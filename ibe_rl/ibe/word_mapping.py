@@ -13,13 +13,16 @@ from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
-from ibe_rl.ibe.space import MAX_ACCURACY_LOSS, SPARSITY_THRESHOLDS, Space, TooLittleDataError, along
+from ibe_rl.ibe.space import SPARSITY_THRESHOLDS, Space, TooLittleDataError, along
 from ibe_rl.ibe.split import count_distinct, split
 from ibe_rl.ibe.word_meaning import MIN_HEARD, auc_of, balanced_shares, word_meanings
 from ibe_rl.types import Array
 
 TINY_SINGULAR = 1e-3
 """Of an axis, relative to the first one: smaller ones are rounding."""
+MAX_LOSS, MAX_BALANCED_LOSS = 0.04, 0.08
+"""Accuracy that leaving out dimensions of the state may cost. With mistakes that last, further ones seem to help; the
+second one is less than one of twelve words."""
 LOSS = 0.025
 """Balanced accuracy that leaving out further axes may cost."""
 SAME_WAY = 0.02
@@ -113,6 +116,18 @@ def _named(
     )
 
 
+def in_shares(mapping: ClusterMapping) -> ClusterMapping:
+    """A vocabulary whose expressions lie between -1 and 1 with expressions from 0 to 1, as shares of words do."""
+    values = np.asarray(mapping.expressions)
+    return replace(mapping, expressions=(values + 1) / 2) if values.min() < 0 else mapping
+
+
+def with_word_meanings(mapping: ClusterMapping, windows: Windows) -> ClusterMapping:
+    """A vocabulary of words, learnt as one of numbers, with shares, and with what the words mean as movement."""
+    meanings = word_meanings(windows, mapping.cluster(windows.delta), len(mapping.ids))
+    return replace(in_shares(mapping), meanings=meanings)
+
+
 def word_axes(
     delta: Array, said: Array, often: Array, states: Array, heard: Array, kept: Array, rows: Array, seed: int
 ) -> Array:
@@ -179,8 +194,8 @@ def _axes_of_states(states: Array, heard: Array, seed: int) -> Array | None:
     largest = np.abs(weights).max(axis=0)
     for share in SPARSITY_THRESHOLDS:
         counts = largest >= share * largest.max()
-        sparse, without, _ = _regression(standard * counts, heard, seed)
-        if without >= accuracy - MAX_ACCURACY_LOSS:
+        sparse, without, balanced_without = _regression(standard * counts, heard, seed)
+        if without >= accuracy - MAX_LOSS and balanced_without >= balanced - MAX_BALANCED_LOSS:
             weights = sparse * counts
             break
     return weights / scaler.scale_

@@ -13,7 +13,6 @@ from typing import Any
 
 from ibe_rl.config.kinds import implementation, made
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
-from ibe_rl.instructors.habits import Habits, HabitsConfig
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Instructor
@@ -63,12 +62,14 @@ def stand_in(config: InstructorConfig, run: Path) -> InstructorConfig:
 def make_stand_in(config: InstructorConfig, task: Task, seed: int, log: TrajectoryLog) -> Instructor:
     """The same during the training, in its evaluations and explained episodes: by what its ``log`` holds so far."""
     other = stand_in(config, log.folder.parent)
-    if other is not config and isinstance(other, HabitsConfig):
-        return Habits.of(lambda: log, other, task)
+    of_log = _declared(other, "of", None)
+    if other is not config and of_log:
+        habits: Instructor = of_log(lambda: log, other, task)
+        return habits
     return make_instructor(other, task, seed)
 
 
-def about(instructor: Instructor) -> str | None:
+def named_instructor(instructor: Instructor) -> str | None:
     """Whose instructions these are, in words, where a person is behind them; else None."""
     return getattr(instructor, "about", None)
 

@@ -15,7 +15,7 @@ from ibe_rl.instructors.habits import HabitsConfig
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.silent import Silent
 from ibe_rl.instructors.taught import ORACLES, Told
-from ibe_rl.storage.log import TOLD_SIZE
+from ibe_rl.storage.log_columns import TOLD_SIZE
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 

@@ -18,7 +18,7 @@ from ibe_rl.storage.run_folder import LESSON, REPLACED, WORD_LIST
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
-MOST_STEPS = 2**31 - 1
+LAST_STEP = 2**31 - 1
 NO_EPISODE = "not an episode with instructions, given, by and heard"
 
 
@@ -113,7 +113,7 @@ def _wrong_marks(recorded: RecordedEpisode, number: int) -> str | None:
         return "words are not one for each step, or null"
     whole = all(len(one) == 3 and all(type(part) is int for part in one) for one in marks)
     fits = whole and all(
-        0 <= at < steps and max(0, number - MARKED_BEFORE) <= episode <= number and 0 <= step <= MOST_STEPS
+        0 <= at < steps and max(0, number - MARKED_BEFORE) <= episode <= number and 0 <= step <= LAST_STEP
         for at, episode, step in marks
     )
     return None if fits else f"marks are not [step, this episode or one of {MARKED_BEFORE} before, step of it]"

@@ -15,34 +15,19 @@ from typing import Any, Literal
 import numpy as np
 
 from ibe_rl.storage.arrays import make_array, map_array
+from ibe_rl.storage.log_columns import (
+    ABOUT_LOG,
+    COLUMNS,
+    DIMENSIONS,
+    INDEX,
+    OPTIONAL,
+    PERCEPT_COLUMN,
+    TOLD_COLUMN,
+    TOLD_SIZE,
+)
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.storage.run_folder import read_json, write_atomically, write_json
 from ibe_rl.types import Array, Episode
-
-ABOUT_LOG = "log.json"
-COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
-PERCEPT_COLUMN = "percept"
-"""Only of environments in which the agent does not perceive the state itself."""
-TOLD_COLUMN = "told"
-"""Only where a person teaches: who spoke, and what they mark; see ``ibe_rl.instructors.taught``."""
-TOLD_SIZE = 3
-"""Numbers of a step in that column."""
-OPTIONAL = (PERCEPT_COLUMN, TOLD_COLUMN)
-DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1, PERCEPT_COLUMN: 2, TOLD_COLUMN: 2}
-"""Dimensions of the columns' arrays; actions may have one or two."""
-INDEX = np.dtype(
-    [
-        ("start", "i8"),
-        ("number", "i8"),
-        ("steps", "i8"),
-        ("total_reward", "f8"),
-        ("terminated", "?"),
-        ("success", "?"),
-        ("context", "i8"),
-        ("frame", "i8"),
-    ]
-)
-"""One record per episode: its position and a summary; ``frame`` is when it ended."""
 
 
 class UnreadableLogError(ValueError):
@@ -184,20 +169,14 @@ class TrajectoryLog:
 
     def told(self, rows: Iterable[int]) -> list[Array]:
         """What the column ``told`` has of the episodes at positions ``rows`` of ``index``, ``(T, n)`` each."""
-        every = list(self._kept)
-        return [
-            np.array(self._columns[TOLD_COLUMN][start : start + steps])
-            for start, _, steps, *_ in map(every.__getitem__, rows)
-        ]
+        every, column = list(self._kept), self._columns[TOLD_COLUMN]
+        return [np.array(column[start : start + steps]) for start, _, steps, *_ in map(every.__getitem__, rows)]
 
     def told_first(self) -> Array:
         """The same of the first step of each episode, ``(E, TOLD_SIZE)``; zeros where no person teaches."""
         column = self._columns.get(TOLD_COLUMN)
-        return (
-            np.zeros((len(self._kept), TOLD_SIZE), np.int32)
-            if column is None
-            else np.array(column[self.index["start"]])
-        )
+        silence = np.zeros((len(self._kept), TOLD_SIZE), np.int32)
+        return silence if column is None else np.array(column[self.index["start"]])
 
     def percepts_at(self, rows: Array, steps: Array, most_numbers: int) -> Array:
         """Percepts ``(N, P)`` at steps ``(N,)`` of episodes ``(N,)``; fewer if they exceed ``most_numbers``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +11,9 @@ from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe.delay import Delay, find_delay
 from ibe_rl.instructors.taught import taught_episodes, taught_rows
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Episode
+from ibe_rl.types import Episode
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
-Delays = Mapping[str, Delay]
-"""How late each of those who instruct is, by ``PERSON`` and ``INSTRUCTOR``; nobody who never said anything."""
-PERSON, INSTRUCTOR = "person", "instructor"
-"""Who teaches in a browser, or taught in the session that is replayed; and whoever instructs all the others."""
 NEWEST_EPISODES = 400
 SAME_STEPS = 3
 """A delay found anew that differs by no more leaves the earlier one as it is, within the new interval."""
@@ -31,7 +28,7 @@ def delays_of(log: TrajectoryLog, config: MappingConfig, last: Delays | None = N
         last: what was found before; it changes only as far as the log says so.
     """
     if config.delay_steps is not None:
-        return {who: Delay(config.delay_steps, config.delay_steps, config.delay_steps) for who in (PERSON, INSTRUCTOR)}
+        return {who: Delay(config.delay_steps, config.delay_steps, config.delay_steps) for who in (TEACHER, INSTRUCTOR)}
     heard = {who: [one for one in said if np.any(one.given)] for who, said in _heard(log, config).items()}
     return {who: _changed((last or {}).get(who), find_delay(said)) for who, said in heard.items() if said}
 
@@ -45,7 +42,7 @@ def _heard(log: TrajectoryLog, config: MappingConfig) -> dict[str, Sequence[Epis
     counted[taught] = False
     heard: dict[str, Sequence[Episode]] = {INSTRUCTOR: log.read(np.flatnonzero(counted)[-NEWEST_EPISODES:])}
     if len(taught):
-        heard[PERSON], _ = taught_episodes(log, taught[-NEWEST_EPISODES:].tolist())
+        heard[TEACHER], _ = taught_episodes(log, taught[-NEWEST_EPISODES:].tolist())
     return heard
 
 
@@ -62,31 +59,9 @@ def _changed(last: Delay | None, found: Delay) -> Delay:
     return replace(found, steps=min(max(steps, found.low), found.high) if steps else 0)
 
 
-def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
-    """The same episodes with what was said at the steps that it was about; nothing at the last ones."""
-    if delay is None or not delay.steps:
-        return [*episodes]
-    return [
-        replace(one, instructions=_earlier(one.instructions, delay.steps), given=_earlier(one.given, delay.steps))
-        for one in episodes
-    ]
-
-
-def _earlier(column: Array, steps: int) -> Array:
-    """The rows ``(T, ...)`` so many steps earlier; zeros where there are none."""
-    moved = np.zeros_like(column)
-    moved[: max(0, len(column) - steps)] = column[steps:]
-    return moved
-
-
-def of_first(delays: Delays) -> Delay | None:
-    """The delay of the person if one teaches, else of whoever instructs; None if nobody has said anything."""
-    return delays.get(PERSON) or delays.get(INSTRUCTOR)
-
-
 def in_words(who: str, delay: Delay) -> str:
     """How late somebody is, in one sentence to a person or about an instructor."""
-    you, are = ("you", "are") if who == PERSON else ("the instructor", "is")
+    you, are = ("you", "are") if who == TEACHER else ("the instructor", "is")
     if not delay.known:
         return f"how late {you} {are} cannot be told"
     if not delay.steps:

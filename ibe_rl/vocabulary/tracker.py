@@ -27,10 +27,12 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
 from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocabulary
-from ibe_rl.vocabulary.lateness import Delays, delays_of
+from ibe_rl.vocabulary.lateness import delays_of
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.training_episodes import find_steps, settled
+from ibe_rl.vocabulary.who_is_late import Delays
 from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200
@@ -113,7 +115,8 @@ class VocabularyTracker:
         found = self._asked_for.horizon_steps is None and self.mapping is None
         last = {} if self.mapping is None else {horizon_of(self._config): self.mapping, **self.spans}
         learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions, self.delays)
-        learnt = replace(learnt, horizon_found=found, word_notices=notices_of(learnt, self.mapping, self._task.words))
+        noticed = notices_of(learnt.mapping, learnt.top.delta, self.mapping, self._task.words)
+        learnt = replace(learnt, horizon_found=found, word_notices=noticed)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)

@@ -7,7 +7,6 @@ import numpy as np
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.types import Array
-from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.words import MEANS_NOTHING, MEANS_OTHER, MEANS_SAME, WordNotice
 from ibe_rl.words import Words
 
@@ -15,15 +14,17 @@ STILL_LIKE = 0.3
 """Correlation of a word's share before and now, over the newest best movements: below, its meaning has changed."""
 
 
-def notices_of(refresh: Refresh, last: ClusterMapping | None, words: Words | None) -> list[WordNotice]:
+def notices_of(
+    mapping: ClusterMapping, delta: Array, last: ClusterMapping | None, words: Words | None
+) -> list[WordNotice]:
     """What is to be told about the words of a newly learnt vocabulary.
 
     Args:
-        refresh: the newest one.
+        mapping: the newest one.
+        delta: ``(W, S)`` movements of the best episodes.
         last: the vocabulary before; None at the first refresh.
         words: of the instructor; None where it gives numbers, which nothing is noticed of.
     """
-    mapping = refresh.mapping
     if words is None:
         return []
     found = _nothing_yet(mapping, words)
@@ -31,7 +32,7 @@ def notices_of(refresh: Refresh, last: ClusterMapping | None, words: Words | Non
         WordNotice(MEANS_SAME, pair, f"you use '{words.names[pair[0]]}' and '{words.names[pair[1]]}' alike")
         for pair in same_words(mapping, len(words.names))
     ]
-    return found + ([] if last is None else _changed(last, mapping, np.asarray(refresh.top.delta), words))
+    return found + ([] if last is None else _changed(last, mapping, np.asarray(delta), words))
 
 
 def _nothing_yet(mapping: ClusterMapping, words: Words) -> list[WordNotice]:

@@ -9,7 +9,7 @@ from by_hand import TASK, on_a_line
 from by_hand import WORDS as OF_THE_LIFT
 
 from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import MOST_VALUES, Asking, in_a_sentence, listening, told, values_of, whatever
+from ibe_rl.explain.what_if import MOST_VALUES, Asking, in_a_sentence, listening, told_twins, values_of, whatever
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
@@ -113,7 +113,7 @@ def test_the_explanation_is_the_same_as_without_and_the_futures_are_as_many():
 
 
 def test_twins_are_told_to_the_end_and_name_whom_they_repeat():
-    twins = told(moments(10, 20), {"up": np.ones(1), "down": -np.ones(1)})
+    twins = told_twins(moments(10, 20), {"up": np.ones(1), "down": -np.ones(1)})
     assert [(one.twin, one.instruction[0], one.state[0]) for one in twins] == [
         (0, 1, 10),
         (1, 1, 20),

@@ -7,7 +7,7 @@ import pytest
 from by_hand import STEPS, TASK, add
 
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
-from ibe_rl.instructors import about, check_instructor, make_instructor, make_stand_in
+from ibe_rl.instructors import check_instructor, make_instructor, make_stand_in, named_instructor
 from ibe_rl.instructors.habits import HabitsConfig
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.taught import taught_episodes, taught_rows, told_of
@@ -87,17 +87,20 @@ def test_in_evaluations_the_persons_habits_instruct_as_soon_as_there_are_some(lo
     instructor.reset(EVERYBODY)
     before = {"habits": [[0, 0], [0, 0]], "oracle": [[-1, 1], [1, 1]]}[others]
     instead = {"habits": "silent", "oracle": "oracle"}[others]
-    assert (says(instructor), about(instructor)) == (before, f"the person has said nothing yet; {instead} instead")
+    assert (says(instructor), named_instructor(instructor)) == (
+        before,
+        f"the person has said nothing yet; {instead} instead",
+    )
     teach(log)
     instructor.reset(EVERYBODY)
     assert says(instructor) == [[1, 1], [-1, 1]]
-    assert about(instructor) == "the habits of the person who taught, from 20 of their episodes"
+    assert named_instructor(instructor) == "the habits of the person who taught, from 20 of their episodes"
 
 
 def test_what_the_oracle_said_is_not_a_habit_of_the_person(log: TrajectoryLog):
     for _ in range(20):
         add(log, 1.0, 1.0, told=told("oracle"))
-    assert "said nothing yet" in (about(make_stand_in(HumanConfig(), TASK, 0, log)) or "")
+    assert "said nothing yet" in (named_instructor(make_stand_in(HumanConfig(), TASK, 0, log)) or "")
 
 
 def test_the_habits_of_a_run_can_teach_another_one(log: TrajectoryLog, tmp_path: Path):
@@ -126,4 +129,4 @@ def test_a_run_whose_log_is_gone_has_no_habits(tmp_path: Path):
 
 
 def test_an_instructor_without_a_person_is_nobodys(log: TrajectoryLog):
-    assert about(make_stand_in(InstructorConfig("oracle"), TASK, 0, log)) is None
+    assert named_instructor(make_stand_in(InstructorConfig("oracle"), TASK, 0, log)) is None

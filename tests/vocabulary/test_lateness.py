@@ -8,23 +8,17 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, add, config, obey, stay
 
-from ibe_rl.ibe.delay import Delay
+from ibe_rl.ibe.delay import Delay, caught_up
 from ibe_rl.instructors.taught import told_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.view.sentences import worth
 from ibe_rl.vocabulary import lateness as module
-from ibe_rl.vocabulary.lateness import (
-    INSTRUCTOR,
-    PERSON,
-    caught_up,
-    delays_of,
-    in_words,
-    of_first,
-)
+from ibe_rl.vocabulary.lateness import delays_of, in_words
 from ibe_rl.vocabulary.refresh_columns import figures
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 from ibe_rl.vocabulary.training_episodes import read_training_episodes
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, of_first
 
 PERSON_SPEAKS, OTHERS = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1)), np.zeros((STEPS, 3), np.int32)
 UNKNOWN = Delay(0, 0, 50, known=False)
@@ -60,8 +54,8 @@ def test_everybody_has_a_delay_of_their_own(log: TrajectoryLog):
         add(log, 1.0 + number, 1.0, told=PERSON_SPEAKS if number < 2 else OTHERS)
     add(log, 9.0, 1.0, given=False, told=OTHERS)  # silence is nobody's delay
     delays = delays_of(log, config())
-    assert {who: delay.steps for who, delay in delays.items()} == {PERSON: 2, INSTRUCTOR: 3}
-    assert of_first(delays) == delays[PERSON]
+    assert {who: delay.steps for who, delay in delays.items()} == {TEACHER: 2, INSTRUCTOR: 3}
+    assert of_first(delays) == delays[TEACHER]
     lessons = read_training_episodes(log, config(), seed=0, delays=delays)
     taught = [one for one in lessons.best if one.total_reward < 2.5]
     assert {int(one.given.sum()) for one in taught[-2:]} == {STEPS - 2}
@@ -106,7 +100,7 @@ def test_a_delay_that_is_set_is_not_looked_for(log: TrajectoryLog, heard: list[S
     obey(log)
     delays = delays_of(log, config(delay_steps=4))
     assert not heard
-    assert delays[PERSON] == delays[INSTRUCTOR] == Delay(4, 4, 4)
+    assert delays[TEACHER] == delays[INSTRUCTOR] == Delay(4, 4, 4)
 
 
 def test_a_refresh_says_it_and_a_resumed_run_remembers(
@@ -141,7 +135,7 @@ def test_a_refresh_says_that_it_cannot_tell(log: TrajectoryLog, tmp_path: Path):
 
 
 def test_delays_in_words():
-    assert in_words(PERSON, Delay(22, 20, 25)) == "you are about 22 steps behind (20 to 25)"
+    assert in_words(TEACHER, Delay(22, 20, 25)) == "you are about 22 steps behind (20 to 25)"
     assert in_words(INSTRUCTOR, Delay(1, 1, 1)) == "the instructor is about 1 step behind"
-    assert in_words(PERSON, Delay(0, 0, 2)) == "you are not late"
-    assert in_words(PERSON, UNKNOWN) == "how late you are cannot be told"
+    assert in_words(TEACHER, Delay(0, 0, 2)) == "you are not late"
+    assert in_words(TEACHER, UNKNOWN) == "how late you are cannot be told"

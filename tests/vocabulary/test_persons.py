@@ -74,3 +74,19 @@ def test_without_a_word_of_the_person_it_is_as_ever(tmp_path: Path):
     assert "person" not in json.loads(
         save_refresh(tmp_path, learn_vocabulary(plain, config(kind="paper"), TASK, 0), config(), TASK).read_text()
     )
+
+
+@pytest.mark.parametrize(("random", "least", "most"), [(True, 0.0, 0.2), (False, 0.9, 1.0)])
+def test_keys_at_random_do_not_get_the_vocabulary_of_the_oracle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, random: bool, least: float, most: float
+):
+    """Beside each episode of the person, in which each key goes with each movement, one that the oracle tells."""
+    monkeypatch.setattr(module, "ENOUGH_WINDOWS", 20 * STEPS)
+    made = TrajectoryLog(tmp_path / "log", 10_000, TASK.contexts)
+    for said in (1.0, -1.0) * 6:
+        for went in (1.0, -1.0):
+            add(made, 1.0, said if random else went, went=went, told=PERSON)
+            add(made, 1.0, went, told=OTHERS)
+    learnt = learn_vocabulary(made, config(kind="paper", n_clusters=2), TASK, seed=0)
+    clear = np.abs(learnt.mapping.mean_instructions)
+    assert least <= clear.min() <= clear.max() <= most

@@ -32,7 +32,7 @@ def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_th
     defy(log)
     row = figures(development.refresh(log, lambda seen: stay(seen) + 1))
     assert set(row) == ALWAYS | SCORED | STALE | HELD_AGAINST | MOVED
-    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"} == set(REFRESH_COLUMNS)
+    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown", "ibe/listens"} == set(REFRESH_COLUMNS)
     assert len(REFRESH_COLUMNS) == len(set(REFRESH_COLUMNS))
     assert (row["ibe/survived"], row["ibe/vanished"], row["ibe/emerged"]) == (3, 0, 0)
     assert row["ibe/vocabulary_drift"] == pytest.approx(2 / 3)

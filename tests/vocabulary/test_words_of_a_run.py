@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -80,8 +78,7 @@ def mapping(shares: Array, *meanings: Meaning) -> ClusterMapping:
 
 
 def noticed(now: ClusterMapping, last: ClusterMapping | None = None) -> list[tuple[str, tuple[int, ...]]]:
-    refresh: Any = SimpleNamespace(mapping=now, top=SimpleNamespace(delta=DELTA))
-    return [(one.kind, one.slots) for one in notices_of(refresh, last, Words(["a", "b", "c"]))]
+    return [(one.kind, one.slots) for one in notices_of(now, DELTA, last, Words(["a", "b", "c"]))]
 
 
 KNOWN = Meaning(moves=(1.0,))
@@ -92,12 +89,11 @@ def test_it_says_what_means_nothing_and_what_means_the_same():
     unknown = replace(KNOWN, positive=False, reason="not heard yet")
     found = mapping(LEFT_RIGHT, KNOWN, unknown, replace(KNOWN, same_as=0))
     assert noticed(found) == [(MEANS_NOTHING, (1,)), (MEANS_SAME, (0, 2))]
-    refresh: Any = SimpleNamespace(mapping=found, top=SimpleNamespace(delta=DELTA))
-    assert [one.text for one in notices_of(refresh, None, Words(["left", "up", "west"]))] == [
+    assert [one.text for one in notices_of(found, DELTA, None, Words(["left", "up", "west"]))] == [
         "'up' means nothing to me yet: not heard yet",
         "you use 'left' and 'west' alike",
     ]
-    assert notices_of(refresh, None, None) == []
+    assert notices_of(found, DELTA, None, None) == []
 
 
 def test_it_says_what_has_changed_its_meaning():

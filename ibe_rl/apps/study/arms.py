@@ -12,6 +12,7 @@ from ibe_rl.apps.study.scenes import Scene
 from ibe_rl.apps.study.settings import IBE, NONE, PAPER
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
+from ibe_rl.explain.what_if import told_twins, values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.ibe.word_meaning import expected_motion
@@ -74,16 +75,22 @@ class Speaker:
     futures: int
     min_confidence: float
 
-    def say(self, moments: Sequence[Moment]) -> dict[str, SpokenFrames]:
-        """What it says at some moments, by arm."""
+    def say(self, moments: Sequence[Moment], if_told: str = "") -> dict[str, SpokenFrames]:
+        """What it says at some moments, by arm.
+
+        Args:
+            moments: of one episode.
+            if_told: what it would do if it were told this value; empty: what it will do.
+        """
         run, shape = self.run, (len(moments), self.futures)
         futures = [moment for moment in moments for _ in range(self.futures)]
-        predicted = self.predictor.rollout(futures, run.policy, run.horizon_steps)
-        paths, trusted = predicted.paths.reshape(*shape, *predicted.paths.shape[1:]), predicted.trusted_steps
+        twins = told_twins(futures, {if_told: values_of(run.task)[if_told]}) if if_told else []
+        predicted = self.predictor.rollout([*futures, *twins], run.policy, run.horizon_steps)
+        paths, trusted = predicted.paths[-len(futures) :], predicted.trusted_steps[-len(futures) :]
+        paths = paths.reshape(*shape, *paths.shape[1:])
         words, steps = run.task.phrases, run.horizon_steps
-        states = {
-            IBE: ExplainerState(run.mapping, steps, words, {}, self.futures, run.calibration, self.min_confidence)
-        }
+        known = run.what_if_calibration if if_told else run.calibration
+        states = {IBE: ExplainerState(run.mapping, steps, words, {}, self.futures, known, self.min_confidence)}
         if self.paper is not None:
             states[PAPER] = ExplainerState(self.paper, steps, words, {}, self.futures)
         said = {arm: put_in_words(paths, state, trusted.reshape(shape)) for arm, state in states.items()}

@@ -16,7 +16,7 @@ from ibe_rl.agents import Agent, make_agent
 from ibe_rl.apps.teach.lesson_plan import BYE, SEATED, WORDS_NAMED, LessonPlan
 from ibe_rl.apps.teach.link import TrainerEnd
 from ibe_rl.apps.teach.live_explainer import weights_of
-from ibe_rl.apps.teach.understanding import lateness_message, lesson_summary, not_yet, understood, vocabulary
+from ibe_rl.apps.teach.understanding import lateness_message, lesson_summary, not_yet, understanding_line, vocabulary
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_snapshot_env
@@ -30,7 +30,6 @@ from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.listener import Listener, Refreshed
-from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.words import save_words, words_of
 from ibe_rl.words import Words
 
@@ -64,7 +63,7 @@ class Classroom(Listener):
         self._config, self._task, self._folder = config, task, record.parent
         self._link = TrainerEnd({WORDS_NAMED: self._name_words})
         self._log: TrajectoryLog | None = None
-        self._refresh: Refresh | None = None
+        self._learnt: Refreshed | None = None
         self._first_refresh_episodes = 0
         self._curve: list[tuple[float, float]] = []
         self.open_lesson: OpenLesson = LessonPlan(
@@ -100,6 +99,8 @@ class Classroom(Listener):
         later = [replace(one, added_at_frame=frame) for one in new[len(own.names) :]]
         own.become(Words([*new[: len(own.names)], *later], len(own)))
         save_words(self._folder, own)
+        if self._learnt is not None:
+            self._tell_vocabulary(self._learnt)
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
         """Send the new weights and the training metrics."""
@@ -109,16 +110,20 @@ class Classroom(Listener):
             self._curve.append((known["frames"], known["train/success_rate"]))
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
         self._link.tell("figures", {**figures, "curve": self._curve[:: 1 + len(self._curve) // 200]})
-        if self._refresh is None and self._log is not None:
+        if self._learnt is None and self._log is not None:
             self._link.tell("understood", not_yet(self._log.episodes_ended, self._first_refresh_episodes))
 
     def refreshed(self, event: Refreshed) -> None:
         """Send a new vocabulary."""
         self._link.tell("explainer", event.explainer)
+        self._learnt = event
+        self._tell_vocabulary(event)
+
+    def _tell_vocabulary(self, event: Refreshed) -> None:
+        """Send what has been learnt, in the words as they are called now."""
         late = lateness_message(event.refresh.delays)
         self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task) | {"delay": late})
-        self._refresh = event.refresh
-        self._link.tell("understood", understood(event.refresh, self._task))
+        self._link.tell("understood", understanding_line(event.refresh, self._task))
 
     def skipped(self, frames: int, reason: str) -> None:
         """Say why there is no new vocabulary."""
@@ -147,7 +152,8 @@ class Classroom(Listener):
 
     def farewell(self) -> None:
         """Tell the pages that training is over; returns when they know, or after a moment."""
-        summary = lesson_summary(self._log, self._task, self._refresh) if self._log is not None else None
+        learnt = self._learnt.refresh if self._learnt else None
+        summary = lesson_summary(self._log, self._task, learnt) if self._log is not None else None
         self._link.tell("farewell", {"text": "Training has ended.", "summary": summary})
         self._link.wait_for(BYE, FAREWELL_S)
 

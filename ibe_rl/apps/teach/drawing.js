@@ -19,8 +19,11 @@ function drawOtherwise(place) {
     pen.stroke();
     pen.fillStyle = `hsl(${hue} 80% 75% / 70%)`;
     const [x, y] = place(one.path[one.path.length - 1]);
-    const wide = pen.measureText(one.told).width;
-    pen.fillText(one.told, Math.max(0, Math.min(canvas.width - wide, x + 4)), Math.max(14, y - 4));
+    const name = now.words ? one.told : signed(choices()[index]);
+    const told = name.length > 14 ? `${name.slice(0, 13)}…` : name;
+    const wide = pen.measureText(told).width;
+    const below = y + 14 * devicePixelRatio;
+    pen.fillText(told, Math.max(0, Math.min(canvas.width - wide, x - wide / 2)), Math.min(canvas.height - 4, below));
   });
 }
 
@@ -31,7 +34,7 @@ function draw() {
   words();
   if (!now.scene || !now.frame) return;
   const [width, height] = now.scene.size;
-  const limit = Math.max(260, innerHeight - (now.words ? 400 : 330));
+  const limit = Math.max(260, innerHeight - (now.words ? 440 : 370));
   const high = Math.min((canvas.clientWidth * height) / width, limit);
   canvas.style.height = `${high}px`;
   fit(canvas, high);

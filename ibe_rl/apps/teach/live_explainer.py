@@ -14,7 +14,7 @@ import torch
 
 from ibe_rl.agents import GreedyPolicy
 from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import Asking, Values, values_of, whatever
+from ibe_rl.explain.what_if import Asking, values_of, whatever
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation, Moment, Predictor
 
@@ -101,19 +101,12 @@ class LiveExplainer:
             self._policy.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
         if self._task is not None:
             asks = self._said % ASKED_EVERY == 0
-            what_if = Asking(sayable_values(self._task), futures=1) if asks else None
+            what_if = Asking(values_of(self._task), futures=1) if asks else None
             explainer = replace(explainer, words=self._task.phrases, what_if=what_if)
         [said] = explain([moment], self._policy, self._predictor, explainer)
         self._said += 1
         self._spoke_at = self._clock()
         return said
-
-
-def sayable_values(task: Task) -> Values:
-    """The values ``(d,)`` that the person can say, by name."""
-    if task.words is None:
-        return values_of(task)
-    return {name: task.words.one_hot(slot) for slot, name in enumerate(task.words.names)}
 
 
 def explanation_fields(said: Explanation, task: Task) -> dict[str, Any]:

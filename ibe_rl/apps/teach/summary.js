@@ -4,7 +4,12 @@
 const FILM_PICTURE_MS = 80, FILM_PAUSE_MS = 700;
 
 function element(kind, text, properties = {}) {
-  return Object.assign(document.createElement(kind), { textContent: text, dir: "auto" }, properties);
+  return Object.assign(document.createElement(kind), { textContent: text }, properties);
+}
+
+// What became of an explanation, in a sentence.
+function cameTo(outcome) {
+  return outcome.came_true ? "That came true." : `It went: ${outcome.went}.`;
 }
 
 function showSummary(summary) {
@@ -12,7 +17,7 @@ function showSummary(summary) {
   const table = document.createElement("table");
   const row = (cells, kind) => {
     const line = document.createElement("tr");
-    line.append(...cells.map((cell) => element(kind, cell)));
+    for (const cell of cells) line.appendChild(document.createElement(kind)).append(element("bdi", cell));
     return line;
   };
   table.append(row(["you said", "steps", "of these in good episodes"], "th"));
@@ -34,8 +39,7 @@ function showSummary(summary) {
   for (const film of summary.films) {
     const figure = document.createElement("figure");
     const surface = document.createElement("canvas");
-    const outcome = film.came_true ? "came true" : `it went: “${film.went}”`;
-    figure.append(surface, element("figcaption", `“${film.said}”: ${outcome}`));
+    figure.append(surface, element("figcaption", `It said: ${film.said}. ${cameTo(film)}`, { className: film.came_true ? "" : "quiet" }));
     films.append(figure);
     play(surface, film);
   }

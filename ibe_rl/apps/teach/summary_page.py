@@ -18,7 +18,9 @@ def write_lesson_page(folder: Path, summary: Mapping[str, Any]) -> Path:
     part = {
         name: files(__package__).joinpath(name).read_text("utf-8") for name in ("page.css", "shapes.js", "summary.js")
     }
-    data = json.dumps(summary, allow_nan=False).replace("<", "\\u003c")  # no text of a person ends the script
+    data = json.dumps(summary, ensure_ascii=False, allow_nan=False).replace(
+        "<", "\\u003c"
+    )  # no text of a person ends the script
     page = f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>The lesson</title><style>{part["page.css"]}</style></head>

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.apps.teach.live_explainer import sayable_values
 from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable
 from ibe_rl.ibe.meaning_lines import meaning_lines
@@ -20,8 +20,10 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode
 from ibe_rl.view.palette import of_clusters
-from ibe_rl.vocabulary.lateness import PERSON, Delays, in_words
+from ibe_rl.vocabulary.lateness import in_words
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.who_is_late import TEACHER, Delays
+from ibe_rl.vocabulary.words import MEANS_NOTHING
 
 FEW_WINDOWS = 50
 """A word with fewer windows in good episodes has hardly been heard there."""
@@ -52,9 +54,9 @@ def _first(values: Array, task: Task) -> Array:
     return values[:, 0] if task.words is None else values.max(axis=1)
 
 
-def understood(refresh: Refresh, task: Task) -> str:
+def understanding_line(refresh: Refresh, task: Task) -> str:
     """In one line, what the agent has understood and what it lacks."""
-    counts = refresh.windows_by_instruction
+    counts = heard_windows(refresh, task)
     known = known_words(refresh.standing, task)
     rare = [name for name, count in counts.items() if count < FEW_WINDOWS]
     unclear = [name for name in counts if name not in known and name not in rare]
@@ -62,7 +64,17 @@ def understood(refresh: Refresh, task: Task) -> str:
     parts = [f"I understand {has}." if known else "I do not understand your words yet."]
     parts += [f"I have not heard {lacks} in good episodes yet."] if rare else []
     parts += [f"I have heard {_listed(unclear)}, but cannot tell what that means."] if unclear and known else []
+    parts += [f"{one.text[0].upper()}{one.text[1:]}." for one in refresh.word_notices if one.kind != MEANS_NOTHING]
     return " ".join([*parts, *_lateness(refresh)])
+
+
+def heard_windows(refresh: Refresh, task: Task) -> dict[str, int]:
+    """Windows in good episodes by number, or by word as it is called now."""
+    counts = refresh.windows_by_instruction
+    if task.words is None:
+        return dict(counts)
+    names = task.words.names
+    return dict(zip(names, [*counts.values(), *[0] * len(names)], strict=False))
 
 
 def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
@@ -78,14 +90,14 @@ def known_words(mapping: ClusterMapping, task: Task) -> list[str]:
 
 def lateness_message(delays: Delays) -> dict[str, Any] | None:
     """How late the person is, as a page displays it; None if they have said nothing yet."""
-    late = delays.get(PERSON)
-    return None if late is None else {**asdict(late), "text": in_words(PERSON, late)}
+    late = delays.get(TEACHER)
+    return None if late is None else {**asdict(late), "text": in_words(TEACHER, late)}
 
 
 def _lateness(refresh: Refresh) -> list[str]:
     """How late the person is, in a sentence; nothing where that is not known."""
-    late = refresh.delays.get(PERSON)
-    return [f"{in_words(PERSON, late).capitalize()}."] if late is not None and late.known and late.steps else []
+    late = refresh.delays.get(TEACHER)
+    return [f"{in_words(TEACHER, late).capitalize()}."] if late is not None and late.known and late.steps else []
 
 
 def not_yet(episodes: int, needed: int) -> str:
@@ -123,7 +135,7 @@ def lesson_summary(log: TrajectoryLog, task: Task, refresh: Refresh | None) -> d
     episodes, marked = taught_episodes(log, rows.tolist())
     spoken = [one for one in episodes if np.any(one.given)]
     counts = _said(spoken, task)
-    heard = refresh.windows_by_instruction if refresh else {}
+    heard = heard_windows(refresh, task) if refresh else {}
     mapping = refresh.standing if refresh else None
     return {
         "episodes": len(episodes),
@@ -134,14 +146,14 @@ def lesson_summary(log: TrajectoryLog, task: Task, refresh: Refresh | None) -> d
         ],
         "meaning": meaning_lines(mapping.meanings, task) if mapping else [],
         "delay": lateness_message(refresh.delays) if refresh else None,
-        "understood": understood(refresh, task) if refresh else "I have not learnt a vocabulary.",
+        "understood": understanding_line(refresh, task) if refresh else "I have not learnt a vocabulary.",
         "consistency": consistency(spoken),
     }
 
 
 def _said(episodes: Sequence[Episode], task: Task) -> dict[str, int]:
     """Steps at which each word, or number, was given."""
-    values = sayable_values(task)
+    values = values_of(task)
     return {
         name: sum(int(np.sum(one.given & (one.instructions == value).all(axis=1))) for one in episodes)
         for name, value in values.items()
@@ -152,7 +164,7 @@ def _short(name: str, task: Task) -> str:
     """The name under which windows are counted: of numbers, the number."""
     if task.words is not None:
         return name
-    value = float(sayable_values(task)[name][0])
+    value = float(values_of(task)[name][0])
     return f"{value:+g}" if value else "0"
 
 

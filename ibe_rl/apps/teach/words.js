@@ -65,7 +65,7 @@ at("typing").addEventListener("submit", (event) => {
 
 function showShares(said) {
   const shares = said.shares || [];
-  at("gauge").hidden = at("scale").hidden = Boolean(now.words);
+  at("gauge").hidden = at("scale").hidden = at("legend-instruction").hidden = Boolean(now.words);
   at("shares").hidden = !shares.length;
   if (!shares.length || at("shares").dataset.shown === JSON.stringify(shares)) return;
   at("shares").dataset.shown = JSON.stringify(shares);
@@ -95,10 +95,8 @@ Object.assign(hear, {
     if (performance.now() - outcomeAt < OUTCOME_SHOWN_MS) return;
     outcomeAt = performance.now();
     now.outcome = message;
-    const went = message.came_true ? "came true" : `it went: “${message.went}”`;
-    at("came").textContent = `it said “${message.said}”: ${went}`;
-    at("outcome").hidden = false;
-    at("outcome").className = message.came_true ? "tag true" : "tag";
+    at("came").textContent = `It said: ${message.said}. ${cameTo(message)}`;
+    at("outcome").classList.toggle("true", message.came_true);
     at("wrong").textContent = "that was wrong";
     at("wrong").disabled = !(now.seat && now.seat.instructs);
   },
@@ -108,8 +106,8 @@ Object.assign(hear, {
   },
   summary(message) {
     now.summary = message;
-    showSummary(message);
     at("summary").hidden = false;
+    showSummary(message);
     at("summary").scrollIntoView();
   },
   refused(message) {
@@ -120,7 +118,6 @@ Object.assign(hear, {
   },
 });
 
-at("wrong").addEventListener("pointerdown", (event) => event.stopPropagation()); // it lies on the picture
 at("wrong").onclick = () => {
   if (!now.outcome) return;
   send({ kind: "wrong", episode: now.outcome.episode, step: now.outcome.step });

@@ -6,6 +6,7 @@ from collections import defaultdict
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -14,19 +15,25 @@ from by_hand import plain
 
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
+from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.apps.teach.live_explainer import LiveExplainer
 from ibe_rl.apps.teach.messages import Message
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Said, TeachingSession
+from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_gym
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
+from ibe_rl.runtime.ports import free_port
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import Task
 from ibe_rl.words import Words
 
 PAGE = 1
@@ -115,3 +122,32 @@ def explainer_state(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Explai
     said, ones = np.reshape(expressions, (k, 1)), np.ones(k)
     mapping = ClusterMapping(plain(where.shape[1]), where, said, said, ones, ones, ones, np.arange(k))
     return ExplainerState(mapping, HORIZON_STEPS, LANDER_TASK.phrases)
+
+
+class Told:
+    """Instead of the link: the newest message of each kind."""
+
+    def __init__(self) -> None:
+        self.newest: dict[str, Any] = {}
+
+    def tell(self, kind: str, value: Any) -> None:
+        self.newest[kind] = value
+
+
+def make_classroom(folder: Path, task: Task = LANDER_TASK, **settings: Any) -> Classroom:
+    """The trainer's end, of a lander."""
+    agent = partial(make_agent, DQNConfig(hidden=[8]), 11, make_lander().action_space, 1_000)
+    predictor = partial(Simulator.make, PredictorConfig(), make_snapshot_env=make_lander, rule=LANDER_TASK.rule, seed=0)
+    config = HumanConfig(**({"speed": None} | settings))
+    about = {"name": "lander", "total_frames": 1_000}
+    return Classroom(config, free_port(0, 0), folder / "lesson.jsonl", task, agent, predictor, about)
+
+
+def begun(
+    trainer: Classroom, policy: GreedyPolicy, log: TrajectoryLog | None = None, task: Task = LANDER_TASK
+) -> Classroom:
+    """In a training whose greedy policy this is."""
+    cfg = SimpleNamespace(first_refresh_episodes=100)
+    run: Any = SimpleNamespace(agent=SimpleNamespace(greedy=policy), task=task, log=log, cfg=cfg)
+    trainer.begin(run)
+    return trainer

@@ -1,6 +1,7 @@
 """Taught by keyboard in a browser with words that are swapped, then renamed: the agent speaks as its teacher does."""
 
 import json
+import shutil
 import time
 from pathlib import Path
 
@@ -9,10 +10,12 @@ import pytest
 from browsers import browsing
 from pages import opened, taught, until
 from playwright.sync_api import Page
+from processes import call
 
 from ibe_rl.envs.lander_task import X
 from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.instructors.recorded import read_lesson
+from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON, TRAJECTORIES
 
@@ -108,3 +111,25 @@ def test_the_words_and_the_mark_are_logged(lesson: tuple[Path, set[str], set[str
     assert instructions.shape[1] == 4
     assert set(instructions.sum(axis=1)) <= {0.0, 1.0}
     assert "по-лево" in (folder / "lesson.html").read_text()
+
+
+def test_it_is_explained_with_the_habits_of_its_teacher(
+    lesson: tuple[Path, set[str], set[str]], capsys: pytest.CaptureFixture[str]
+):
+    folder, _, _ = lesson
+    call("explain", f"run={folder}", "viewer=off")
+    printed = capsys.readouterr().out
+    assert "The instructions (m*) are the habits of the person who taught, from " in printed
+    assert "falling" not in printed  # the designer's word
+
+
+def test_a_run_that_goes_on_keeps_its_words(lesson: tuple[Path, set[str], set[str]], tmp_path: Path):
+    folder = tmp_path / "run"
+    shutil.copytree(lesson[0], folder)
+    before = json.loads((folder / "summary.json").read_text())["frames"]
+    asked = ("instructor.wait_for_teacher=false", "instructor.speed=null", f"stop_after_frames={before + 256}")
+    call("train", f"resume={folder}", *asked)
+    assert json.loads((folder / "summary.json").read_text())["frames"] == before + 256
+    assert [one["word"] for one in json.loads((folder / "words.json").read_text())] == list(FOREIGN)
+    log = TrajectoryLog.open(folder / TRAJECTORIES)
+    assert len(taught_rows(log)) == len(log.index)  # all of them, of one environment

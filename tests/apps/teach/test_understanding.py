@@ -11,7 +11,7 @@ import pytest
 from by_hand import STEPS, TASK, WORDS, add, config
 
 from ibe_rl.apps.teach.summary_page import write_lesson_page
-from ibe_rl.apps.teach.understanding import consistency, lesson_summary, not_yet, understood
+from ibe_rl.apps.teach.understanding import consistency, heard_windows, lesson_summary, not_yet, understanding_line
 from ibe_rl.ibe.delay import Delay
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.instructors.taught import told_of
@@ -19,6 +19,8 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.words import MEANS_NOTHING, MEANS_SAME, WordNotice
+from ibe_rl.words import Words
 
 PERSON = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1))
 
@@ -42,19 +44,43 @@ def learnt(log: TrajectoryLog, *meanings: Meaning, **counts: int) -> Refresh:
 def test_what_it_has_understood_and_what_it_lacks(log: TrajectoryLog):
     assert not_yet(34, 100) == "I look for what your words mean once I have seen 100 episodes; so far 34."
     all_known = learnt(log, Meaning())
-    assert understood(all_known, TASK) == "I understand '-1', '0' and '+1'."
+    assert understanding_line(all_known, TASK) == "I understand '-1', '0' and '+1'."
     rare = learnt(log, Meaning(positive=False), plus1=3)
-    assert understood(rare, TASK) == "I understand '-1' and '0'. I have not heard '+1' in good episodes yet."
+    assert understanding_line(rare, TASK) == "I understand '-1' and '0'. I have not heard '+1' in good episodes yet."
     unclear = learnt(log, Meaning(positive=False))
-    assert understood(unclear, TASK).endswith("I have heard '+1', but cannot tell what that means.")
+    assert understanding_line(unclear, TASK).endswith("I have heard '+1', but cannot tell what that means.")
     nothing = learnt(log, Meaning(negative=False, positive=False))
-    assert understood(nothing, TASK) == "I do not understand your words yet."
+    assert understanding_line(nothing, TASK) == "I do not understand your words yet."
+
+
+def test_a_word_that_was_renamed_since_is_the_same_word(log: TrajectoryLog):
+    worded = replace(TASK, phrases=Words(["left", "hold", "right"], 4))
+    refresh = replace(learnt(log), windows_by_instruction={"left": 200, "hold": 3, "right": 200})
+    unknown, k = Meaning(negative=False, positive=False), len(refresh.mapping.ids)
+    meanings = (Meaning(), unknown, Meaning(), unknown)
+    refresh = replace(refresh, mapping=replace(refresh.mapping, expressions=np.zeros((k, 4)), meanings=meanings))
+    assert worded.words is not None
+    worded.words.rename(0, "links")
+    worded.words.add("faster")
+    assert heard_windows(refresh, worded) == {"links": 200, "hold": 3, "right": 200, "faster": 0}
+    lacks = "I have not heard 'hold' or 'faster' in good episodes yet."
+    assert understanding_line(refresh, worded) == f"I understand 'links' and 'right'. {lacks}"
 
 
 def test_it_says_how_late_the_person_is(log: TrajectoryLog):
     late = replace(learnt(log, Meaning()), delays={"person": Delay(22, 18, 25)})
-    assert understood(late, TASK) == "I understand '-1', '0' and '+1'. You are about 22 steps behind (18 to 25)."
-    assert "behind" not in understood(replace(late, delays={"instructor": Delay(22, 18, 25)}), TASK)
+    assert (
+        understanding_line(late, TASK) == "I understand '-1', '0' and '+1'. You are about 22 steps behind (18 to 25)."
+    )
+    assert "behind" not in understanding_line(replace(late, delays={"instructor": Delay(22, 18, 25)}), TASK)
+
+
+def test_it_says_what_it_notices_about_the_words_but_not_twice(log: TrajectoryLog):
+    alike = WordNotice(MEANS_SAME, (0, 1), "you use 'left' and 'west' alike")
+    noticed = replace(
+        learnt(log, Meaning()), word_notices=[alike, WordNotice(MEANS_NOTHING, (2,), "'up' means nothing yet")]
+    )
+    assert understanding_line(noticed, TASK) == "I understand '-1', '0' and '+1'. You use 'left' and 'west' alike."
 
 
 def says(value: float, steps: int = 200, random: bool = False) -> Episode:

@@ -129,14 +129,14 @@ def test_a_typed_text_is_a_word(page: Page, room: Room):
 
 def test_what_became_of_an_explanation_and_that_it_was_wrong(page: Page, room: Room):
     room.server.post("outcome", {"episode": 0, "step": 3, "said": "links", "went": "halt", "came_true": False})
-    until(page, "!document.getElementById('outcome').hidden")
-    assert page.inner_text("#came") == "it said “links”: it went: “halt”"
+    until(page, "lesson.now.outcome !== null")
+    assert page.inner_text("#came") == "It said: links. It went: halt."
     page.click("#wrong")
     until(page, "document.getElementById('wrong').textContent === 'noted'")
     marks: list[Wrong | None] = []
     assert eventually(lambda: marks.append(room.desk.take().wrong) or marks[-1] is not None)
     assert marks[-1] == Wrong(0, 3)
-    assert page.evaluate("lesson.sent") == []  # it lies on the picture, and is no instruction
+    assert page.evaluate("lesson.sent") == []  # it is no instruction
 
 
 def test_what_it_would_do_if_it_were_told_otherwise(page: Page, room: Room):
