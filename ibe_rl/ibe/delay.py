@@ -227,7 +227,8 @@ def _answer(gained: Array, most: int, rows: int) -> Delay:
     untold = high - low > WIDEST_STEPS or best < -EARLY_STEPS or high >= most
     if untold or total.max() < MIN_INFORMATION * rows:
         return Delay(0, 0, most, known=False)
-    return Delay(0 if low <= 0 or best < LEAST_STEPS else best, max(0, low), max(0, high))
+    none = low <= 0 or best < LEAST_STEPS
+    return Delay(0, 0, max(0, high)) if none else Delay(best, low, high)
 
 
 def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
