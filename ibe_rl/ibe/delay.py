@@ -34,7 +34,7 @@ PARSIMONY = 0.02
 """Share of the information that one more dimension of the state must add to be believed."""
 MIN_INFORMATION, MIN_CHANGES, LEAST_SAID = 0.05, 10, 200
 """Nats a step that the state must tell of what was said, its changes, and steps: with less the log does not tell."""
-LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 3, 20, 5
+LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 6, 20, 5
 """Fewer steps count as none. A wider interval is no answer, nor are states so far ahead: they are consequences."""
 BOOTSTRAPS, LOW_HIGH = 200, (2.5, 97.5)
 MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 400, 2_500, 5_000
@@ -227,7 +227,8 @@ def _answer(gained: Array, most: int, rows: int) -> Delay:
     untold = high - low > WIDEST_STEPS or best < -EARLY_STEPS or high >= most
     if untold or total.max() < MIN_INFORMATION * rows:
         return Delay(0, 0, most, known=False)
-    return Delay(0 if low <= 0 or best < LEAST_STEPS else best, max(0, low), max(0, high))
+    none = low <= 0 or best < LEAST_STEPS
+    return Delay(0, 0, max(0, high)) if none else Delay(best, low, high)
 
 
 def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
