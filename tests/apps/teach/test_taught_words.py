@@ -15,7 +15,7 @@ from processes import call
 from ibe_rl.envs.lander_task import X
 from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.instructors.recorded import read_lesson
-from ibe_rl.instructors.taught import taught_rows
+from ibe_rl.instructors.taught import taught_episodes, taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON, TRAJECTORIES
 
@@ -107,6 +107,7 @@ def test_the_words_and_the_mark_are_logged(lesson: tuple[Path, set[str], set[str
     assert {*SWAPPED, *FOREIGN[::2]} <= said
     assert sum(len(one.marks) for one in recorded) == 1
     log = TrajectoryLog.open(folder / TRAJECTORIES)
+    assert taught_episodes(log, taught_rows(log).tolist())[1] == 1  # as the vocabulary hears of it
     instructions = np.concatenate([one.instructions for one in log.read(range(len(log.index)))])
     assert instructions.shape[1] == 4
     assert set(instructions.sum(axis=1)) <= {0.0, 1.0}
