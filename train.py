@@ -42,7 +42,7 @@ from ibe_rl.explain.explainer import explain, hold
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.build import build
 from ibe_rl.training.progress import closing_table, how_to_open
-from ibe_rl.training.refreshing import judge_and_tell, learn, skip
+from ibe_rl.training.refreshing import asking_of, judge_and_tell, learn, skip
 from ibe_rl.training.run import Run
 from ibe_rl.training.summary import evaluation_row, summarise, training_row
 
@@ -82,7 +82,7 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
         return skip(run, error)
     with timeit("explain"):
         rollout = record_rollout(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
-        explainer = run.vocabulary.explainer_state(cfg.predictor.futures, cfg.min_confidence)
+        explainer = run.vocabulary.explainer_state(cfg.predictor.futures, cfg.min_confidence, asking_of(cfg, run.task))
         every = cfg.explain_every_steps
         said = hold(explain(rollout.moments[::every], policy, run.predictor, explainer), every, len(rollout.moments))
     return judge_and_tell(run, refresh, rollout, said, explainer)  # words → rerun

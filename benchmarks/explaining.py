@@ -42,15 +42,17 @@ def rates(moments: int, live_moments: int) -> dict[str, float]:
     naive_s, actions = naive(run, chosen)
     return {
         "batched": moments / batched(run, chosen),
+        "what_if": moments / batched(run, chosen, otherwise=True),
         "naive": moments / naive_s,
         "engine": moments / engine(run, chosen, actions),
         "live_ms": live_ms(run, chosen[:: max(1, moments // live_moments)][:live_moments]),
+        "live_what_if_ms": live_ms(run, chosen[:: max(1, moments // live_moments)][:live_moments], otherwise=True),
     }
 
 
 def watched_moments(run: TrainedRun, count: int) -> list[Moment]:
     """Moments of watched episodes, evenly spaced over as many episodes as hold four times what is asked for."""
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+    instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     env, seed, found = run.make_env(), 0, list[Moment]()
     while len(found) < 4 * count:
         found += record_rollout(env, run.policy, instructor, seed).moments
@@ -58,25 +60,31 @@ def watched_moments(run: TrainedRun, count: int) -> list[Moment]:
     return [found[place] for place in np.linspace(0, len(found) - 1, count).astype(int)]
 
 
-def explain_all(run: TrainedRun, warm: Sequence[Moment]) -> Any:
-    """``explain`` with everything but the moments filled in; its games are made already."""
+def explain_all(run: TrainedRun, warm: Sequence[Moment], otherwise: bool = False) -> Any:
+    """``explain`` with everything but the moments filled in; its games are made already.
+
+    Args:
+        run: provides policy and vocabulary.
+        warm: moments to make games for.
+        otherwise: also what it would do if it were told otherwise.
+    """
     simulator = Simulator.make(run.config.predictor, make_snapshot_env=run.make_env, rule=run.task.rule, seed=0)
     simulator.rollout(warm, run.policy, 1)
-    explainer = replace(explainer_state(run), futures=1)
+    explainer = replace(explainer_state(run, what_if=otherwise), futures=1)
     return lambda moments: explain(moments, run.policy, simulator, explainer)
 
 
-def batched(run: TrainedRun, moments: Sequence[Moment]) -> float:
+def batched(run: TrainedRun, moments: Sequence[Moment], otherwise: bool = False) -> float:
     """Seconds to explain all moments together."""
-    say = explain_all(run, moments)
+    say = explain_all(run, moments, otherwise)
     start = time.perf_counter()
     say(moments)
     return time.perf_counter() - start
 
 
-def live_ms(run: TrainedRun, moments: Sequence[Moment]) -> float:
+def live_ms(run: TrainedRun, moments: Sequence[Moment], otherwise: bool = False) -> float:
     """Median milliseconds to explain one moment at a time."""
-    say, spent = explain_all(run, moments[:1]), []
+    say, spent = explain_all(run, moments[:1], otherwise), []
     for moment in moments:
         start = time.perf_counter()
         say([moment])

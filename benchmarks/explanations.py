@@ -15,6 +15,8 @@ PAIRS = {
     "explanations_batched_vs_naive": ("explanations/s", "batched", "naive"),
     "explanations_vs_engine": ("explanations/s", "batched", "engine"),
     "explanation_live_ms": ("ms", "live_ms", "game_frame_ms"),
+    "explanations_what_if": ("explanations/s", "what_if", "batched"),
+    "explanation_live_what_if_ms": ("ms", "live_what_if_ms", "live_ms"),
 }
 """Figures: their unit, and what of ``explaining.rates`` is ours and what it is compared with."""
 

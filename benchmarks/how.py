@@ -44,6 +44,9 @@ HOW = {
     "not in it, nor is the engines' noise.",
     "explanation_live_ms": "explain() on one moment at a time, median milliseconds, against one frame of a game at "
     "50 frames a second.",
+    "explanations_what_if": "explain() with the answers to what it would do if it were told each of three values, "
+    "against explain() without, on the same moments.",
+    "explanation_live_what_if_ms": "The same on one moment at a time.",
     "refresh_10k_s": "learn_vocabulary with the default settings on a log of 10,000 frames: flown ones of the demo "
     "agent and of random actions, repeated with a little noise in the states where more are needed.",
     "refresh_100k_s": "The same with 100,000 frames, against 10,000.",

@@ -17,6 +17,7 @@ from ibe_rl.types import Array
 
 PAGE = DOCS / "INSTRUCTION.md"
 COMMAND = "benchmarks.robustness"
+NEAR_STEPS, PANELS_IN_A_ROW = 5, 4
 MAPPINGS = {"own": ("ours", BLUE), "paper": ("the paper's", GREY)}
 
 
@@ -51,13 +52,26 @@ def told(values: Array) -> dict[str, float] | None:
 
 def flaws_table(records: list[dict[str, Any]]) -> list[str]:
     """By how much ``vocabulary_loss`` grows at each point of each curve."""
-    lines = ["| flaw | | ours | the paper's |", "|---|---|---|---|"]
+    lines = ["| flaw | | ours | the paper's | delay found | told within 5 steps |", "|---|---|---|---|---|---|"]
     for curve in dict.fromkeys(one["curve"] for one in records):
         columns = {mapping: growth(records, curve, mapping) for mapping in MAPPINGS}
         for point in list(columns["own"])[1:]:
             cells = [_cell(columns[mapping][point], mapping, records, curve, point) for mapping in MAPPINGS]
-            lines.append(f"| {curve} | {point} | {' | '.join(cells)} |")
+            mine = [one for one in records if (one["curve"], one["point"]) == (curve, point)]
+            lines.append(f"| {curve} | {point} | {' | '.join(cells)} | {' | '.join(_delays(mine))} |")
     return lines
+
+
+def _delays(records: list[dict[str, Any]]) -> tuple[str, str]:
+    """The delays found in runs and draws, from the least to the longest, and how many are within ``NEAR_STEPS``."""
+    known = [one["delay"]["steps"] for one in records if one.get("delay", {}).get("known")]
+    near = sum(
+        abs(one["delay"]["steps"] - one["late"]) <= NEAR_STEPS for one in records if one.get("delay", {}).get("known")
+    )
+    if not known:
+        return "-", f"0 of {len(records)}"
+    between = f"{min(known)}" if min(known) == max(known) else f"{min(known)} to {max(known)}"
+    return between, f"{near} of {len(records)}"
 
 
 def _cell(values: Array, mapping: str, records: list[dict[str, Any]], curve: str, point: str) -> str:
@@ -70,21 +84,30 @@ def _cell(values: Array, mapping: str, records: list[dict[str, Any]], curve: str
 def anew_table(records: list[dict[str, Any]]) -> list[str]:
     """Trained with a flawed instructor, against what corrupting the log of a run with a flawless one predicted."""
     lines = [
-        "| instructor | seed | loss after training with it | loss predicted from the corrupted log |",
-        "|---|---|---|---|",
+        "| instructor | seed | loss after training with it | loss predicted from the corrupted log | delay found |",
+        "|---|---|---|---|---|",
     ]
     for one in sorted(records, key=lambda each: (each["name"], each["seed"])):
         values = [("-" if one[key] is None else f"{one[key]:.3f}") for key in ("trained", "corrupted")]
-        lines.append(f"| {one['name']} | {one['seed']} | {' | '.join(values)} |")
+        lines.append(f"| {one['name']} | {one['seed']} | {' | '.join(values)} | {_delay(one.get('delay'))} |")
     return lines
+
+
+def _delay(found: dict[str, Any] | None) -> str:
+    if not found or not found["known"]:
+        return "-"
+    return f"{found['steps']} ({found['low']} to {found['high']})"
 
 
 def draw(records: list[dict[str, Any]], picture: Path) -> None:
     """One panel a flaw."""
     names = list(dict.fromkeys(one["curve"] for one in records))
-    figure = Figure(figsize=(12, 3.4), layout="constrained")
-    panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
-    for panel, curve in zip(panels, names, strict=True):
+    rows = -(-len(names) // PANELS_IN_A_ROW)
+    figure = Figure(figsize=(12, 3.4 * rows), layout="constrained")
+    panels = figure.subplots(rows, PANELS_IN_A_ROW, sharey=True, squeeze=False).ravel()
+    for panel in panels[len(names) :]:
+        panel.set_visible(False)
+    for panel, curve in zip(panels, names, strict=False):
         _panel(panel, records, curve)
     panels[0].set_ylabel("growth of vocabulary_loss")
     panels[0].legend(framealpha=0.9)

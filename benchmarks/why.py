@@ -131,7 +131,7 @@ def fly(folder: Path, episodes: int) -> Flown:
     task = task_of(envs[0])
     agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames, task.state_names)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))
-    instructor = make_instructor(stand_in(config.instructor), task)
+    instructor = make_instructor(stand_in(config.instructor, folder), task)
     flights = play(envs, agent.greedy, instructor, range(FIRST_SEED, FIRST_SEED + episodes))
     base = IBEConfig(horizon_steps=config.mapping.horizon_steps)
     return landed(folder.resolve().name, log, base, task, flights)

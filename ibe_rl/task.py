@@ -1,7 +1,7 @@
 """What an environment declares about itself; the rest of the package is environment-independent.
 
-Shapes: ``S`` state dimensions, ``d`` numbers in an instruction, ``P`` numbers of a percept, ``O = P + d + 1`` in an
-observation.
+Shapes: ``S`` state dimensions, ``d`` numbers in an instruction (of words: slots), ``P`` numbers of a percept,
+``O = P + d + 1`` in an observation.
 """
 
 from __future__ import annotations
@@ -9,58 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
-from string import Formatter
 from typing import Any
 
 import numpy as np
 
 from ibe_rl.types import Array, Episode, Moment
-
-
-@dataclass(frozen=True)
-class Phrases:
-    """The words for one number of an expression.
-
-    Attributes:
-        zero: said while the magnitude is below the first limit of ``degrees``.
-        negative: template with ``{degree}`` for the other expressions below 0.
-        positive: the same above 0.
-        degrees: pairs (lower limit of the magnitude, word for ``{degree}``), rising.
-
-    Raises:
-        ValueError: naming what is none of these.
-    """
-
-    zero: str
-    negative: str
-    positive: str
-    degrees: Sequence[tuple[float, str]]
-
-    def __post_init__(self) -> None:
-        for words in (self.zero, self.negative, self.positive):
-            if not isinstance(words, str):
-                raise ValueError(f"phrase {words!r}: allowed is a text")
-        for words in (self.negative, self.positive):
-            if not _has_only_degree(words):
-                raise ValueError(f"phrase {words!r}: allowed in braces is {{degree}} only; {{{{ is a brace to be said")
-        try:
-            rises = [limit for limit, word in self.degrees] == sorted({float(limit) for limit, word in self.degrees})
-            fits = rises and all(isinstance(word, str) for _, word in self.degrees) and len(self.degrees) > 0
-        except (TypeError, ValueError):
-            fits = False
-        if not fits:
-            raise ValueError(
-                f"degrees={self.degrees}: allowed are pairs (lower limit, word) with rising limits, at least one"
-            )
-
-
-def _has_only_degree(template: str) -> bool:
-    try:
-        fields = [(name, spec, how) for _, name, spec, how in Formatter().parse(template) if name is not None]
-    except ValueError:
-        return False
-    return all(one == ("degree", "", None) for one in fields)
-
+from ibe_rl.words import Phrases as Phrases
+from ibe_rl.words import Words
 
 PERCEPT = "ibe_rl/percept"
 """Key in ``info`` of what the agent perceives ``(P,)``, where that is not the state."""
@@ -99,7 +54,7 @@ class Task:
         state_units: ``S`` units.
         rule: the instructor's rule, states ``(..., S)`` to instructions ``(..., d)``.
         instruction_values: the values the rule can give, rising.
-        phrases: one entry for each of the ``d`` numbers; joined with "and".
+        phrases: one entry for each of the ``d`` numbers; joined with "and". Or the words of whoever teaches.
         context: initial state ``(S,)`` to the name of the context.
         contexts: all such names; also the values of the reset option ``context_option``.
         context_option: key of the reset option that fixes the context; empty if nothing does.
@@ -132,7 +87,7 @@ class Task:
     state_units: tuple[str, ...]
     rule: Callable[[Array], Array]
     instruction_values: tuple[float, ...]
-    phrases: tuple[Phrases, ...]
+    phrases: tuple[Phrases, ...] | Words
     context: Callable[[Array], str]
     contexts: tuple[str, ...]
     context_option: str
@@ -156,7 +111,7 @@ class Task:
         if not self.explained_range:
             object.__setattr__(self, "explained_range", (1.0,) * len(self.explained))
         for name in ("explained", "explained_band", "explained_range"):
-            if len(getattr(self, name)) != len(self.phrases):
+            if self.words is None and len(getattr(self, name)) != len(self.phrases):
                 raise ValueError(
                     f"Task.{name}={getattr(self, name)} has {len(getattr(self, name))} entries but Task.phrases "
                     f"{len(self.phrases)}: allowed is one for each number of an instruction"
@@ -165,14 +120,29 @@ class Task:
             raise ValueError(f"Task.explained={self.explained}: allowed are 0 to {len(self.state_names) - 1}")
 
     @property
+    def words(self) -> Words | None:
+        """The words of whoever teaches; None where instructions are numbers."""
+        return self.phrases if isinstance(self.phrases, Words) else None
+
+    @property
     def instruction_size(self) -> int:
-        """``d``, numbers in an instruction."""
+        """``d``, numbers in an instruction; of words: slots."""
         return len(self.phrases)
 
     @property
+    def expression_names(self) -> tuple[str, ...]:
+        """What each number of an expression is called, ``d`` names: of its state dimension, or the word."""
+        return self.number_names if self.words is None else tuple(map(self.words.name_at, range(len(self.words))))
+
+    @property
     def number_names(self) -> tuple[str, ...]:
-        """The state dimension of each number of an instruction, ``d`` names."""
+        """The explained state dimensions, one for each number of an instruction; of words, those to judge them by."""
         return tuple(self.state_names[dimension] for dimension in self.explained)
+
+    @property
+    def directions(self) -> tuple[float, ...]:
+        """The values that a direction is judged by: those of an instruction, or -1, 0 and 1 where it is a word."""
+        return self.instruction_values if self.words is None else (-1.0, 0.0, 1.0)
 
     @property
     def percept_size(self) -> int:

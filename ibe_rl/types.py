@@ -6,8 +6,8 @@ steps of a prediction, ``P`` numbers in a percept (mostly the state), ``O = P + 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -123,6 +123,8 @@ class Moment:
         snapshot: what the environment needs to continue from here, or None; opaque to all others.
         percept: ``(P,)``; None where it is the state.
         memory: what a policy with a memory remembers here, before it acts; None at the beginning, and for all others.
+        twin: index in the same roll-out of the moment that this one repeats with another instruction, which holds to
+            the end; both have the same chance events. None: it stands for itself.
     """
 
     state: Array
@@ -131,6 +133,7 @@ class Moment:
     snapshot: Any = None
     percept: Array | None = None
     memory: Any = None
+    twin: int | None = None
 
 
 def columns_of(moments: Sequence[Moment]) -> tuple[Array, Array, Array]:
@@ -167,6 +170,9 @@ class Explanation:
         calibrated: whether ``confidence`` is a probability; if not, it is not shown.
         spans: explanations of the other spans from here, by rising horizon.
         trusted_steps: steps for which the predictor trusts ``path``; None for all.
+        in_words: whether the expression is shares of words, in [0, 1], and no numbers.
+        what_if: what it would do if it were told each of these values for ``horizon_steps``, by name; empty: not asked.
+        listens: spread of these answers: 0, it does the same whatever it is told; 1, it obeys. None: not asked.
     """
 
     expression: Array
@@ -184,6 +190,9 @@ class Explanation:
     calibrated: bool = True
     spans: tuple[Explanation, ...] = ()
     trusted_steps: int | None = None
+    in_words: bool = False
+    what_if: Mapping[str, Explanation] = field(default_factory=dict)
+    listens: float | None = None
 
     @property
     def trusted(self) -> bool:
@@ -288,13 +297,4 @@ class Predictor(Protocol):
     """Predicts the rollouts of a policy from given moments."""
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
-        """Follow the policy from each moment.
-
-        Args:
-            moments: ``N`` moments.
-            policy: the greedy policy.
-            horizon_steps: ``H``.
-
-        Returns:
-            ``N`` futures, in the order of the moments.
-        """
+        """Follow the greedy policy for ``horizon_steps`` from each of ``N`` moments; returns as many futures."""

@@ -68,10 +68,12 @@ def add(
     given: bool = True,
     went: float | None = None,
     seen_speed: bool = True,
+    told: Array | None = None,
 ) -> None:
     """Log an episode in which the lift follows the instruction, or ``went``, so many metres a step.
 
-    Without ``seen_speed`` the state says 0 for it, and only where the lift has got to tells what it was told.
+    Without ``seen_speed`` the state says 0 for it, and only where the lift has got to tells what it was told. ``told``
+    ``(steps, 3)`` says who spoke.
     """
     random = np.random.default_rng(log.episodes_ended)
     speed = instruction if went is None else went
@@ -90,7 +92,7 @@ def add(
         "done": last,
         "terminated": last,
         "success": last,
-    }
+    } | ({} if told is None else {"told": told})
     log.add({name: values[None] for name, values in columns.items()}, TASK.context)
 
 

@@ -36,7 +36,7 @@ from ibe_rl.storage.run_folder import CONFIG
 from ibe_rl.training.run import TIMES
 from ibe_rl.types import DOES_NOT_KNOW
 from ibe_rl.vocabulary.probe import PROBE_WINDOWS
-from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS
+from ibe_rl.vocabulary.refresh_columns import REFRESH_COLUMNS
 
 SUMMARY_KEYS = {
     *("frames", "wall_s", "frames_per_s", "episodes", "success_rate", "return_mean", "refreshes"),

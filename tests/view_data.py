@@ -21,6 +21,7 @@ from rerun.chunk import RrdReader
 import ibe_rl  # noqa: F401 - registers the environment
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.lander_task import LANDER_TASK, X
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe import IBEMapping, cut_windows, keep_identity, phrase, top_episodes
 from ibe_rl.metrics.drift import vocabulary_drift
 from ibe_rl.metrics.quality import realised_phrases, vocabulary_scores
@@ -29,7 +30,7 @@ from ibe_rl.types import Array, Episode, Explanation, Moment
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Ports
 from ibe_rl.vocabulary.refresh import Change, Refresh
-from ibe_rl.vocabulary.tracker import figures
+from ibe_rl.vocabulary.refresh_columns import figures
 
 TASK: Task = LANDER_TASK
 HORIZON_STEPS = 60
@@ -127,6 +128,18 @@ def explain(watched: RecordedRollout, refresh: Refresh, seed: int = 0) -> list[E
     ]
 
 
+ASKED_EVERY = 20
+
+
+def asked(said: list[Explanation], listens: float = 0.5) -> list[Explanation]:
+    """Every 20 steps it is asked what if: to each value it would do as it says, to the second one a little aside."""
+    answers = [dict(zip(values_of(TASK), (one, replace(one, path=one.path + 0.1), one), strict=True)) for one in said]
+    return [
+        replace(one, what_if=answers[step], listens=listens) if step % ASKED_EVERY == 0 else one
+        for step, one in enumerate(said)
+    ]
+
+
 WATCHED = (6, 1, 4)
 """Which flights the recording of ``record`` shows; each after a refresh, 100,000 frames apart."""
 COUNTS = (5, 9, 12)
@@ -183,7 +196,8 @@ def record(path: Path) -> None:
             )
         watched = flights()[WATCHED[number]]
         recorder.refresh(refresh)
-        recorder.watched(frames, watched, explain(watched, refresh, number), real(watched, refresh))
+        said = explain(watched, refresh, number)
+        recorder.watched(frames, watched, asked(said) if number == 2 else said, real(watched, refresh))
         recorder.batch(frames, {"eval/return_mean": 350 * progress - 180, "eval/success_rate": progress})
         recorder.batch(frames, {"ibe/came_true": 0.5 + 0.3 * progress} | figures(refresh))
     recorder.close()

@@ -96,6 +96,27 @@ class ExplainedAgent:
         torch.set_num_threads(1)
         return Narration(self.run, *explain_rollout(self.run, replace(self.config, seed=seed, context=context)))
 
+    def what_if(self, seed: int = 0, context: str | None = None, every_steps: int = 20) -> list[Explanation]:
+        """What the agent would do at moments of one more episode if it were told each value for the next n steps.
+
+        Args:
+            seed: of the episode.
+            context: of the episode; None draws one.
+            every_steps: from one moment to the next.
+
+        Returns:
+            an explanation of each moment: ``what_if`` holds the answers by what is told, ``listens`` their spread.
+
+        Raises:
+            ConfigError: for an unknown context, or ``every_steps`` below 1.
+        """
+        if every_steps < 1:
+            raise ConfigError(f"every_steps={every_steps}: allowed is at least 1")
+        check_context(context, self.run)
+        torch.set_num_threads(1)
+        config = replace(self.config, seed=seed, context=context, what_if=True)
+        return explain_rollout(self.run, config, every_steps)[1]
+
     def clip(self, path: str | Path, seed: int = 0, context: str | None = None) -> Path:
         """Explain one more episode and write it as a moving picture, ``.gif`` or ``.mp4``; returns the path.
 

@@ -38,6 +38,7 @@ from ibe_rl.runtime.workers import (
     start_method_for_torchrl,
     starting,
 )
+from ibe_rl.storage.log_columns import TOLD_COLUMN
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Instructor
@@ -231,6 +232,8 @@ def steps_of(batch: TensorDictBase) -> dict[str, Array]:
     }
     if "percept" in batch.keys():  # noqa: SIM118 - a TensorDict
         columns |= {"percept": batch["percept"], "next_percept": after["percept"]}
+    if TOLD_COLUMN in batch.keys():  # noqa: SIM118 - a TensorDict
+        columns[TOLD_COLUMN] = batch[TOLD_COLUMN]
     return {name: column.numpy() for name, column in columns.items()}
 
 

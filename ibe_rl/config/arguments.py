@@ -29,6 +29,8 @@ PATHS = {
     "explain": ("run", "run_dir", "output", "clip", "sweep", "agent", "agent_vec_normalize"),
 }
 """Settings whose values are read as they are, not by hydra's grammar."""
+LISTS_OF_TEXTS = ("instructor.words",)
+"""Lists of texts, of which hydra's grammar does not know all scripts."""
 
 
 def as_hydra_reads(arguments: Sequence[str], script: str, resumed: Sequence[str]) -> list[str]:
@@ -84,6 +86,8 @@ def _readable(argument: str, script: str, several: bool) -> str:
         if swept and not Path(value).exists():
             return argument if "(" in value else f"{key}={','.join(map(_as_path, value.split(',')))}"
         return f"{key}={_as_path(value)}"
+    if equals and override is None and key.lstrip("+") in LISTS_OF_TEXTS and re.fullmatch(r"\[.*\]", value):
+        return f"{key}=[{','.join(quoted(one.strip()) for one in value[1:-1].split(','))}]"
     added = "++" if key.startswith(FREE) and value != "null" else ""
     return f"{added}{argument}" if override is not None or not equals else f"{added}{key}={quoted(value)}"
 

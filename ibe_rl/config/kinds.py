@@ -21,6 +21,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from ibe_rl.config.limits import check, no_such_setting
+from ibe_rl.config.own_words import hand_on_words
 from ibe_rl.config.settings import (
     AgentConfig,
     InstructorConfig,
@@ -154,6 +155,7 @@ def check_config(values: Any) -> None:
         ConfigError: naming the key, the value and what is allowed.
     """
     check(values)
+    hand_on_words(values)
     for group in GROUPS:
         config = getattr(values, group, None)
         if config is None:

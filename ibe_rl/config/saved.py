@@ -16,6 +16,7 @@ from ibe_rl.config.error_line import one_line
 from ibe_rl.config.hydra_setup import choice, choice_names, given_settings, settings_at_hand
 from ibe_rl.config.kind_files import KindFiles
 from ibe_rl.config.kinds import GROUPS, SEVERAL, with_settings
+from ibe_rl.config.own_words import hand_on_words
 from ibe_rl.config.settings import CODE_SETTINGS, EnvConfig
 from ibe_rl.storage.run_folder import read_overrides, read_yaml, write_atomically
 from ibe_rl.types import ConfigError
@@ -72,6 +73,7 @@ def load_config(path: Path, schema: type, env: EnvConfig | None = None, trusted:
         raise ConfigError(f"{path}: not the config of a run of this version of ibe_rl ({reason})") from None
     if env is not None:
         values.env = env
+    hand_on_words(values)
     return values
 
 

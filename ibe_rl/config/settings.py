@@ -1,8 +1,7 @@
 """The settings that all kinds share: name, type, default, limits and meaning. Files in configs/ pick and override.
 
 A kind of agent, instructor, mapping or predictor adds its own in its module (``ibe_rl.config.kinds``).
-Limits are field metadata; ``ibe_rl.config.limits.check`` enforces them before anything is built.
-See all values of a run with ``python train.py --cfg job``.
+Limits are field metadata, checked before anything is built. All values of a run: ``python train.py --cfg job``.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ibe_rl.config.limits import KEPT, MISSING, TINY, setting
+from ibe_rl.config.own_words import OwnWords
 
 MAX_SEED = 9_999
 DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
@@ -66,7 +66,7 @@ CODE_SETTINGS = (
 
 
 @dataclass
-class EnvConfig:
+class EnvConfig(OwnWords):
     """A gymnasium environment; its task is its own attribute (``ibe_rl.task.Task``) or declared in ``task``."""
 
     id: str = MISSING  # gymnasium id, or module:id to import the module first
@@ -113,7 +113,7 @@ class AgentConfig:
 
 
 @dataclass
-class InstructorConfig:
+class InstructorConfig(OwnWords):
     """What all instructors share."""
 
     kind: str = "oracle"
@@ -130,10 +130,7 @@ class ObedienceConfig:
 
 @dataclass
 class MappingConfig:
-    """What all mappings share: the training data, the meaning of the words, and how clusters keep their identity.
-
-    The defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md).
-    """
+    """What all mappings share; the defaults are the paper's (reasons: docs/PAPER.md, docs/QUALITY.md)."""
 
     kind: str = "paper"  # name in summaries and tables
     horizon_steps: int | None = setting(None, low=1)  # None: estimated from the episodes at each refresh
@@ -147,6 +144,7 @@ class MappingConfig:
     dimensions: list[str] = field(default_factory=list)  # names of state dimensions to cluster; empty: all
     newest_frames: int | None = setting(250_000, low=1)  # fit on episodes that ended in these; None: the whole log
     survival_overlap: float = setting(0.5, low=TINY, high=1.0)  # least overlap with which a cluster keeps its identity
+    delay_steps: int | None = setting(None, low=0, high=1_000)  # of instructions; None: estimated at each refresh
     hold_within: float = setting(0.15, low=0.0, high=2.0)  # a surviving expression changes only by more than this
 
 
@@ -155,8 +153,7 @@ class PredictorConfig:
     """What all predictors share; the default steps a copy of the environment from a snapshot."""
 
     kind: str = setting("simulator", kept=True)
-    # in rollouts: the last instruction, or by the rule
-    future_instruction: str = setting("hold", choices=("hold", "rule"), learnt=False)
+    future_instruction: str = setting("hold", choices=("hold", "rule"), learnt=False)  # in rollouts: last one, rule
     processes: int | None = setting(None, low=1, high=64, learnt=False)  # None: 1, or 2 in task=evaluate
     futures: int = setting(3, low=1, high=100, learnt=False)  # rollouts per moment; the majority expression is reported
     moments_at_once: int = setting(32, low=1, learnt=False)  # environments per process; more crowd the cache
@@ -201,8 +198,7 @@ class MetricConfig:
 class TrainConfig:
     """A training.
 
-    With ``refresh_every_frames=0`` the vocabulary is refreshed eight times in a run, in a long one every 250,000
-    frames. With ``refresh_when_stale`` each refresh only fits a candidate. It replaces the current vocabulary if its
+    With ``refresh_when_stale`` each refresh only fits a candidate. It replaces the current vocabulary if its
     ``motion_auc`` on the newest episodes is higher by more than this value.
     """
 
@@ -215,11 +211,12 @@ class TrainConfig:
     resume: str | None = None  # folder of the run to resume; only settings to change are named beside it
     resume_from: str = setting("latest", choices=("latest", "best"))  # latest checkpoint or best evaluation
     checkpoint_every_frames: int = setting(100_000, low=1)  # between saved states; also at refreshes and evaluations
-    refresh_every_frames: int | None = setting(0, low=0)  # frames between vocabularies; 0: eight of them; None: none
+    refresh_every_frames: int | None = setting(0, low=0)  # 0: eight times, in long runs every 250,000; None: never
     first_refresh_episodes: int = setting(100, low=0)  # after so many the first vocabulary comes early; 0: not early
     refresh_when_stale: float | None = setting(None, low=-1.0, high=1.0)  # least gain in motion_auc; None: any
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
     explain_every_steps: int = setting(5, low=1)  # in the episode shown at a refresh; each one holds until the next
+    what_if_every_steps: int | None = setting(20, low=1)  # at these steps also: if told otherwise; None: never
     eval_every_frames: int = setting(400_000, low=1)  # between evaluations; also at the end
     eval_episodes: int = setting(100, low=1, high=10_000)  # of each evaluation
     keep_policy_every_frames: int | None = setting(10_000, low=1)  # for agents of any skill; None: never
@@ -247,6 +244,7 @@ class EvaluateConfig:
     calibration_episodes: int = setting(60, low=2, high=10_000)  # held-out episodes to calibrate the confidence on
     changing_episodes: int = setting(40, low=0, high=10_000)  # with each kept policy; 0: skip
     stride_steps: int = setting(4, low=1)  # between scored moments
+    what_if_stride_steps: int = setting(20, low=1)  # between the moments at which it is told something else
     horizons_steps: list[int] | None = None  # besides the run's own; null: 20, 40, 60, 100, up to half an episode
     resamples: int = setting(1_000, low=20, high=100_000)  # bootstrap over episodes, for confidence intervals
     shuffles: int = setting(50, low=1, high=10_000)  # negative controls: shuffled instructions, random clusters
@@ -290,6 +288,7 @@ class ExplainConfig:
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # of the episode; None: drawn
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
+    what_if: bool = True  # also what it would do if it were told otherwise (task=episode and task=evaluate)
     predictor: PredictorConfig = MISSING
     viewer: ViewerConfig = MISSING
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)

@@ -100,7 +100,7 @@ def _instructions(asked: TaskFunction, answer: Any, states: Array) -> Array:
 
 
 def _changes(asked: TaskFunction, answer: Any, states: Array) -> Array:
-    return _finite(asked, _array(asked, answer, states, asked.task.instruction_size), states)
+    return _finite(asked, _array(asked, answer, states, len(asked.task.explained)), states)
 
 
 def _points(asked: TaskFunction, answer: Any, states: Array) -> Array:

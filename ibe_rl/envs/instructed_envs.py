@@ -15,6 +15,7 @@ from torchrl.envs.libs.gym import _gym_to_torchrl_spec_transform as torchrl_spec
 
 from ibe_rl.envs.errors import GateError, located
 from ibe_rl.envs.wrappers import task_of
+from ibe_rl.storage.log_columns import TOLD_COLUMN, TOLD_SIZE
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import Array, Instructor, observe
@@ -28,7 +29,8 @@ class InstructedEnvs(EnvBase):
 
     Reset and step write ``state``, ``instruction``, ``instruction_given``, ``observation`` (all three, for the policy)
     and ``success`` (``info`` at the task's success key). Where the agent does not perceive the state itself, they also
-    write ``percept``, which ``observation`` has in place of the state. Resetting is left to the collector, so no last
+    write ``percept``, which ``observation`` has in place of the state, and ``told`` where the instructor tells who
+    speaks. Resetting is left to the collector, so no last
     state is lost. gymnasium's vector environment and TorchRL's transforms took a third of the time (docs/LOG.md).
 
     Each episode has a seed of its own (``episode_seed``), so that it can be replayed alone.
@@ -52,6 +54,7 @@ class InstructedEnvs(EnvBase):
         size = (len(envs), self._task.percept_size)
         self._percepts = np.zeros(size, self._task.percept_type) if self._task.parts else None
         self._said = np.zeros((len(envs), self._task.instruction_size + 1), np.float32)
+        self._tells = hasattr(instructor, "told_rows")
         self._declare()
 
     def _declare(self) -> None:
@@ -70,6 +73,8 @@ class InstructedEnvs(EnvBase):
         if self._percepts is not None:
             percepts = torch.from_numpy(self._percepts)
             self.observation_spec["percept"] = Unbounded(shape=percepts.shape, dtype=percepts.dtype)
+        if self._tells:
+            self.observation_spec[TOLD_COLUMN] = Unbounded(shape=(rows, TOLD_SIZE), dtype=torch.int32)
         action = torchrl_spec(env.action_space, categorical_action_encoding=True)
         self.action_spec = action.expand(rows, *action.shape)
         self.reward_spec = Unbounded(shape=(rows, 1), dtype=torch.float32)
@@ -166,6 +171,8 @@ class InstructedEnvs(EnvBase):
         if self._percepts is not None:
             entries["state"] = torch.from_numpy(self._states.copy())
             entries["percept"] = torch.from_numpy(self._percepts.copy())
+        if self._tells:
+            entries[TOLD_COLUMN] = torch.from_numpy(self._instructor.told_rows.copy())  # type: ignore[attr-defined]  # it has
         return entries
 
 

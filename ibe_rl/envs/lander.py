@@ -20,6 +20,7 @@ from gymnasium.utils import EzPickle
 
 from ibe_rl.envs.lander_speed_task import LANDER_SPEED_TASK
 from ibe_rl.envs.lander_task import FLAG_DISTANCE, HEIGHT, LANDER_TASK, PAD_X, PAD_Y, WIDTH, outline
+from ibe_rl.envs.lander_words_task import LANDER_WORDS_TASK
 from ibe_rl.envs.lean_step import lean_step
 from ibe_rl.task import Shape
 from ibe_rl.types import Array
@@ -67,6 +68,7 @@ class LunarLanderPads(game.LunarLander):
         flat: flat ground everywhere (the paper's prediction task).
         flags: False hides the flags in ``render`` (the paper's prediction task).
         speed: True also instructs how fast to fall (``lander_speed_task``).
+        words: True instructs by one of five words without an order instead (``lander_words_task``).
         **kwargs: gymnasium's own, such as ``render_mode``.
 
     Raises:
@@ -79,10 +81,18 @@ class LunarLanderPads(game.LunarLander):
     wind_idx: Any
     torque_idx: Any
 
-    def __init__(self, pad: str = "random", flat: bool = False, flags: bool = True, speed: bool = False, **kwargs: Any):
+    def __init__(
+        self,
+        pad: str = "random",
+        flat: bool = False,
+        flags: bool = True,
+        speed: bool = False,
+        words: bool = False,
+        **kwargs: Any,
+    ):
         super().__init__(**kwargs)
-        EzPickle.__init__(self, pad, flat, flags, speed, **kwargs)  # a copy is made with our arguments, not theirs
-        self.task = LANDER_SPEED_TASK if speed else LANDER_TASK
+        EzPickle.__init__(self, pad, flat, flags, speed, words, **kwargs)  # a copy is made with our arguments
+        self.task = LANDER_WORDS_TASK if words else LANDER_SPEED_TASK if speed else LANDER_TASK
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
         self._lean = not (self.enable_wind or self.render_mode)

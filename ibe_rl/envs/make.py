@@ -17,7 +17,8 @@ from ibe_rl.envs.given import GivenEnv, make_given
 from ibe_rl.envs.own_task import with_own_task
 from ibe_rl.envs.sensing import Sensed
 from ibe_rl.envs.snapshots import Stoppable, stoppable
-from ibe_rl.envs.wrappers import Declared
+from ibe_rl.envs.worded import worded
+from ibe_rl.envs.wrappers import Declared, task_of
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.types import ConfigError
 
@@ -96,6 +97,15 @@ def make_env(env: EnvConfig) -> gymnasium.Env[Any, Any]:
     Raises:
         ConfigError: as ``make_gym``; or if nobody has given it.
     """
+    made = _without_words(env)
+    task = task_of(made)
+    if env.words or env.max_words is not None or task.words is not None:
+        made.task = worded(task, env.words, env.max_words)  # type: ignore[attr-defined]  # the outermost one is read
+    return made
+
+
+def _without_words(env: EnvConfig) -> gymnasium.Env[Any, Any]:
+    """As it declares its task itself."""
     if isinstance(env, GivenEnv):
         return make_given(env)
     if env.given:

@@ -17,6 +17,7 @@ from ibe_rl.metrics.verdict import (
     REVERSED,
     Verdict,
     in_one_line,
+    is_meant,
     short_number,
     verdict,
     worst,
@@ -66,7 +67,7 @@ def verdicts_from(rows: Sequence[Mapping[str, Any]], ours: str, run: TrainedRun)
     found = []
     for number, name in enumerate(names):
         scores, echo = (_of_number(own.get(each), number) for each in (ours, ECHO))
-        known = not meanings or meanings[number].known
+        known = is_meant(meanings, number)
         interval = None if scores["low"] is None else (float(scores["low"]), float(scores["high"]))
         auc, echo_auc = (math.nan if each["value"] is None else float(each["value"]) for each in (scores, echo))
         found.append(verdict(auc, echo_auc, known, interval, name if len(names) > 1 else ""))
@@ -88,12 +89,14 @@ def text_of(verdicts: Sequence[Verdict], run: TrainedRun) -> str:
     """The worst verdict over the numbers, in plain words."""
     level = worst(verdicts).level
     number = verdicts.index(worst(verdicts))
-    name, words = run.task.number_names[number], positive_phrase(run.task.phrases[number])
+    name = run.task.number_names[number]
+    words = "a word" if run.task.words is not None else positive_phrase(run.task.phrases[number])
     least = verdicts[number]
     if level == REVERSED:
         return f"REVERSED: {words} is said when {name} falls; {in_one_line(verdicts)}."
     if least.why == NO_MEANING:
-        return f"UNKNOWN: {meaning_lines(run.mapping.meanings, run.task)[number]}."
+        lines = meaning_lines(run.mapping.meanings, run.task)
+        return f"UNKNOWN: {lines[number] if run.task.words is None else '; '.join(lines)}."
     if least.why == NOT_MEASURED:
         return f"UNKNOWN: the AUC for the direction of motion cannot be measured, {name} did not move both ways."
     return f"{level.upper()}: {in_one_line(verdicts)}."
@@ -115,10 +118,11 @@ def advice(
         return []
     if least.why == NOT_MEASURED:
         return ["judge more or longer episodes (evaluate.episodes), or make env.task.explained_band smaller"]
+    ask = [] if run.task.words is not None else [ASK_FOR_IT]  # which compares numbers
     if least.why == NO_MEANING:
-        return [ASK_FOR_IT]
-    signs = _check_sign(verdicts, run) if least.level == REVERSED else []
-    return [*signs, _compared(run, least), *_horizons(rows, ours, run), ASK_FOR_IT]
+        return ask
+    signs = _check_sign(verdicts, run) if least.level == REVERSED and run.task.words is None else []
+    return [*signs, _compared(run, least), *_horizons(rows, ours, run), *ask]
 
 
 def _check_sign(verdicts: Sequence[Verdict], run: TrainedRun) -> list[str]:

@@ -99,13 +99,21 @@ def forecasts(regressors: Sequence[StateRegressor], states: Array) -> Array:
 
 
 def cheap_baselines(
-    moments: Moments, horizon_steps: int, task: Task, regressors: Sequence[StateRegressor]
+    moments: Moments,
+    horizon_steps: int,
+    task: Task,
+    regressors: Sequence[StateRegressor],
+    instruction: Array | None = None,
 ) -> dict[str, Array]:
-    """Statements ``(N, d)`` of each baseline without a simulator; those that the task does not support are missing."""
+    """Statements ``(N, d)`` of each baseline without a simulator; those that the task does not support are missing.
+
+    ``instruction`` ``(N, d)`` is the last one, of words the directions that they ask for; None: that of the moments.
+    """
+    instruction = moments.instruction if instruction is None else instruction
     states = moments.state
     said = {
-        "last_instruction": moments.instruction,
-        "constant": np.zeros(moments.instruction.shape),
+        "last_instruction": instruction,
+        "constant": np.zeros(instruction.shape),
         "state_regressor": forecasts(regressors, states),
     }
     if task.motion is not None:

@@ -8,6 +8,7 @@ from typing import Any
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.rows import MOTION, Samples, difference, estimate_json, over_numbers
 from ibe_rl.evaluation.verbalise import speak
+from ibe_rl.ibe.word_meaning import asked_motion, expected_motion
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.quality import motion_scores
 from ibe_rl.task import Task
@@ -43,12 +44,13 @@ def judge_ages(
     usable = {frame: mapping for frame, mapping in sorted(vocabularies.items()) if frame <= policy_frame}
     weights = episode_weights(moments.episode, resamples, seed)
     change = moments.real_change(horizon_steps, task.explained).astype(float)
-    instruction = moments.instruction.astype(float)
     samples: dict[int, Samples] = {}
     for frame, mapping in usable.items():
         spoken = speak(mapping, moments, horizon_steps, task.phrases)
-        numbers = zip(spoken.expression.T, change.T, instruction.T, task.explained_band, strict=True)
-        each = [motion_scores(said, real, asked, band, weights) for said, real, asked, band in numbers]
+        said = expected_motion(mapping, spoken.expression, task.explained)
+        instruction = asked_motion(mapping, moments.instruction.astype(float), task.explained, task.explained_band)
+        numbers = zip(said.T, change.T, instruction.T, task.explained_band, strict=True)
+        each = [motion_scores(one, real, asked, band, weights) for one, real, asked, band in numbers]
         samples[frame] = {**over_numbers(each), "came_true": weighted_mean(spoken.true, weights)}
     return [
         {

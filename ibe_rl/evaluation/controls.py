@@ -11,8 +11,10 @@ from sklearn.metrics import pairwise_distances_argmin
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.ibe.space import scaled
 from ibe_rl.ibe.vocabulary import normalise
+from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.types import Array, Episode, ExpressionMapping
 
 
@@ -21,6 +23,11 @@ class Flipped:
     """A vocabulary with every expression negated."""
 
     mapping: ExpressionMapping
+
+    @property
+    def meanings(self) -> Sequence[Meaning]:
+        """Those of the vocabulary; empty if it has none."""
+        return getattr(self.mapping, "meanings", ())
 
     @property
     def ids(self) -> Array:
@@ -32,8 +39,11 @@ class Flipped:
         return self.mapping.cluster(delta)
 
     def express(self, delta: Array) -> Array:
-        """See ``ibe_rl.types.Mapping``."""
-        return -self.mapping.express(delta)
+        """See ``ibe_rl.types.Mapping``; the share of the fittest word becomes that of the least fit."""
+        expressions = self.mapping.express(delta)
+        if moves_of(self.meanings) is None:
+            return -expressions
+        return expressions.max(axis=1, keepdims=True) + expressions.min(axis=1, keepdims=True) - expressions
 
     def knows(self, delta: Array) -> Array:
         """See ``ibe_rl.types.Mapping``."""

@@ -14,20 +14,21 @@ from ibe_rl.evaluation.baselines import Learnt, StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.judging import confidence_of, judge, paired_of, rows_of
-from ibe_rl.evaluation.moments import Moments, Plan
+from ibe_rl.evaluation.moments import Moments, Plan, TakenMoment
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import SHUFFLED_CONTROL, Refits
-from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
+from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for, take_moments
 from ibe_rl.evaluation.rows import Judged, OwnScores
-from ibe_rl.evaluation.run_predictor import shared_predictor
+from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
-from ibe_rl.types import ExpressionMapping, Policy
+from ibe_rl.types import ExpressionMapping, Policy, Predictor
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers shown with the evaluated one in tables and figures over the horizons."""
@@ -51,9 +52,12 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
+        spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
+        what_if = told_otherwise_in_copies(run, cfg, predictor, spoken) if cfg.what_if else WhatIf()
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
     own = run.horizon_steps
     observers, rows = add_observers(judged, learnt, moments, held_out, run, cfg, ours)
+    what_if.add_to(rows, own)
     quality = {
         "verdict": verdict_of(rows, ours, run),
         "protocol": evaluation_protocol(run, cfg, horizons, learnt, moments),
@@ -61,8 +65,9 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         "paired": [each for one in judged.values() for each in paired_of(one, ours)],
         "confidence": confidence_of(judged[own], ours),
         "changing_policy": ages,
+        "what_if": what_if.report,
     }
-    calibration = report.calibration_report(judged[own], ours, run.mapping_frame)
+    calibration = report.calibration_report(judged[own], ours, run.mapping_frame) | what_if.calibration_json
     folder = run.folder / EVALUATION
     write_json(folder / "quality.json", quality)
     write_json(folder / "observers.json", observers)
@@ -70,6 +75,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     report.write_moments(folder / "moments.csv", moments.judged(), judged[own], ours, run.task)
     beside = [name for name in SHOWN if name in judged[own].samples]  # not every task supports all
     print_results(quality, observers, own, (ours, *beside))
+    print_what_if(what_if)
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
 
@@ -179,6 +185,8 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
     about, rows, console = quality["protocol"], quality["rows"], tables.console()
     for line in lines_of(quality["verdict"]["text"], quality["verdict"]["advice"]):
         console.print(line, markup=False, soft_wrap=True)
+    if "instructed_by" in about:
+        console.print(f"The instructions (m*) are {about['instructed_by']}, not the rule's.", soft_wrap=True)
     console.print()
     title = (
         f"{about['run']}: {about['episodes']} unseen episodes, {about['moments']:,} moments, the next {own} steps "
@@ -196,6 +204,26 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
     tables.print_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
+
+
+def told_otherwise_in_copies(
+    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, vocabularies: Mapping[str, ExpressionMapping]
+) -> WhatIf:
+    """Whether what it says it would do if it were told something else comes true, in several vocabularies."""
+    plan, processes = Plan(cfg.evaluate.what_if_stride_steps, 1, (run.horizon_steps,)), cfg.predictor.processes
+
+    def take(purpose: str, episodes: int) -> Sequence[TakenMoment]:
+        return take_moments(run, run.policy, seeds_for(purpose, cfg.evaluate.seed, episodes), plan)
+
+    return judge_what_if(run, cfg, predictor, vocabularies, take, processes_for(processes, run.policy))
+
+
+def print_what_if(what_if: WhatIf) -> None:
+    """Print what it did when it was told something else, or why that is not known."""
+    if what_if.report:
+        tables.console().print(tables.what_if_table(what_if.report))
+    elif what_if.note:
+        tables.console().print(f"note: {what_if.note}", soft_wrap=True)
 
 
 def print_files(folder: Path, drawn: list[Path]) -> None:

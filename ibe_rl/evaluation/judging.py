@@ -29,8 +29,10 @@ from ibe_rl.evaluation.rows import (
     spread_over,
 )
 from ibe_rl.evaluation.verbalise import calibrate, speak
+from ibe_rl.ibe.word_meaning import expected_motion
+from ibe_rl.metrics.quality import word_f1
 from ibe_rl.task import Task
-from ibe_rl.types import Array
+from ibe_rl.types import Array, ExpressionMapping
 
 GOALS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
 """Metrics compared with the cheap baselines and the paper, paired by moments."""
@@ -61,9 +63,10 @@ def judge(
         step: called after each explainer.
         own: the scores of metrics of one's own.
     """
-    truth = Truth.of(moments, horizon_steps, task, forecasts(learnt.regressors, moments.state), weights)
+    ours = next(iter(learnt.vocabularies.values()))
+    truth = Truth.of(moments, horizon_steps, task, forecasts(learnt.regressors, moments.state), weights, ours)
     judged = Judged(truth, task.number_names, mappings=dict(learnt.vocabularies))
-    for name, said in _simple(learnt, moments, horizon_steps, task).items():
+    for name, said in _simple(learnt, moments, horizon_steps, task, truth.instruction).items():
         on_scale = as_instruction(name, said, task.explained_band)
         judged.samples[f"baseline:{name}"] = score(Statements(f"baseline:{name}", said, on_scale, truth), own)
         step()
@@ -77,10 +80,10 @@ def judge(
     return judged
 
 
-def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task) -> dict[str, Array]:
+def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task, instruction: Array) -> dict[str, Array]:
     """Statements ``(N, d)`` of all explainers without a vocabulary."""
     at, explained = moments.at(horizon_steps), task.explained
-    return cheap_baselines(moments, horizon_steps, task, learnt.regressors) | {
+    return cheap_baselines(moments, horizon_steps, task, learnt.regressors, instruction) | {
         "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
         "true_future": moments.real_change(horizon_steps, explained).astype(float),
     }
@@ -99,7 +102,7 @@ def _judge_vocabularies(
         spoken = speak(mapping, moments, horizon_steps, task.phrases)
         calibration = calibrate(speak(mapping, held_out, horizon_steps, task.phrases))
         probability = calibration.probability(spoken.features)
-        judged.samples[name] = _score(name, spoken, judged.truth, own) | score_confidence(
+        judged.samples[name] = _score(name, spoken, mapping, task, judged.truth, own) | score_confidence(
             probability, spoken.voted_true, judged.truth, spoken.known
         )
         judged.spoken[name], judged.calibrations[name] = spoken, calibration
@@ -122,19 +125,23 @@ def _judge_controls(
     elsewhere = of_another_moment(moments, np.random.default_rng(seed))
     for name, mapping, where in (("flipped", Flipped(ours), moments), ("another_moment", ours, elsewhere)):
         spoken, name = speak(mapping, where, horizon_steps, task.phrases), f"baseline:{name}"
-        judged.samples[name] = _score(name, spoken, judged.truth, own)
+        judged.samples[name] = _score(name, spoken, mapping, task, judged.truth, own)
         step()
     alone, first = judged.truth.unweighed(), moments.first_future()
     for name, several in learnt.ensembles.items():
         judged.refits[name] = []
         for mapping in several:
-            scores = _score(name, speak(mapping, first, horizon_steps, task.phrases), alone, own)
+            scores = _score(name, speak(mapping, first, horizon_steps, task.phrases), mapping, task, alone, own)
             judged.refits[name].append({metric: scores[metric] for metric in scores if metric != "came_true_voted"})
             step()
 
 
-def _score(name: str, spoken: Spoken, truth: Truth, own: OwnScores) -> Samples:
-    return score(Statements(name, spoken.expression, spoken.expression, truth, spoken), own)
+def _score(name: str, spoken: Spoken, mapping: ExpressionMapping, task: Task, truth: Truth, own: OwnScores) -> Samples:
+    said = expected_motion(mapping, spoken.expression, task.explained)
+    scores = score(Statements(name, said, said, truth, spoken), own)
+    if task.words is None:
+        return scores
+    return scores | {"word_f1": word_f1(spoken.word, spoken.real_word, spoken.told_word, truth.weights)}
 
 
 def rows_of(judged: Judged) -> list[dict[str, Any]]:

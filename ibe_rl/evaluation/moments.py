@@ -7,10 +7,25 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ibe_rl.types import Array
+from ibe_rl.types import Array, Moment
 
 SEEN_STEPS = 20
 """Steps that an observer sees before its prediction (the paper's prediction task)."""
+FUTURES_AT_ONCE = 640
+"""Futures predicted between two steps of the progress bar."""
+
+
+@dataclass(frozen=True)
+class TakenMoment:
+    """A moment with its real future, known once the episode is over."""
+
+    moment: Moment
+    episode: int
+    seed: int
+    step: int
+    regular: bool
+    observed: bool
+    realised: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -102,6 +117,9 @@ class Spoken:
         purity: ``(N,)`` the mapping's own confidence in it.
         known: ``(N,)`` bool, whether the meaning of the phrase is known; if not, it is not used.
         first_known: ``(N,)`` the same of the first future's phrase.
+        word: ``(N,)`` of words, the slot of the one that fits the first future best.
+        real_word: ``(N,)`` the same of the real change.
+        told_word: ``(N,)`` the same of the instruction.
     """
 
     expression: Array
@@ -114,6 +132,9 @@ class Spoken:
     purity: Array
     known: Array
     first_known: Array
+    word: Array
+    real_word: Array
+    told_word: Array
 
     @property
     def features(self) -> Array:

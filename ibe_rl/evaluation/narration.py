@@ -14,8 +14,10 @@ from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.told_otherwise import answers_table, listening_line
+from ibe_rl.evaluation.trained_run import TrainedRun, instructed_by
 from ibe_rl.explain.explainer import ExplainerState, explain
+from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, outcomes, phrase_accuracy, phrase_hits
@@ -75,20 +77,31 @@ def clip_of(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanatio
     return path
 
 
-def explainer_state(run: TrainedRun, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
+def explainer_state(
+    run: TrainedRun, futures: int = 1, min_confidence: float = 0.0, what_if: bool = False
+) -> ExplainerState:
     """The explainer of a run: its vocabulary, calibration and settings."""
     return ExplainerState(
-        run.mapping, run.horizon_steps, run.task.phrases, run.spans, futures, run.calibration, min_confidence
+        mapping=run.mapping,
+        horizon_steps=run.horizon_steps,
+        words=run.task.phrases,
+        spans=run.spans,
+        futures=futures,
+        calibration=run.calibration,
+        min_confidence=min_confidence,
+        what_if=Asking(values_of(run.task), calibration=run.what_if_calibration) if what_if else None,
     )
 
 
-def explain_rollout(run: TrainedRun, cfg: ExplainConfig) -> tuple[RecordedRollout, list[Explanation]]:
-    """Roll out one episode, then explain each of its steps."""
-    instructor = make_instructor(stand_in(run.config.instructor), run.task)
+def explain_rollout(
+    run: TrainedRun, cfg: ExplainConfig, every_steps: int = 1
+) -> tuple[RecordedRollout, list[Explanation]]:
+    """Roll out one episode, then explain each of its steps, or every so many."""
+    instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
-    explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence)
+    explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence, cfg.what_if)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
-        said = explain(watched.moments, run.policy, predictor, explainer)
+        said = explain(watched.moments[::every_steps], run.policy, predictor, explainer)
     return watched, said
 
 
@@ -97,9 +110,11 @@ def print_narration(
 ) -> None:
     """Print the explanations, one row for consecutive steps with the same words."""
     true = phrase_hits(watched.episode, said, run.mapping, run.task.phrases)
-    verdicts = verdicts_of(episode_scores(watched.episode, said, run.task), run.mapping.meanings, run.task)
+    verdicts = verdicts_of(episode_scores(watched.episode, said, run.task, run.mapping), run.mapping.meanings, run.task)
     console = console or PlainConsole()
     console.width = max(console.width, 120)
+    if by := instructed_by(run):
+        console.print(f"The instructions (m*) are {by}, not the rule's.")
     for line in _opening(run, verdicts):
         console.print(line)
     _print_table(run, watched, said, true, console)
@@ -107,6 +122,10 @@ def print_narration(
     if isinstance(run.config.agent, ExternalPolicyConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
     console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}")
+    if said[0].what_if:
+        console.print()
+        console.print(answers_table(said, run.task.phrases))
+        console.print(listening_line(said))
     if not all(span.trusted for one in said for span in one.all_spans):
         console.print(f"{NOT_TRUSTED}: the predictor does not trust a path that long.")
 

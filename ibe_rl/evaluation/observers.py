@@ -10,6 +10,7 @@ import numpy as np
 
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments
 from ibe_rl.evaluation.rows import Samples, estimate_json
+from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
 from ibe_rl.task import Task
@@ -43,7 +44,7 @@ def observe_all(
         observe. Explainers that give the change itself (``predicted_change``, ``true_future``) need no scale.
     """
     seen = moments[moments.observed]
-    if task.motion is None or task.instruction_size != 1 or not len(seen):
+    if task.motion is None or len(task.explained) != 1 or not len(seen):
         return {}, {"episodes": 0, "rows": []}
     [band], [reach] = task.explained_band, task.explained_range
     observer = calibrate_observer(calibrating, band)
@@ -83,7 +84,7 @@ def _expected(
     position, change = _position_and_change(seen, horizon_steps, task)
     predicted = seen.predicted[:, 0, seen.at(horizon_steps)]
     expected = {
-        name: [observer.reads(position, mapping.express(predicted)[:, 0]) for mapping in several]
+        name: [observer.reads(position, _along(mapping, predicted, task)) for mapping in several]
         for name, several in vocabularies.items()
     }
     return {
@@ -92,6 +93,11 @@ def _expected(
         "baseline:predicted_change": [position + predicted[:, task.explained[0]]],
         "baseline:true_future": [position + change],
     }
+
+
+def _along(mapping: ExpressionMapping, predicted: Array, task: Task) -> Array:
+    """The expressions ``(E,)`` along the one explained dimension."""
+    return expected_motion(mapping, mapping.express(predicted), task.explained)[:, 0]
 
 
 def _report(samples: Mapping[str, Samples], observer: Observer, episodes: int, horizon_steps: int) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import TooLittleDataError
+from ibe_rl.ibe.word_mapping import with_word_meanings
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
@@ -109,7 +110,9 @@ class Refits:
         random, lessons = np.random.default_rng(self._seed), self.lessons(config)
         with self._enough():
             windows = best_windows(lessons.best, config, horizon_steps)
-        return [random_clusters(windows, clusters_of(config, self._run.task), random) for _ in range(count)]
+        task = self._run.task
+        drawn = [random_clusters(windows, clusters_of(config, task), random) for _ in range(count)]
+        return [one if task.words is None else with_word_meanings(one, windows) for one in drawn]
 
     def learn(
         self,

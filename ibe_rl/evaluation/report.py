@@ -13,7 +13,7 @@ import numpy as np
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.moments import Moments
 from ibe_rl.evaluation.rows import Judged
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import TrainedRun, instructed_by
 from ibe_rl.metrics.confidence import risk_coverage
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, write_atomically
 from ibe_rl.task import Task
@@ -54,7 +54,7 @@ def common_protocol(run: TrainedRun, cfg: ExplainConfig, moments: int) -> dict[s
         "futures": cfg.predictor.futures,
         "resamples": config.resamples,
         "seed": config.seed,
-    }
+    } | ({} if (by := instructed_by(run)) is None else {"instructed_by": by})
 
 
 def write_moments(path: Path, moments: Moments, judged: Judged, ours: str, task: Task) -> None:
@@ -82,7 +82,7 @@ def _numbered(names: Sequence[str], prefix: str, values: Array) -> dict[str, Arr
 
 def _instructions(name: str, values: Array, task: Task) -> dict[str, Array]:
     """One column; with several numbers one column for each, named after it."""
-    return {name: values[:, 0]} if task.instruction_size == 1 else _numbered(task.number_names, f"{name}_", values)
+    return {name: values[:, 0]} if task.instruction_size == 1 else _numbered(task.expression_names, f"{name}_", values)
 
 
 def _short(value: Any) -> Any:

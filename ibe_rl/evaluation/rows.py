@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.evaluation.moments import Moments, Spoken
+from ibe_rl.ibe.word_meaning import asked_motion, moves_of
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import estimate, weighted_mean
 from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at
@@ -24,9 +25,12 @@ Samples = dict[str, Array]
 
 MOTION = ("motion_auc", "motion_auc_disobeyed", "motion_auc_hard", "motion_spearman")
 WORDS = ("came_true", "came_true_voted")
+OWN_WORDS = ("word_f1",)
+"""Of vocabularies of an instructor's own words only."""
 CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
-ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error")
+WHAT_IF = ("what_if_came_true", "what_if_ece", "listens")
+ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error", *WHAT_IF)
 """The metrics of a row, in the order of the report."""
 IN_EACH_ROW = ("explainer", "horizon_steps", "each", "over", "refits")
 """What else a row may hold; other columns are of metrics of one's own."""
@@ -58,13 +62,24 @@ class Truth:
     weights: Array
 
     @classmethod
-    def of(cls, moments: Moments, horizon_steps: int, task: Task, forecast: Array, weights: Array) -> Truth:
-        """The truth of ``moments``, given a simple ``forecast`` ``(N, d)`` of the changes."""
+    def of(
+        cls,
+        moments: Moments,
+        horizon_steps: int,
+        task: Task,
+        forecast: Array,
+        weights: Array,
+        mapping: ExpressionMapping | None = None,
+    ) -> Truth:
+        """The truth of ``moments``, given a simple ``forecast`` ``(N, d)`` of the changes.
+
+        With words, ``d`` is the number of explained dimensions, and ``mapping`` tells where each word leads.
+        """
         change = moments.real_change(horizon_steps, task.explained).astype(float)
         band = task.explained_band
         hard = direction(forecast, np.array(band)) != direction(change, np.array(band))
-        instruction = moments.instruction.astype(float)
-        return cls(horizon_steps, change, instruction, band, task.instruction_values, hard, weights)
+        instruction = asked_motion(mapping, moments.instruction.astype(float), task.explained, band)
+        return cls(horizon_steps, change, instruction, band, task.directions, hard, weights)
 
     def unweighed(self) -> Truth:
         """The same with one row of equal weights, for values without an interval."""
@@ -177,10 +192,12 @@ def score_confidence(probability: Array, true: Array, truth: Truth, known: Array
 
 
 def balance(mapping: Any) -> dict[str, Any]:
-    """Balance of a vocabulary's clusters in size and sign; empty for one without cluster sizes."""
+    """Balance of a vocabulary's clusters in size and, of numbers, in sign; empty for one without cluster sizes."""
     if not len(getattr(mapping, "sizes", ())):
         return {}
     found = {"size_cv": fixed(size_cv(mapping.sizes)), "size_max": fixed(size_max(mapping.sizes))}
+    if moves_of(mapping.meanings) is not None:  # words have no sides
+        return found
     columns = [left_right(column) for column in mapping.expressions.T]
     sides = [{"value": list(column), "low": None, "high": None} for column in columns]
     if len(sides) == 1:
@@ -189,7 +206,7 @@ def balance(mapping: Any) -> dict[str, Any]:
 
 
 def own_columns(names: Iterable[str]) -> list[str]:
-    """Those of metrics of one's own, each once."""
+    """Those of metrics of one's own, and of words of one's own, each once."""
     return [name for name in dict.fromkeys(names) if name not in (*ROW_METRICS, *IN_EACH_ROW) and "[" not in name]
 
 

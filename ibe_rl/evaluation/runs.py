@@ -21,7 +21,7 @@ from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
@@ -42,6 +42,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Policy
 from ibe_rl.vocabulary.refresh import Saved, load_refresh
 from ibe_rl.vocabulary.training_episodes import settled
+from ibe_rl.vocabulary.words import take_up_words
 
 _RUNS = Path("runs")
 OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
@@ -113,6 +114,7 @@ def load_run(
     config = run_config(folder, env, trusted)
     made = make_env(config.env)
     task = task_of(made)
+    take_up_words(folder, task)
     if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")
     else:
@@ -120,10 +122,12 @@ def load_run(
     saved = _last_refresh(folder, frame)
     for steps, mapping in {**saved.spans, saved.horizon_steps: saved.mapping}.items():
         _check_vocabulary(folder, steps, mapping, task)
-    calibration = _judged_calibration(folder, saved) or saved.calibration
-    if calibration is not None and calibration.names != CONFIDENCE_FEATURES:
-        known = ", ".join(CONFIDENCE_FEATURES)
-        raise ConfigError(f"{folder}: its confidence is made of {', '.join(calibration.names)}; allowed are {known}")
+    judged = _judged_calibrations(folder, saved)
+    calibration, of_answers = judged.get("calibration", saved.calibration), judged.get(WHAT_IF_CALIBRATION)
+    for found in (calibration, of_answers):
+        if found is not None and found.names != CONFIDENCE_FEATURES:
+            known = ", ".join(CONFIDENCE_FEATURES)
+            raise ConfigError(f"{folder}: its confidence is made of {', '.join(found.names)}; allowed are {known}")
     return TrainedRun(
         folder=folder,
         config=replace(config, mapping=settled(config.mapping, saved.horizon_steps)),
@@ -137,6 +141,7 @@ def load_run(
         calibration=calibration,
         reactions=_reactions(folder, saved, task),
         scores_of_numbers=saved.scores_of_numbers,
+        what_if_calibration=of_answers,
     )
 
 
@@ -179,15 +184,16 @@ def _reactions(folder: Path, saved: Saved, task: Task) -> Reactions | None:
     return saved.reactions
 
 
-def _judged_calibration(folder: Path, saved: Saved) -> Calibration | None:
-    """The calibration of ``task=evaluate``, from many more episodes, if it is of this vocabulary."""
+def _judged_calibrations(folder: Path, saved: Saved) -> dict[str, Calibration]:
+    """The calibrations of ``task=evaluate``, from many more episodes, if they are of this vocabulary."""
     path = folder / EVALUATION / CALIBRATION
     if not path.exists():
-        return None
+        return {}
     try:
         saved_json = read_json(path)
         mine = (saved_json["mapping_frame"], saved_json["horizon_steps"]) == (saved.frame, saved.horizon_steps)
-        return Calibration.from_dict(saved_json["calibration"]) if mine else None
+        of_answers = {WHAT_IF_CALIBRATION} & {*saved_json}  # missing in files of earlier versions
+        return {name: Calibration.from_dict(saved_json[name]) for name in ("calibration", *of_answers) if mine}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: not a readable calibration ({error})") from None
 

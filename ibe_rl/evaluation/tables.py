@@ -35,6 +35,13 @@ WITH_INTERVAL = ("motion_auc",)
 OVER_HORIZONS = ("motion_auc", "motion_auc_disobeyed", "motion_spearman", "came_true")
 CALLED = {"came_true": "as predicted"}
 """Display names of metrics that differ from their names in the files."""
+WHAT_IF_COLUMNS = {
+    "what_if_came_true": "as foretold",
+    "what_if_came_true_other": "where it would change",
+    "what_if_ece": "ECE",
+    "listens": "listens",
+}
+"""Metric of an answer to its column heading."""
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 
 
@@ -132,6 +139,23 @@ def observers_table(observers: dict[str, Any]) -> Table:
     for row in sorted(observers["rows"], key=lambda row: _known_first(row["observer_error"]["value"])):
         cells = (_cell(row["observer_error"], True), *(_cell(row[key], True, "+") for key in OBSERVER_DIFFERENCES))
         table.add_row(_name(row), *cells)
+    return table
+
+
+def what_if_table(report: dict[str, Any]) -> Table:
+    """What it would do if it were told each value: foretold, and in copies really given."""
+    title = (
+        f"What if it were told something else for {report['horizon_steps']} steps? {len(report['values'])} values in "
+        f"copies of {report['moments']:,} moments"
+    )
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
+    table.add_column("explainer", no_wrap=True)
+    for column in WHAT_IF_COLUMNS.values():
+        table.add_column(column, justify="right", no_wrap=True)
+    for row in report["rows"]:
+        ours = row["explainer"].startswith("ibe:")
+        cells = [_cell(row.get(metric), True) for metric in WHAT_IF_COLUMNS]
+        table.add_row(_name(row), *cells, style="bold" if ours else None)
     return table
 
 

@@ -13,11 +13,15 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.instructors import make_instructor, named_instructor, stand_in
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Policy
+
+WHAT_IF_CALIBRATION = "what_if"
+"""Key in calibration.json."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,7 @@ class TrainedRun:
             refresh; None at the first refresh.
         reactions: of the agent to other instructions, as of that refresh; None if not measured.
         scores_of_numbers: see ``metrics.quality.number_scores``, of the refresh; empty if it has none.
+        what_if_calibration: of the confidence in answers to what it would do; None before ``task=evaluate``.
     """
 
     folder: Path
@@ -52,10 +57,18 @@ class TrainedRun:
     calibration: Calibration | None
     reactions: Reactions | None = None
     scores_of_numbers: Sequence[Mapping[str, float]] = ()
+    what_if_calibration: Calibration | None = None
 
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """A new environment as in the run."""
         return make_env(self.config.env)
+
+
+def instructed_by(run: TrainedRun) -> str | None:
+    """Who instructs in the episodes that are explained and judged, where a person taught; else None."""
+    config = run.config.instructor
+    stands_in = stand_in(config, run.folder)
+    return None if stands_in is config else named_instructor(make_instructor(stands_in, run.task))
 
 
 def open_log(folder: Path) -> TrajectoryLog:

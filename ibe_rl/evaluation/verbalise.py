@@ -9,6 +9,7 @@ import numpy as np
 from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.ibe.word_meaning import top_words
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import ExpressionMapping
@@ -20,7 +21,8 @@ def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, word
     predicted, rows = moments.predicted[:, :, at], np.arange(len(moments))
     phrases, which, agreement = majority_phrases(predicted, mapping, words, moments.trusted[:, :, at])
     first, chosen = mapping.express(predicted[:, 0]), predicted[rows, which]
-    real = phrases_of(mapping.express(moments.realised[:, at]), words)
+    realised = mapping.express(moments.realised[:, at])
+    real = phrases_of(realised, words)
     return Spoken(
         expression=first,
         true=phrases_of(first, words) == real,
@@ -32,6 +34,9 @@ def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, word
         purity=mapping.confidence(chosen),
         known=mapping.knows(chosen),
         first_known=mapping.knows(predicted[:, 0]),
+        word=top_words(first),
+        real_word=top_words(realised),
+        told_word=top_words(moments.instruction),
     )
 
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ibe_rl.explain.what_if import Asking, told_twins, with_answers
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
-from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Predictor
+from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Prediction, Predictor
+from ibe_rl.words import Words
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
 """Features of the calibrated confidence: the share of trusted futures with the spoken phrase, and
@@ -31,6 +33,7 @@ class ExplainerState:
         calibration: from ``CONFIDENCE_FEATURES`` to the probability that the phrase comes true. None: not fitted yet,
             the confidence is the product of the features.
         min_confidence: below it the agent says that it does not know.
+        what_if: what else the agent is told; None: nothing.
     """
 
     mapping: ExpressionMapping
@@ -40,6 +43,7 @@ class ExplainerState:
     futures: int = 1
     calibration: Calibration | None = None
     min_confidence: float = 0.0
+    what_if: Asking | None = None
 
 
 def explain(
@@ -47,18 +51,33 @@ def explain(
 ) -> list[Explanation]:
     """Explain the agent's future at each of ``N`` moments (the paper's Algorithm 1 and equation 2).
 
-    All moments are predicted in one roll-out with the greedy ``policy``.
+    All moments are predicted in one roll-out with the greedy ``policy``. In it is also what it would do if it were told
+    something else (``explainer.what_if``), with the same chance events.
 
     Returns:
         ``N`` explanations of the next ``explainer.horizon_steps`` steps, each with those of the other horizons.
     """
     if not moments:
         return []
-    longest = max([explainer.horizon_steps, *explainer.spans])
+    longest, asking = max([explainer.horizon_steps, *explainer.spans]), explainer.what_if
     futures = [moment for moment in moments for _ in range(explainer.futures)]
-    predicted, shape = predictor.rollout(futures, policy, longest), (len(moments), explainer.futures)
-    paths = predicted.paths.reshape(*shape, *predicted.paths.shape[1:])
-    return put_in_words(paths, explainer, predicted.trusted_steps.reshape(shape))
+    twins = told_twins(futures, asking.values, asking.rows(len(moments), explainer.futures)) if asking else []
+    predicted = predictor.rollout([*futures, *twins], policy, longest)
+    said = put_in_words(*_by_moment(predicted, slice(len(futures)), explainer.futures, explainer))
+    if asking is None:
+        return said
+    answering = replace(explainer, spans={}, calibration=asking.calibration, what_if=None)
+    several = asking.futures_of(explainer.futures)
+    answers = put_in_words(*_by_moment(predicted, slice(len(futures), None), several, answering))
+    return with_answers(said, answers, asking.values, asking.every)
+
+
+def _by_moment(
+    predicted: Prediction, rows: slice, futures: int, explainer: ExplainerState
+) -> tuple[Array, ExplainerState, Array]:
+    """Some rows of a prediction as the arguments of ``put_in_words``, with so many futures each."""
+    paths, trusted_steps = predicted.paths[rows], predicted.trusted_steps[rows]
+    return paths.reshape(-1, futures, *paths.shape[1:]), explainer, trusted_steps.reshape(-1, futures)
 
 
 def put_in_words(paths: Array, explainer: ExplainerState, trusted_steps: Array | None = None) -> list[Explanation]:
@@ -106,6 +125,7 @@ def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> l
             meant=bool(meant[row]),
             calibrated=calibration is not None,
             trusted_steps=int(steps_trusted[row]),
+            in_words=isinstance(explainer.words, Words),
         )
         for row, phrase in enumerate(phrases)
     ]

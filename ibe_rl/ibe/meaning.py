@@ -64,6 +64,9 @@ class Meaning:
         direction: ``S`` numbers: how far +1 asks each state dimension to rise, in standard deviations of its movement,
             scaled to a maximum magnitude of 1. Empty where no axis was found. While the sign is unknown, the way the
             best episodes moved.
+        moves: of a word, ``S`` numbers: the mean change of the state after it, in observation units. ``positive`` is
+            then whether the word is known. Empty for numbers.
+        same_as: of a word, the slot of another one that is used alike and is spoken for both; None if there is none.
     """
 
     negative: bool = True
@@ -72,6 +75,8 @@ class Meaning:
     evidence: tuple[Evidence, ...] = ()
     episodes: int = 0
     direction: tuple[float, ...] = ()
+    moves: tuple[float, ...] = ()
+    same_as: int | None = None
 
     @classmethod
     def unknown(cls, reason: str, episodes: int) -> Self:
@@ -80,8 +85,8 @@ class Meaning:
 
     @property
     def known(self) -> bool:
-        """Whether the meaning of either sign is known."""
-        return self.negative or self.positive
+        """Whether the meaning of either sign is known; of a word, whether its meaning is."""
+        return self.positive if self.moves else self.negative or self.positive
 
     def as_the_best_did(self) -> Meaning:
         """The meaning where clusters are named by the mean instruction of the best episodes, as in the paper.
@@ -105,7 +110,9 @@ class Meaning:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
-        return asdict(self) | {"evidence": [asdict(each) for each in self.evidence]}
+        plain = asdict(self) | {"evidence": [asdict(each) for each in self.evidence]}
+        of_words = () if self.moves else ("moves", "same_as")
+        return {name: value for name, value in plain.items() if name not in of_words}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
@@ -113,7 +120,8 @@ class Meaning:
         try:
             evidence = tuple(Evidence.from_dict(each) for each in values["evidence"])
             direction = tuple(float(each) for each in values["direction"])
-            if not np.isfinite(direction).all():
+            moves = tuple(float(each) for each in values.get("moves", ()))
+            if not np.isfinite([*direction, *moves]).all():
                 raise ValueError("not all of its numbers are finite")
             return cls(
                 negative=bool(values["negative"]),
@@ -122,6 +130,8 @@ class Meaning:
                 evidence=evidence,
                 episodes=int(values["episodes"]),
                 direction=direction,
+                moves=moves,
+                same_as=None if values.get("same_as") is None else int(values["same_as"]),
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the meaning is damaged: {error}") from None
@@ -130,10 +140,13 @@ class Meaning:
 def sayable(expressions: Array, meanings: Sequence[Meaning]) -> Array:
     """Which expressions ``(W, d)`` are words whose meaning is known: ``(W,)`` bool; without ``meanings`` all are.
 
-    The expression 0 is known as soon as either sign is.
+    The expression 0 is known as soon as either sign is. Of words, the one with the largest share has to be known.
     """
     if not meanings:
         return np.ones(len(expressions), bool)
+    if meanings[0].moves:
+        of_words: Array = np.array([one.positive for one in meanings])[np.argmax(expressions, axis=1)]
+        return of_words
     negative, positive, any_known = (
         np.array([getattr(one, name) for one in meanings]) for name in ("negative", "positive", "known")
     )

@@ -20,7 +20,27 @@ def meaning_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
     """
     if not meanings:
         return [NOT_INFERRED]
+    if task.words is not None:
+        return word_lines(meanings, task)
     return [_line(meaning, words, task) for meaning, words in zip(meanings, task.phrases, strict=True)]
+
+
+def word_lines(meanings: Sequence[Meaning], task: Task) -> list[str]:
+    """One line for each word: which dimensions rise and fall after it, or why its meaning is unknown."""
+    assert task.words is not None
+    lines = []
+    for meaning, word in zip(meanings, task.words.names, strict=False):
+        if meaning.known:
+            lines.append(f"{_quoted(word)}: {moves_to(meaning, task)}")
+        else:
+            lines.append(f"{_quoted(word)} means nothing to me yet: {meaning.reason}")
+    return lines
+
+
+def moves_to(meaning: Meaning, task: Task) -> str:
+    """Which state dimensions go on to rise and to fall after a word, more than after the others."""
+    found = asked(meaning, task)
+    return f"{found}, compared with the other words" if any(meaning.direction) else found
 
 
 def _line(meaning: Meaning, words: Phrases, task: Task) -> str:

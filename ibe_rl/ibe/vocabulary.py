@@ -6,10 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibe_rl.task import Phrases
 from ibe_rl.types import Array
+from ibe_rl.words import Phrases, Words
 
 NORMALISATIONS = ("minmax", "sign")
+BETWEEN_FROM, A_LITTLE_FROM = 2 / 3, 1 / 3
+"""Share of another word, relative to the largest, from which a movement is between both, or only a little the first."""
+NO_WORD = "no word for it"
 
 
 def normalise(mean_instructions: Array, how: str = "minmax") -> Array:
@@ -37,13 +40,33 @@ def normalise(mean_instructions: Array, how: str = "minmax") -> Array:
 
 
 def phrase(expression: Array, vocabulary: Sequence[Phrases]) -> str:
-    """The phrase for an expression ``(d,)``, in the words of the environment.
+    """The phrase for an expression ``(d,)``, in the words of the environment or of whoever teaches.
 
     >>> falling = Phrases("straight down", "{degree}left", "{degree}right", ((0.2, "slightly "), (0.5, "")))
     >>> phrase(np.array([0.3]), [falling]), phrase(np.array([-0.9]), [falling])
     ('slightly right', 'left')
     """
+    if isinstance(vocabulary, Words):
+        return in_own_words(expression, vocabulary)
     return " and ".join(_words(float(value), words) for value, words in zip(expression, vocabulary, strict=True))
+
+
+def in_own_words(expression: Array, words: Words) -> str:
+    """The phrase for an expression ``(d,)`` in words: one word, a little of it, or between words of like shares.
+
+    >>> words = Words(["links", "halt", "rechts"])
+    >>> [in_own_words(np.array(one), words) for one in ([0.9, 0.1, 0], [0.6, 0.3, 0.1], [0.5, 0.4, 0.1])]
+    ['links', "a little 'links'", "between 'links' and 'halt'"]
+    """
+    shares = np.asarray(expression, float)[: len(words.names)]
+    top = int(np.argmax(shares))
+    if not shares[top] > 0:
+        return NO_WORD
+    close = [f"'{words.names[slot]}'" for slot in np.flatnonzero(shares >= BETWEEN_FROM * shares[top] - 1e-9).tolist()]
+    if len(close) > 1:
+        return f"between {', '.join(close[:-1])} and {close[-1]}"
+    second = float(np.delete(shares, top).max(initial=0))
+    return f"a little {close[0]}" if second > A_LITTLE_FROM * shares[top] else words.names[top]
 
 
 def phrases_of(expressions: Array, vocabulary: Sequence[Phrases]) -> Array:

@@ -8,10 +8,12 @@ Imports: ``types``, ``task``, ``storage``, ``config``.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.kinds import implementation, made
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
+from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Instructor
 
@@ -50,11 +52,26 @@ def check_instructor(config: InstructorConfig, collect: CollectConfig, task: Tas
         checks(config, collect, task)
 
 
-def stand_in(config: InstructorConfig) -> InstructorConfig:
-    """The instructor that replaces a person, in evaluations and in episodes after the training."""
+def stand_in(config: InstructorConfig, run: Path) -> InstructorConfig:
+    """The instructor that replaces a person in episodes after the training: their habits, by the log of the ``run``."""
     other = _declared(config, "stand_in", None)
-    stands_in: InstructorConfig = other(config) if other else config
+    stands_in: InstructorConfig = other(config, run) if other else config
     return stands_in
+
+
+def make_stand_in(config: InstructorConfig, task: Task, seed: int, log: TrajectoryLog) -> Instructor:
+    """The same during the training, in its evaluations and explained episodes: by what its ``log`` holds so far."""
+    other = stand_in(config, log.folder.parent)
+    of_log = _declared(other, "of", None)
+    if other is not config and of_log:
+        habits: Instructor = of_log(lambda: log, other, task)
+        return habits
+    return make_instructor(other, task, seed)
+
+
+def named_instructor(instructor: Instructor) -> str | None:
+    """Whose instructions these are, in words, where a person is behind them; else None."""
+    return getattr(instructor, "about", None)
 
 
 def is_live(config: InstructorConfig) -> bool:

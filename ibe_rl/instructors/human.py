@@ -5,9 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ibe_rl.config.limits import setting
-from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, others_stand_in
+from ibe_rl.instructors.mixed import (
+    MixedConfig,
+    MixedInstructor,
+    Teacher,
+    beside_others,
+    check_mixed,
+    habits_stand_in,
+)
 from ibe_rl.task import Task
-from ibe_rl.types import ConfigError, Instructor
+from ibe_rl.types import ConfigError
 
 
 @dataclass
@@ -19,16 +26,20 @@ class HumanConfig(MixedConfig):
     speed: float | None = setting(1.0, low=0.05, high=1_000.0)  # initial, 1 is real time; None: unthrottled
     host: str = "127.0.0.1"  # address of the page; anyone who can reach it can instruct
     port: int | None = setting(None, low=1, high=65535)  # None: 8765, or a free one
+    wait_for_teacher: bool = True  # training begins when the first page is open; False: at once
+    wait_at_most_s: float | None = setting(
+        600.0, low=0.0
+    )  # then it begins without a teacher; None: as long as it takes
 
 
 class Human:
     """The person at the page."""
 
     kind, settings, live = "human", HumanConfig, True
-    check, stand_in = staticmethod(check_mixed), staticmethod(others_stand_in)
+    check, stand_in = staticmethod(check_mixed), staticmethod(habits_stand_in)
 
     @staticmethod
-    def make(config: HumanConfig, task: Task, seed: int, person: Instructor | None = None) -> MixedInstructor:  # noqa: ARG004 - it draws nothing
+    def make(config: HumanConfig, task: Task, seed: int, person: Teacher | None = None) -> MixedInstructor:  # noqa: ARG004 - it draws nothing
         """See ``ibe_rl.instructors``.
 
         Raises:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from ibe_rl.config.limits import setting
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.instructors.cloned import ClonedInstructor
+from ibe_rl.instructors.habits import HabitsConfig
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.silent import Silent
+from ibe_rl.instructors.taught import ORACLES, Told
+from ibe_rl.storage.log_columns import TOLD_SIZE
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Instructor
 
-OTHER_KINDS = ("oracle", "silent", "habits")
+OTHER_KINDS = ("habits", "oracle", "silent")
 """Instructors of the environments beside the first."""
 
 
@@ -22,7 +27,15 @@ OTHER_KINDS = ("oracle", "silent", "habits")
 class MixedConfig(InstructorConfig):
     """One instructor for the first environment; ``habits`` clones it for the others."""
 
-    others: str = setting("oracle", choices=OTHER_KINDS)  # instructor of the other environments
+    others: str = setting("habits", choices=OTHER_KINDS)  # instructor of the other environments
+
+
+class Teacher(Instructor, Protocol):
+    """The instructor of the environment that is taught."""
+
+    @property
+    def told(self) -> Told:
+        """Who gave the last instruction, and what they marked; see ``ibe_rl.instructors.taught``."""
 
 
 class MixedInstructor:
@@ -31,14 +44,21 @@ class MixedInstructor:
     Args:
         first: of the first row.
         others: of the other rows; a ``ClonedInstructor`` learns from each episode of the first.
+        oracle: of the other rows too while the person has handed over to it; None: never.
+
+    Attributes:
+        told_rows: ``(N, TOLD_SIZE)`` int32, of the first row what it tells, zeros of the others.
     """
 
-    def __init__(self, first: Instructor, others: Instructor):
-        self._first, self._others = first, others
+    def __init__(self, first: Teacher, others: Instructor, oracle: Instructor | None = None):
+        self._first, self._others, self._oracle = first, others, oracle
         self._episode: list[tuple[Array, Array, Array]] = []
+        self.told_rows = np.zeros((1, TOLD_SIZE), np.int32)
 
     def reset(self, rows: Array) -> None:
         """See ``ibe_rl.types.Instructor``."""
+        if len(rows) != len(self.told_rows):
+            self.told_rows = np.zeros((len(rows), TOLD_SIZE), np.int32)
         if rows[0]:
             self._learn()
             self._first.reset(rows[:1])
@@ -49,10 +69,13 @@ class MixedInstructor:
         """See ``ibe_rl.types.Instructor``."""
         instruction, given = self._first.instruct(states[:1], rows[:1])
         if rows[0]:
-            self._episode.append((states[:1].copy(), instruction, given))
+            self.told_rows[0] = self._first.told
+            if self.told_rows[0, 0] != ORACLES:  # that is nobody's habit
+                self._episode.append((states[:1].copy(), instruction, given))
         if len(rows) == 1:
             return instruction, given
-        theirs = self._others.instruct(states[1:], rows[1:])
+        handed_over = self._oracle is not None and self.told_rows[0, 0] == ORACLES
+        theirs = (self._oracle if handed_over and self._oracle else self._others).instruct(states[1:], rows[1:])
         return np.concatenate([instruction, theirs[0]]), np.concatenate([given, theirs[1]])
 
     def _learn(self) -> None:
@@ -61,16 +84,16 @@ class MixedInstructor:
         self._episode = []
 
 
-def beside_others(first: Instructor, config: MixedConfig, task: Task) -> MixedInstructor:
+def beside_others(first: Teacher, config: MixedConfig, task: Task) -> MixedInstructor:
     """Combine the first row's instructor with the one that the settings name for the others."""
     if config.others == "habits":
-        return MixedInstructor(first, ClonedInstructor(task.instruction_size))
-    return MixedInstructor(first, Silent(task.instruction_size) if config.others == "silent" else Oracle(task.rule))
+        return MixedInstructor(first, ClonedInstructor(task.instruction_size), Oracle.make(config, task, 0))
+    return MixedInstructor(first, (Silent if config.others == "silent" else Oracle).make(config, task, 0))
 
 
-def others_stand_in(config: MixedConfig) -> InstructorConfig:
-    """The instructor where the first one is not available."""
-    return InstructorConfig("silent" if config.others == "silent" else "oracle")
+def habits_stand_in(config: MixedConfig, run: Path) -> InstructorConfig:
+    """The person's habits, where the person is not there."""
+    return HabitsConfig(run=str(run), otherwise="oracle" if config.others == "oracle" else "silent")
 
 
 def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None:
@@ -86,7 +109,7 @@ def check_mixed(config: MixedConfig, collect: CollectConfig, task: Task) -> None
         )
     if collect.engine == "ray":
         raise ConfigError(f"collect.engine=ray with instructor={config.kind}: allowed is processes, on this machine")
-    if task.instruction_size != 1:
-        raise ConfigError(f"instructor={config.kind}: allowed is an environment whose instruction is one number")
-    if config.others == "habits" and collect.envs_per_process == 1:
-        raise ConfigError("instructor.others=habits with collect.envs_per_process=1: allowed is more than 1")
+    if task.words is None and task.instruction_size != 1:
+        raise ConfigError(
+            f"instructor={config.kind}: allowed is an environment whose instruction is one number, or instructor.words"
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,13 @@ import numpy as np
 
 from ibe_rl.config.limits import MISSING
 from ibe_rl.config.settings import CollectConfig
-from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, others_stand_in
-from ibe_rl.storage.run_folder import LESSON, REPLACED
+from ibe_rl.instructors.mixed import MixedConfig, MixedInstructor, beside_others, check_mixed, habits_stand_in
+from ibe_rl.instructors.taught import MARKED_BEFORE, NOT_TAUGHT, SPEAKERS, Told, told_of
+from ibe_rl.storage.run_folder import LESSON, REPLACED, WORD_LIST
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
 
-SPEAKERS = ("person", "held", "oracle", "nobody")
-"""Source of the instruction at a step: "held" is the person's earlier one still in force, "oracle" the rule."""
-
+LAST_STEP = 2**31 - 1
 NO_EPISODE = "not an episode with instructions, given, by and heard"
 
 
@@ -33,6 +32,9 @@ class RecordedEpisode:
         given: per step 1, or 0 in silence.
         by: per step one of ``SPEAKERS``.
         heard: per step the page's number of the newest key press or release that took effect.
+        marks: explanations that the person calls wrong: step of this episode at which that was heard, episode and step
+            of the explanation.
+        words: per step the word that was said, None in silence; empty where instructions are numbers.
     """
 
     episode: int
@@ -40,6 +42,8 @@ class RecordedEpisode:
     given: Sequence[int]
     by: Sequence[str]
     heard: Sequence[int]
+    marks: Sequence[Sequence[int]] = field(default_factory=list)
+    words: Sequence[str | None] = field(default_factory=list)
 
 
 class LessonWriter:
@@ -74,7 +78,7 @@ def read_lesson(path: Path, instruction_size: int) -> list[RecordedEpisode]:
 def _episode(line: str, number: int, size: int, path: Path) -> RecordedEpisode:
     try:
         episode = RecordedEpisode(**json.loads(line))
-        wrong = _wrong(episode, number, size)
+        wrong = _wrong(episode, number, size) or _wrong_marks(episode, number)
     except (ValueError, TypeError, RecursionError):
         wrong = NO_EPISODE
     if wrong:
@@ -102,6 +106,19 @@ def _wrong(episode: RecordedEpisode, number: int, size: int) -> str | None:
     return None
 
 
+def _wrong_marks(recorded: RecordedEpisode, number: int) -> str | None:
+    """What is wrong with the marks and words of an episode, or None; may raise TypeError."""
+    marks, steps = recorded.marks, len(recorded.by)
+    if len(recorded.words) not in (0, steps) or not all(one is None or type(one) is str for one in recorded.words):
+        return "words are not one for each step, or null"
+    whole = all(len(one) == 3 and all(type(part) is int for part in one) for one in marks)
+    fits = whole and all(
+        0 <= at < steps and max(0, number - MARKED_BEFORE) <= episode <= number and 0 <= step <= LAST_STEP
+        for at, episode, step in marks
+    )
+    return None if fits else f"marks are not [step, this episode or one of {MARKED_BEFORE} before, step of it]"
+
+
 def _in_range(value: Any) -> bool:
     return type(value) in (int, float) and -1 <= value <= 1
 
@@ -120,14 +137,19 @@ class Recorded:
     Args:
         episodes: of the session.
         instruction_size: d.
+
+    Attributes:
+        told: see ``ibe_rl.instructors.mixed.Teacher``.
     """
 
     kind, settings, resumable = "recorded", RecordedConfig, False
-    stand_in = staticmethod(others_stand_in)
+    stand_in = staticmethod(habits_stand_in)
 
     def __init__(self, episodes: Sequence[RecordedEpisode], instruction_size: int):
         self._said = [_table(one, instruction_size) for one in episodes]
+        self._told = [_told(one) for one in episodes]
         self._episode, self._step, self._silence = -1, 0, np.zeros((1, instruction_size + 1), np.float32)
+        self.told = NOT_TAUGHT
 
     @classmethod
     def make(cls, config: RecordedConfig, task: Task, seed: int) -> MixedInstructor:  # noqa: ARG003 - it draws nothing
@@ -150,6 +172,8 @@ class Recorded:
         said = self._silence
         if rows[0]:
             recorded = self._said[self._episode] if 0 <= self._episode < len(self._said) else self._silence[:0]
+            told = self._told[self._episode] if 0 <= self._episode < len(self._said) else []
+            self.told = told[self._step] if self._step < len(told) else told_of("nobody")
             said, self._step = recorded[self._step : self._step + 1], self._step + 1
         said = said if len(said) else self._silence
         return said[:, :-1].copy(), said[:, -1:].copy()
@@ -158,6 +182,12 @@ class Recorded:
 def _table(episode: RecordedEpisode, size: int) -> Array:
     instructions = np.array(episode.instructions, np.float32).reshape(-1, size)
     return np.column_stack([instructions, np.array(episode.given, np.float32)]).astype(np.float32)
+
+
+def _told(episode: RecordedEpisode) -> list[Told]:
+    """Who spoke at each step, and what they marked."""
+    marks = {at: (episode.episode - about + 1, step) for at, about, step in episode.marks}
+    return [told_of(by, marks.get(step, (0, 0))) for step, by in enumerate(episode.by)]
 
 
 def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
@@ -171,5 +201,10 @@ def _lesson(config: RecordedConfig, task: Task) -> list[RecordedEpisode]:
         raise ConfigError(
             f"instructor.recording={config.recording}: it was resumed, so its episodes are not those of one session; "
             f"allowed is a run that was taught in one sitting"
+        )
+    if task.words is None and (path.parent / WORD_LIST).exists():
+        raise ConfigError(
+            f"instructor.recording={config.recording}: this session was taught in words; allowed are its "
+            f"instructor.words and instructor.max_words ({path.parent / WORD_LIST})"
         )
     return read_lesson(path, task.instruction_size)

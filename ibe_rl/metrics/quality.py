@@ -11,6 +11,7 @@ from sklearn.metrics import roc_auc_score
 
 from ibe_rl.ibe.delta import Windows, delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.ibe.word_meaning import asked_motion, expected_motion
 from ibe_rl.metrics.bootstrap import weighted_auc, weighted_f1, weighted_spearman
 from ibe_rl.task import Phrases, Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode, Explanation, ExpressionMapping
@@ -160,6 +161,25 @@ def instruction_f1(expression: Array, instruction: Array, values: Sequence[float
     return weighted_f1(said, real, len(allowed), weights)
 
 
+def word_f1(said: Array, real: Array, told: Array, weights: Array) -> Array:
+    """Macro-F1 ``(R,)`` of spoken words against those of the realised movements, over all words that were told.
+
+    A word that the agent is told and never says counts 0, so that one word for everything is no good vocabulary.
+
+    Args:
+        said: ``(N,)`` slots of the spoken words.
+        real: ``(N,)`` of the realised movements.
+        told: ``(N,)`` of the instructions.
+        weights: ``(R, N)``.
+    """
+    each = []
+    for slot in np.unique(told):
+        counts = weights @ ((said == slot).astype(float) + (real == slot))
+        hits = weights @ ((said == slot) & (real == slot))
+        each.append(np.divide(2 * hits, counts, out=np.zeros(len(weights)), where=counts > 0))
+    return np.asarray(np.mean(each, axis=0))
+
+
 def vocabulary_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> dict[str, float]:
     """Evaluate a vocabulary without a predictor: express the real changes and score the expressions.
 
@@ -182,10 +202,12 @@ def vocabulary_scores(mapping: ExpressionMapping, windows: Windows, task: Task) 
 def number_scores(mapping: ExpressionMapping, windows: Windows, task: Task) -> list[dict[str, float]]:
     """As ``vocabulary_scores``, for each number of the instruction."""
     if not len(windows):  # the newest episodes may all lack instructions
-        return [dict.fromkeys(SCORES, float("nan"))] * task.instruction_size
+        return [dict.fromkeys(SCORES, float("nan"))] * len(task.explained)
     said, change = mapping.express(windows.delta), windows.delta[:, task.explained]
+    said = expected_motion(mapping, said, task.explained)
+    asked = asked_motion(mapping, windows.instruction, task.explained, task.explained_band)
     return [
-        _number_scores(said[:, i], change[:, i], windows.instruction[:, i], band, task.instruction_values)
+        _number_scores(said[:, i], change[:, i], asked[:, i], band, task.directions)
         for i, band in enumerate(task.explained_band)
     ]
 
@@ -195,21 +217,25 @@ def mean_scores(each: Sequence[dict[str, float]]) -> dict[str, float]:
     return {name: float(mean_over_numbers(name, [np.array([scores[name]]) for scores in each])[0]) for name in SCORES}
 
 
-def episode_scores(episode: Episode, said: Sequence[Explanation], task: Task) -> list[dict[str, float]]:
+def episode_scores(
+    episode: Episode, said: Sequence[Explanation], task: Task, mapping: ExpressionMapping | None = None
+) -> list[dict[str, float]]:
     """``motion_auc`` and ``echo_auc`` of each number, over the explanations of one episode.
 
     Args:
         episode: ``T`` steps.
         said: ``T`` explanations; those of unknown meaning are left out.
         task: the environment's own.
+        mapping: the vocabulary, from which it is known where words lead; numbers do without.
     """
     change = delta_states(episode.states, said[0].horizon_steps, end="clamp")[:, task.explained]
     meant = np.array([one.meant for one in said], bool)
-    expressions = np.array([one.expression for one in said])
+    expressions = expected_motion(mapping, np.array([one.expression for one in said]), task.explained)
+    told = asked_motion(mapping, np.asarray(episode.instructions), task.explained, task.explained_band)
     return [
         {
             "motion_auc": motion_auc(expressions[meant, i], change[meant, i], band),
-            "echo_auc": motion_auc(np.asarray(episode.instructions)[meant, i], change[meant, i], band),
+            "echo_auc": motion_auc(told[meant, i], change[meant, i], band),
         }
         for i, band in enumerate(task.explained_band)
     ]

@@ -98,16 +98,23 @@ def verdicts_of(scores: Sequence[Mapping[str, float]], meanings: Sequence[Meanin
         meanings: of the vocabulary; if empty, all count as known.
         task: the environment's own.
     """
-    nothing: list[Mapping[str, float]] = [{}] * task.instruction_size
+    nothing: list[Mapping[str, float]] = [{}] * len(task.explained)
     return [
         verdict(
             each.get("motion_auc", math.nan),
             each.get("echo_auc", math.nan),
-            not meanings or meanings[number].known,
-            number=name if task.instruction_size > 1 else "",
+            is_meant(meanings, number),
+            number=name if len(task.explained) > 1 else "",
         )
         for number, (each, name) in enumerate(zip(scores or nothing, task.number_names, strict=True))
     ]
+
+
+def is_meant(meanings: Sequence[Meaning], number: int) -> bool:
+    """Whether the meaning is known of a number, or of any word."""
+    if not meanings or meanings[0].moves:
+        return not meanings or any(one.known for one in meanings)
+    return meanings[number].known
 
 
 def in_one_line(verdicts: Sequence[Verdict]) -> str:
@@ -120,7 +127,7 @@ def wrong_signs(verdicts: Sequence[Verdict], meanings: Sequence[Meaning], task: 
 
     Empty without ``meanings``: the words themselves may then be wrong.
     """
-    if not meanings:
+    if not meanings or task.words is not None:
         return []
     numbers = zip(verdicts, task.number_names, task.explained, meanings, strict=True)
     return [

@@ -17,6 +17,7 @@ from ibe_rl.predict.members import Layers, Scale, layers_from_dict, layers_to_di
 from ibe_rl.predict.rolling import Act, Begin, Rolled, roll
 from ibe_rl.predict.simulator import Rule
 from ibe_rl.predict.trust import Trust, measure
+from ibe_rl.predict.twins import originals_of, twins_apart
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import IMAGE, Part, Task
 from ibe_rl.types import Array, ConfigError, Moment, Policy, Prediction, columns_of, observe, percepts_of
@@ -147,18 +148,27 @@ class Ensemble:
         memories, size = [moment.memory for moment in moments], states.shape[1]
         if self._perceived_from:
             states = np.concatenate([states, percepts_of(moments)], axis=1, dtype=np.float32)
-        rolled = self._roll(states, partial(self._follow, policy, instruction, given, memories), horizon_steps)
-        error = self._trust.expected_error(rolled.apart)
+        held = np.array([moment.twin is not None for moment in moments])
+        follow = partial(self._follow, policy, instruction, given, held, memories)
+        batches = [*twins_apart(originals_of(moments), self._config.members)]
+        rolled = [
+            self._roll(states[batch.layout], batch.of_rows(follow), horizon_steps).at(batch.places) for batch in batches
+        ]
+        order = np.argsort(np.concatenate([batch.rows for batch in batches]))
+        paths = np.concatenate([each.paths for each in rolled])[order]
+        error = self._trust.expected_error(np.concatenate([each.apart for each in rolled])[order])
         trusted = self._trust.trusted_steps(error, self._config.max_uncertainty, horizon_steps)
-        return Prediction(rolled.paths[..., :size], trusted, error[:, -1])
+        return Prediction(paths[..., :size], trusted, error[:, -1])
 
     def _roll(self, states: Array, begin: Begin, horizon_steps: int) -> Rolled:
         assert self._scale is not None
         return roll(self._layers, self._scale, states, begin, horizon_steps, self._config.moments_at_once)
 
-    def _follow(self, policy: Policy, instruction: Array, given: Array, memories: Sequence[Any], futures: Array) -> Act:
-        """How the policy acts in these futures ``(R,)``; its input buffer is allocated once."""
-        first, by_rule = self._perceived_from, self._config.future_instruction == "rule"
+    def _follow(
+        self, policy: Policy, instruction: Array, given: Array, held: Array, memories: Sequence[Any], futures: Array
+    ) -> Act:
+        """How the policy acts in these futures ``(R,)``, all held or none; its input buffer is allocated once."""
+        first, by_rule = self._perceived_from, self._config.future_instruction == "rule" and not held[futures[0]]
         size = self._sizes[-1] - 1 - first
         seen = observe(np.zeros((len(futures), size), np.float32), instruction[futures], given[futures])
         acting, rows = Acting(policy, [memories[future] for future in futures.tolist()]), range(len(futures))

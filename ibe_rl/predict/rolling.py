@@ -33,6 +33,10 @@ class Rolled:
     paths: Array
     apart: Array
 
+    def at(self, rows: Array) -> Rolled:
+        """The futures of these rows."""
+        return Rolled(self.paths[rows], self.apart[rows])
+
 
 def checks(horizon_steps: int) -> int:
     """``C``, the number of comparisons in a rollout."""

@@ -12,6 +12,7 @@ import numpy as np
 from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs.acting import Acting
 from ibe_rl.envs.snapshots import step_games
+from ibe_rl.predict.twins import in_parts, originals_of, places_of, twins_to_roll
 from ibe_rl.runtime.pool import ProcessPool
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe, percepts_of
@@ -66,10 +67,14 @@ class Simulator:
 
     def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
         """See ``ibe_rl.types.Predictor``."""
-        noises = self._seeds.spawn(len(moments)) if self._own_noise else [None] * len(moments)
-        starts = range(0, len(moments), self._at_once)
-        parts = [(moments[start : start + self._at_once], noises[start : start + self._at_once]) for start in starts]
-        return Prediction.exact(np.concatenate(list(self._roll_all(parts, policy, horizon_steps))))
+        originals = originals_of(moments)
+        own = np.flatnonzero(originals == np.arange(len(moments)))
+        drawn = self._seeds.spawn(len(own)) if self._own_noise else [None] * len(own)
+        noises = dict(zip(own.tolist(), drawn, strict=True))
+        rows = in_parts(own, twins_to_roll(moments, self._copies.follow_rule), self._at_once)
+        parts = [([moments[row] for row in part], [noises[originals[row]] for row in part]) for part in rows]
+        rolled = np.concatenate(list(self._roll_all(parts, policy, horizon_steps)))
+        return Prediction.exact(rolled[places_of(rows, originals)])
 
     def _roll_all(self, parts: Sequence[_Part], policy: Policy, horizon_steps: int) -> Iterable[Array]:
         if self._processes == 1 or len(parts) == 1:
@@ -108,7 +113,7 @@ class _EnvCopies:
     """Copies of the environment, reused for the next moments."""
 
     def __init__(self, make_env: MakeEnv, rule: Rule, follow_rule: bool):
-        self._make_env, self._rule, self._follow_rule = make_env, rule, follow_rule
+        self._make_env, self._rule, self.follow_rule = make_env, rule, follow_rule
         self._copies: list[Any] = []
 
     def clear(self) -> None:
@@ -126,12 +131,12 @@ class _EnvCopies:
         copies = self._at(moments, noises)
         states, instruction, given = columns_of(moments)
         percepts, paths = percepts_of(moments), np.repeat(states[:, None], horizon_steps + 1, axis=1)
-        running = np.arange(len(moments))
+        running, by_rule = np.arange(len(moments)), np.array([moment.twin is None for moment in moments])
         acting = Acting(policy, [moment.memory for moment in moments])
         for step in range(1, horizon_steps + 1):
             states = paths[running, step - 1]
-            if self._follow_rule and step > 1:
-                instruction[running], given[running] = self._rule(states), 1.0
+            if self.follow_rule and step > 1 and (asked := by_rule[running]).any():
+                instruction[running[asked]], given[running[asked]] = self._rule(states[asked]), 1.0
             rows = running.tolist()
             actions = acting(observe(percepts[running], instruction[running], given[running]), rows, copies)
             choices = actions.tolist() if actions.ndim == 1 else actions  # gymnasium checks plain ints faster

@@ -15,29 +15,19 @@ from typing import Any, Literal
 import numpy as np
 
 from ibe_rl.storage.arrays import make_array, map_array
+from ibe_rl.storage.log_columns import (
+    ABOUT_LOG,
+    COLUMNS,
+    DIMENSIONS,
+    INDEX,
+    OPTIONAL,
+    PERCEPT_COLUMN,
+    TOLD_COLUMN,
+    TOLD_SIZE,
+)
 from ibe_rl.storage.partial_episode import PartialEpisode
 from ibe_rl.storage.run_folder import read_json, write_atomically, write_json
 from ibe_rl.types import Array, Episode
-
-ABOUT_LOG = "log.json"
-COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
-PERCEPT_COLUMN = "percept"
-"""Only of environments in which the agent does not perceive the state itself."""
-DIMENSIONS = {"number": 1, "state": 2, "reward": 1, "instruction": 2, "given": 1, PERCEPT_COLUMN: 2}
-"""Dimensions of the columns' arrays; actions may have one or two."""
-INDEX = np.dtype(
-    [
-        ("start", "i8"),
-        ("number", "i8"),
-        ("steps", "i8"),
-        ("total_reward", "f8"),
-        ("terminated", "?"),
-        ("success", "?"),
-        ("context", "i8"),
-        ("frame", "i8"),
-    ]
-)
-"""One record per episode: its position and a summary; ``frame`` is when it ended."""
 
 
 class UnreadableLogError(ValueError):
@@ -85,7 +75,8 @@ class TrajectoryLog:
         Args:
             steps: ``(N, T, ...)`` arrays: the columns ``state``, ``action``, ``reward``, ``instruction``,
                 ``given``; ``next_state``, ``done``, ``terminated``, ``success`` after the step; ``percept`` and
-                ``next_percept`` where that is not the state. Row i continues the same environment in every call.
+                ``next_percept`` where that is not the state; ``told`` where a person teaches. Row i continues the same
+                environment in every call.
             context_of: initial state ``(S,)`` to the name of the context.
 
         Returns:
@@ -138,7 +129,7 @@ class TrajectoryLog:
         whole["number"] = np.full(steps + 1, self.episodes_ended)
         for name in {"state", PERCEPT_COLUMN} & whole.keys():
             whole[name] = np.concatenate([whole[name], whole[f"next_{name}"][-1:]])
-        for name in (*COLUMNS, *({PERCEPT_COLUMN} & whole.keys())):
+        for name in (*COLUMNS, *(one for one in OPTIONAL if one in whole)):
             self._column(name, whole[name])[start : start + len(whole[name])] = whole[name]
         record = (
             start,
@@ -175,6 +166,17 @@ class TrajectoryLog:
         """Copy episodes at positions ``rows`` of ``index``, on request with percepts that are not the states."""
         kept = list(self._kept)
         return [self._read(kept[row], percepts) for row in rows]
+
+    def told(self, rows: Iterable[int]) -> list[Array]:
+        """What the column ``told`` has of the episodes at positions ``rows`` of ``index``, ``(T, n)`` each."""
+        every, column = list(self._kept), self._columns[TOLD_COLUMN]
+        return [np.array(column[start : start + steps]) for start, _, steps, *_ in map(every.__getitem__, rows)]
+
+    def told_first(self) -> Array:
+        """The same of the first step of each episode, ``(E, TOLD_SIZE)``; zeros where no person teaches."""
+        column = self._columns.get(TOLD_COLUMN)
+        silence = np.zeros((len(self._kept), TOLD_SIZE), np.int32)
+        return silence if column is None else np.array(column[self.index["start"]])
 
     def percepts_at(self, rows: Array, steps: Array, most_numbers: int) -> Array:
         """Percepts ``(N, P)`` at steps ``(N,)`` of episodes ``(N,)``; fewer if they exceed ``most_numbers``."""
@@ -242,7 +244,7 @@ class TrajectoryLog:
         """Open the files and keep the episodes of ``index`` that are still in them."""
         try:
             if index.size:
-                kept = [PERCEPT_COLUMN] if (self.folder / f"{PERCEPT_COLUMN}.npy").exists() else []
+                kept = [name for name in OPTIONAL if (self.folder / f"{name}.npy").exists()]
                 self._columns = {name: map_array(self.folder / f"{name}.npy", mode) for name in (*COLUMNS, *kept)}
             self._check(index)
             self._kept = deque(record for record in index.tolist() if self._columns["number"][record[0]] == record[1])

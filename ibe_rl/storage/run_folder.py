@@ -30,6 +30,7 @@ EVALUATION = "evaluation"
 CALIBRATION = "calibration.json"
 FIGURES = "figures"
 LESSON = "lesson.jsonl"
+WORD_LIST = "words.json"
 REPLACED = "replaced"
 PARTIAL = ".partial"
 """Ends the name of a folder that takes its own name once it is complete."""
@@ -74,7 +75,7 @@ def read_json(path: Path) -> Any:
         OSError: if it cannot be read.
     """
     try:
-        return json.loads(path.read_text())
+        return json.loads(path.read_text(encoding="utf-8"))
     except RecursionError:
         raise ValueError("nested too deeply") from None
 

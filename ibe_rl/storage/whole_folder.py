@@ -9,7 +9,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from ibe_rl.storage.folder_lock import LOCK, hold_folder
-from ibe_rl.storage.log import ABOUT_LOG, COLUMNS
+from ibe_rl.storage.log_columns import ABOUT_LOG, COLUMNS
 from ibe_rl.storage.run_folder import (
     CONFIG,
     METRICS,

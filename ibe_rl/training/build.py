@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -23,7 +23,7 @@ from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.errors import CopyError
 from ibe_rl.envs.make import make_env, make_snapshot_env
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.instructors import make_instructor, stand_in
+from ibe_rl.instructors import make_stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
@@ -52,6 +52,7 @@ from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browse
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
+from ibe_rl.vocabulary.words import save_words, take_up_words
 
 
 @contextmanager
@@ -146,6 +147,9 @@ def _begin(
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
         run.metrics, run.notes = list(metrics), notes
+        take_up_words(folder, run.task)
+        if run.task.words is not None:
+            save_words(folder, run.task.words)
         owned.enter_context(nothing_lost(folder, run.log.flush, lambda: run.log.frames))
         progress = owned.enter_context(TrainingProgress(cfg.total_frames))
         columns = [*LATER_COLUMNS, *(name for metric in run.metrics for name in metric.columns)]
@@ -194,11 +198,19 @@ def _collect(run: Run, owned: ExitStack, classroom: Any) -> None:
         ahead_batches=cfg.collect.ahead_batches,
         timeout_s=None if lesson else cfg.collect.timeout_s,
     )
+    if classroom:
+        source = _once_taught(run, classroom, source)
     owned.enter_context(closing(source))
     run.batches = timed("collect", source)
     if classroom:
         owned.callback(classroom.hurry)
         run.stop.when_asked(classroom.hurry)
+
+
+def _once_taught(run: Run, classroom: Any, source: Generator[Any, None, None]) -> Generator[Any, None, None]:
+    """The same batches, once the teacher is there."""
+    classroom.wait_for_teacher(lambda: bool(run.stop), run.say)
+    yield from source
 
 
 def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopRequest, state: State | None = None) -> Run:
@@ -220,6 +232,7 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
     task = task_of(env)
     vocabulary = VocabularyTracker(cfg.mapping, task, cfg.seed, cfg.refresh_when_stale)
     recorder = _recorder(cfg, folder, task, owned, state)
+    log = TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts)
     snapshots = partial(make_snapshot_env, cfg.env)
     predictor = make_predictor(cfg.predictor, snapshots, task.rule, cfg.seed, env, lambda: vocabulary.horizons_steps)
     run = Run(
@@ -231,10 +244,10 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
             cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts
         ),
         reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
-        log=TrajectoryLog(folder / TRAJECTORIES, cfg.log.capacity_frames, task.contexts),
+        log=log,
         vocabulary=vocabulary,
         predictor=owned.enter_context(closing(predictor)),
-        instructor=make_instructor(stand_in(cfg.instructor), task, cfg.seed),
+        instructor=make_stand_in(cfg.instructor, task, cfg.seed, log),
         env=env,
         evaluation_envs=[make_env(cfg.env) for _ in range(min(cfg.eval_episodes, 100))],
         recorder=recorder,

@@ -78,6 +78,10 @@ def check_run(cfg: TrainConfig, env: gymnasium.Env[Any, Any]) -> list[str]:
     check_instructor(cfg.instructor, cfg.collect, task)
     check_refreshing(cfg, task)
     check_instruction_reward(cfg)
+    if task.words is not None and cfg.obedience.judge != "none":
+        raise ConfigError(
+            f"obedience.judge={cfg.obedience.judge} with an instructor's words: allowed is none, it compares numbers"
+        )
     if cfg.report:
         load_app("report=true").check_report(cfg, task)
     check_predictor(cfg.predictor, cfg.instructor, env)

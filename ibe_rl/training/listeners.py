@@ -12,7 +12,7 @@ from ibe_rl.collect.schedule import GeometricSchedule, Schedule
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, MetricsTable, write_json
 from ibe_rl.vocabulary.listener import Listener, Refreshed
-from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS
+from ibe_rl.vocabulary.refresh_columns import REFRESH_COLUMNS
 
 LATER_COLUMNS = ("eval/return_mean", "eval/success_rate", *REFRESH_COLUMNS, "ibe/skipped")
 """Columns of metrics.csv that only some rows fill."""

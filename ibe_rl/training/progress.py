@@ -73,7 +73,11 @@ class TrainingProgress(Listener):
         if refresh.horizon_found:
             self.say(horizon_line(refresh.top.horizon_steps))
         done = f"refresh {event.number}" if refresh.taken else f"refresh {event.number} keeps the vocabulary"
-        numbers = [" ".join(f"{value:+.2f}" for value in column) for column in refresh.standing.expressions.T]
+        words = self._run.task.words
+        called = sentences.cluster_phrases(refresh.standing, self._run.task.phrases).values() if words else ()
+        numbers = [*dict.fromkeys(called)] or [
+            " ".join(f"{value:+.2f}" for value in column) for column in refresh.standing.expressions.T
+        ]
         episodes = f"best {refresh.episodes_used} of the newest {refresh.episodes_counted} episodes"
         windows = f"{len(refresh.top):,} windows ({_counts(refresh.windows_by_context)}; "
         self.say(

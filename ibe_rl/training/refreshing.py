@@ -9,8 +9,10 @@ import numpy as np
 from torchrl import timeit
 
 from ibe_rl.collect.rollout import EVALUATION_SEED
+from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.errors import GateError
 from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.instructors import speaks
@@ -19,14 +21,14 @@ from ibe_rl.predict import asks_policy, is_learnt
 from ibe_rl.runtime.printed import raised
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
 from ibe_rl.storage.run_folder import CHECKPOINTS, REFRESHES, write_atomically
-from ibe_rl.task import RecordedRollout
+from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.training.run import Run
 from ibe_rl.types import Explanation
 from ibe_rl.vocabulary.listener import Refreshed
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.refresh_columns import figures
 from ibe_rl.vocabulary.rule_reads import lead_on
-from ibe_rl.vocabulary.tracker import figures
 
 ASKING_SEED = EVALUATION_SEED + 100_000
 
@@ -62,11 +64,11 @@ def learn_to_predict(run: Run) -> None:
 
 
 def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
-    """How the greedy policy reacts to opposite instructions; None if it cannot be asked.
+    """How the greedy policy reacts to opposite instructions; None if it cannot be asked, as of words.
 
     Each moment is from a different episode, on seeds never trained on.
     """
-    if not asks_policy(run.cfg.predictor) or not len(run.log.index):
+    if run.task.words is not None or not asks_policy(run.cfg.predictor) or not len(run.log.index):
         return None
     first = ASKING_SEED + ASKED_AT * (run.counts.tried + run.counts.skipped)
     typical_steps, seeds = int(np.median(run.log.index["steps"][-200:])), range(first, first + ASKED_AT)
@@ -79,6 +81,13 @@ def ask_otherwise(run: Run, horizon_steps: int) -> Reactions | None:
         typical_steps=typical_steps,
         horizon_steps=horizon_steps,
     )
+
+
+def asking_of(cfg: TrainConfig, task: Task) -> Asking | None:
+    """What else the agent is told at the moments that it explains; nothing where nobody speaks."""
+    if cfg.what_if_every_steps is None or not speaks(cfg.instructor):
+        return None
+    return Asking(values_of(task), max(1, cfg.what_if_every_steps // cfg.explain_every_steps), futures=1)
 
 
 def skip(run: Run, error: Exception) -> dict[str, float]:
@@ -119,7 +128,13 @@ def judge_and_tell(
         came_true=row["ibe/came_true"],
     )
     run.tell.refreshed(event)
-    return row | measured(run, event)
+    return row | listening_row(said) | measured(run, event)
+
+
+def listening_row(said: Sequence[Explanation]) -> dict[str, float]:
+    """How much the agent listens, on the average of an episode; empty if it was not asked."""
+    asked = [one.listens for one in said if one.listens is not None]
+    return {"ibe/listens": float(np.mean(asked))} if asked else {}
 
 
 def measured(run: Run, event: Refreshed) -> dict[str, float]:

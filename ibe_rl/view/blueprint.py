@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.task import Shape, Task
 from ibe_rl.view import curves, lanes, picture
 from ibe_rl.view import palette as colours
@@ -36,6 +37,7 @@ CHANGE_CURVES = {
     "ibe/staleness": ("staleness", colours.INSTRUCTED),
 }
 SHARE = (0.0, 1.0)
+MOST_PANELS = 5
 
 
 def charts(task: Task) -> list[Chart]:
@@ -60,7 +62,7 @@ def charts(task: Task) -> list[Chart]:
 
 def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
     """Lay out all panels, or without ``training`` those of one episode; the episodes play as a film."""
-    scene = [_scene(task)] if task.scene_path is not None else []
+    scene = [] if task.scene_path is None else [rrb.Vertical(_scene(task), _what_if(task), row_shares=[66, 34])]
     return rrb.Blueprint(
         _of_training(task, scene) if training else _of_episode(task, scene),
         rrb.BlueprintPanel(state="collapsed"),
@@ -71,11 +73,13 @@ def blueprint(task: Task, training: bool = True) -> rrb.Blueprint:
     )
 
 
-def _of_training(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
+def _of_training(task: Task, scene: Sequence[rrb.Container]) -> rrb.Container:
     words = rrb.Vertical(_lanes(), _now(), _words(), row_shares=[27, 24, 49])
+    if not scene:
+        words = rrb.Vertical(_lanes(), _what_if(task), _now(), _words(), row_shares=[24, 26, 18, 32])
     learnt = rrb.Vertical(
         _clusters(),
-        _beside([_changes(task, n) for n in range(task.instruction_size)]),
+        _beside([_changes(task, n) for n in range(len(task.explained))]),
         _beside([_so_far(task, n, title) for n, title in numbers_of(task)]),
         row_shares=[46, 24, 30],
     )
@@ -84,23 +88,28 @@ def _of_training(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
     return rrb.Vertical(above, below, row_shares=[67, 33])
 
 
-def _of_episode(task: Task, scene: Sequence[rrb.View]) -> rrb.Container:
+def _of_episode(task: Task, scene: Sequence[rrb.Container]) -> rrb.Container:
     signals = [_so_far(task, number, title) for number, title in numbers_of(task)]
     spoken = rrb.TextDocumentView(origin="/spoken", name="What it said in this episode")
-    return rrb.Horizontal(
-        *scene, rrb.Vertical(_lanes(), *signals, _now(), spoken, row_shares=[22, *_shared(task, 20), 18, 40])
-    )
+    above = [_lanes()] if scene else [_lanes(), _what_if(task)]
+    shares = [*[22] * len(above), *_shared(task, 20), 22, 36]
+    return rrb.Horizontal(*scene, rrb.Vertical(*above, *signals, _now(), spoken, row_shares=shares))
 
 
 def numbers_of(task: Task) -> list[tuple[int, str]]:
-    """The numbers of an instruction, and what titles begin with to tell them apart; nothing if there is but one."""
+    """The numbers or words of an instruction, and what titles begin with to tell them apart; nothing of only one.
+
+    There is room for the first ``MOST_PANELS`` words.
+    """
+    if task.words is not None:
+        return [(slot, f"{word}: ") for slot, word in enumerate(task.words.names[:MOST_PANELS])]
     several = task.instruction_size > 1
     return [(number, f"{name.replace('_', ' ')}: " if several else "") for number, name in enumerate(task.number_names)]
 
 
 def _shared(task: Task, share: float) -> list[float]:
     """The room of the panels of all numbers: of one as given, of each further one a third more together."""
-    numbers = task.instruction_size
+    numbers = len(numbers_of(task))
     return [share * (2 + numbers) / 3 / numbers] * numbers
 
 
@@ -111,6 +120,14 @@ def _lanes() -> rrb.View:
         name="Instruction and explanation, step by step",
         background=list(BACKGROUND),
         visual_bounds=bounds,
+    )
+
+
+def _what_if(task: Task) -> rrb.View:
+    values = len(values_of(task))
+    bounds = rrb.VisualBounds2D(x_range=(0, lanes.PICTURE_WIDTH), y_range=(-0.05, lanes.height(values + 1)))
+    return rrb.Spatial2DView(
+        origin=f"/{lanes.IF_TOLD}", name="If it were told otherwise", background=list(BACKGROUND), visual_bounds=bounds
     )
 
 
@@ -197,10 +214,12 @@ def log_styles(recording: rr.RecordingStream, task: Task) -> None:
     static("scene/verdict", rr.Points2D.from_fields(radii=rr.Radius.ui_points(1), show_labels=True))
     static("scene/says", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4), show_labels=True, draw_order=55.0))
     static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTED], radii=rr.Radius.ui_points(1), show_labels=True))
-    static(
-        f"{lanes.ENTITY}/now",
-        rr.LineStrips2D.from_fields(colors=[WHITE], radii=rr.Radius.ui_points(1.0), draw_order=60.0),
-    )
+    static(lanes.IF_TOLD_PATHS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
+    for entity in (lanes.ENTITY, lanes.IF_TOLD):
+        static(
+            f"{entity}/now",
+            rr.LineStrips2D.from_fields(colors=[WHITE], radii=rr.Radius.ui_points(1.0), draw_order=60.0),
+        )
     static(
         "scene/predicted",
         rr.Points2D.from_fields(colors=[EXPLANATION], radii=rr.Radius.ui_points(2.5), draw_order=50.0),

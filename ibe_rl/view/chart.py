@@ -7,6 +7,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import rerun as rr
 
+from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.word_meaning import top_words
 from ibe_rl.metrics.histogram import bin_edges, densities
 from ibe_rl.task import Task
 from ibe_rl.types import Array
@@ -30,6 +32,7 @@ def log_vocabulary(recording: rr.RecordingStream, task: Task, refresh: Refresh, 
         for name in sorted(set(shown) - set(refresh.mapping.ids.tolist())):
             recording.log(f"{picture.entity(task, 'development', number)}/{name}", rr.Scalars(np.nan))  # the line ends
         log_expressions(recording, task, refresh, number)
+    for number in range(len(task.explained)):
         log_changes(recording, task, refresh, number)
 
 
@@ -48,9 +51,16 @@ def log_clusters(recording: rr.RecordingStream, task: Task, refresh: Refresh) ->
     points, size = scatter(across, up, delta), rr.Radius.ui_points(1.3)
     recording.log("vocabulary/windows", rr.Points2D(points, colors=shades, radii=size))
     labels = [f"#{name} {value:+.2f}" for name, value in zip(mapping.ids, mapping.expressions[:, 0], strict=True)]
-    if others:  # no room for all of their numbers
+    if task.words is not None:
+        labels = [f"#{name} {task.words.name_at(slot)}" for name, slot in zip(mapping.ids, _tops(mapping), strict=True)]
+    elif others:  # no room for all of their numbers
         labels = [f"#{name}" for name in mapping.ids]
     log_centres(recording, scatter(across, up, mapping.centre_changes()), colours.of_clusters(mapping.ids), labels)
+
+
+def _tops(mapping: ClusterMapping) -> list[int]:
+    tops: list[int] = top_words(mapping.expressions).tolist()
+    return tops
 
 
 def scatter(across: picture.Axis, up: picture.Axis, delta: Array) -> Array:

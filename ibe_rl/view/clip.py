@@ -177,7 +177,7 @@ def _draw_words(draw: ImageDraw.ImageDraw, clip: Clip, step: int, ended: bool) -
         line = wording.verdict_line(said.horizon_steps, earlier.said, happened)
         shade = colours.GREEN if earlier.said == happened else colours.PINK
         _text(draw, (left, 340), line, shade if earlier.known else colours.AXIS, 14, right - left)
-    gauges = min(task.instruction_size, MOST_GAUGES)
+    gauges = min(len(task.phrases) if task.words is None else len(task.words.names), MOST_GAUGES)
     first, apart = (392, 44) if gauges < MOST_GAUGES else (372, 38)
     for number in range(gauges):
         _gauge(draw, (left, right), first + apart * number, said, moment, number, task)
@@ -194,7 +194,7 @@ def _gauge(
         x = middle + value * half
         draw.line([(x, y - 7 * FINER), (x, y + 7 * FINER)], fill=colours.AXIS, width=FINER)
         anchor = {-1: "la", 0: "ma", 1: "ra"}[value]
-        name = f"{value:+d}" if value else task.number_names[number]
+        name = f"{value:+d}" if value else task.expression_names[number]
         draw.text((x, y + 10 * FINER), name, colours.AXIS, _font(12), anchor=anchor)
     if moment.given:
         x, top = middle + float(moment.instruction[number]) * half, y - 6 * FINER

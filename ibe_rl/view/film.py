@@ -16,6 +16,7 @@ from ibe_rl.view import palette as colours
 from ibe_rl.view import picture, wording
 from ibe_rl.view.lanes import ENTITY, Lane, log_lanes, step_marks
 from ibe_rl.view.spoken import markdown, spoken_rows, spoken_words, without_flicker
+from ibe_rl.view.what_if import AnswersOfEpisode, last_asked, sentence_at
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ class Film:
         self._send_signals(take)
         self._send_said(take)
         self._send_lanes(take)
+        self._send_answers(take)
         self._send_now(take, head, standing)
         self._send_spoken(take)
 
@@ -202,6 +204,16 @@ class Film:
         steps = len(take.said)
         self._send(f"{ENTITY}/now", take.place.columns(np.arange(steps)), step_marks(steps, len(lanes)))
 
+    def _send_answers(self, take: _Take) -> None:
+        take.place.set(self._recording)
+        drawn = self._drawn if self._task.scene_path is not None else None
+        shade = self._shade_of
+        AnswersOfEpisode(self._recording, self._task, take.said, take.place.columns, drawn, self._short, shade).send()
+
+    def _shade_of(self, one: Explanation) -> Array:
+        self._shade(one.said, one.expression, one.known)
+        return self._shades[one.said]
+
     def _shade(self, words: str, expression: Array, known: bool) -> None:
         if known:
             self._shades.setdefault(words, colours.of_expressions(np.asarray(expression)[None])[0])
@@ -217,9 +229,18 @@ class Film:
         verdicts = [""] * min(steps_ago, len(said))
         verdicts += [wording.verdict_line(steps_ago, said[i].said, take.real[i]) for i in made]
         spoken = [(one.in_time(), one.cluster) for one in said]
-        rows = picture.changes(list(zip(instructed, spoken, verdicts, strict=True)))
-        lines = ((head, wording.said_lines(instructed[i], said[i]), wording.literal(verdicts[i])) for i in rows)
-        texts = ["  \n".join(each) for each in lines]
+        answers = [sentence_at(one, self._short) for one in last_asked(said)]
+        rows = picture.changes(list(zip(instructed, spoken, verdicts, answers, strict=True)))
+        lines = (
+            (
+                head,
+                wording.said_lines(instructed[i], said[i]),
+                wording.literal(verdicts[i]),
+                wording.literal(answers[i]),
+            )
+            for i in rows
+        )
+        texts = ["  \n".join(each).rstrip() for each in lines]
         self._send_texts("now", take, rows, texts)
         rows = picture.changes([one.cluster for one in said])
         self._send_texts("words", take, rows, [standing(said[i].cluster) for i in rows])

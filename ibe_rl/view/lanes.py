@@ -16,6 +16,8 @@ from ibe_rl.view import palette as colours
 from ibe_rl.view.marks import LABEL_DROP, Text, labelled, round_steps
 
 ENTITY = "lanes"
+IF_TOLD, IF_TOLD_PATHS = "what_if", "scene/what_if"
+"""What it would do if it were told something else: lanes of their own, and paths in the scene."""
 PICTURE_WIDTH, FIRST_X, LAST_X = 5.0, 1.2, 4.8
 """Of the picture at 1440 x 900, in hundreds of pixels; the lanes are between the other two."""
 LANE_HEIGHT, BAND_HEIGHT, AXIS_HEIGHT, PEN = 0.32, 0.24, 0.42, 0.016
@@ -38,7 +40,7 @@ def height(lanes: int) -> float:
     return LANE_HEIGHT * lanes + AXIS_HEIGHT
 
 
-def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
+def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane], entity: str = ENTITY) -> None:
     """Draw the lanes of an episode at the time that is set."""
     steps = len(lanes[0].words)
     bands, shades, texts = [], [], []
@@ -51,8 +53,8 @@ def log_lanes(recording: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
             if LETTER_WIDTH * len(lane.words[start]) + SIDES <= until - x:  # or it would cover its neighbours
                 texts.append((((x + until) / 2, y - LABEL_DROP), lane.words[start], colours.WHITE))
     strips = rr.LineStrips2D(bands, colors=np.array(shades, np.uint8), radii=PEN)
-    recording.log(f"{ENTITY}/bands", strips)
-    recording.log(f"{ENTITY}/words", labelled([*texts, *_marks(lanes, steps)]))
+    recording.log(f"{entity}/bands", strips)
+    recording.log(f"{entity}/words", labelled([*texts, *_marks(lanes, steps)]))
 
 
 def hatched(left: float, right: float, y: float) -> Array:

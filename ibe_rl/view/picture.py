@@ -17,14 +17,21 @@ from ibe_rl.task import Shape, Task
 from ibe_rl.types import Array
 
 TRAIL_POINTS = 64
+CHANGE = "change"
 SCATTER_POINTS = 600
 _TINY = 1e-9
 _FEW_VALUES = 5
 
 
 def entity(task: Task, root: str, number: int) -> str:
-    """Where what belongs to one number of an instruction is logged: with several, in a folder named after it."""
-    return root if task.instruction_size == 1 else f"{root}/{re.sub(r'[^A-Za-z0-9_]', '_', task.number_names[number])}"
+    """Where what belongs to one number or word of an instruction is logged: of several, in a folder of its own.
+
+    Changes (``CHANGE``) belong to the explained dimensions.
+    """
+    if root == CHANGE or task.words is None:
+        names = task.number_names
+        return root if len(names) == 1 else f"{root}/{re.sub(r'[^A-Za-z0-9_]', '_', names[number])}"
+    return f"{root}/word_{number}"  # entities have no letters of all scripts
 
 
 def flipped(points: Array, height: float) -> Array:

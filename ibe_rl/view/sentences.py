@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
-from ibe_rl.types import CANNOT_TELL
+from ibe_rl.types import CANNOT_TELL, Array
 from ibe_rl.view.wording import literal, short
+from ibe_rl.vocabulary.lateness import lateness_lines
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.words import MEANS_NOTHING
+from ibe_rl.words import Words
 
 
 def counts(of: Mapping[str, int]) -> str:
@@ -33,7 +38,7 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
     rows = ["| cluster | says | expression | windows | before |", "|:--|:--|--:|--:|:--|"]
     mapping, before = refresh.standing, phrases_before(refresh, words)
     for row, (name, now) in enumerate(cluster_phrases(mapping, words).items()):
-        number = "-" if now == CANNOT_TELL else " ".join(f"{value:+.2f}" for value in mapping.expressions[row])
+        number = "-" if now == CANNOT_TELL else expression_text(mapping.expressions[row], words)
         then = before.get(name, "new") if before else now
         cells = [literal(now), number, f"{mapping.sizes[row]:,.0f}", "" if then == now else literal(then)]
         if name == spoken:
@@ -41,6 +46,18 @@ def vocabulary_table(refresh: Refresh, words: Sequence[Phrases], spoken: int | N
         link = f"[#{name}](recording://said/{name})" if links else f"#{name}"
         rows.append("| " + " | ".join([f"→ {link}" if name == spoken else link, *cells]) + " |")
     return "\n".join(rows)
+
+
+def expression_text(expression: Array, words: Sequence[Phrases]) -> str:
+    """An expression in figures: its numbers, or the shares of its words, the largest first."""
+    if not isinstance(words, Words):
+        return " ".join(f"{value:+.2f}" for value in expression)
+    ranked = [slot for slot in np.argsort(-expression, kind="stable") if expression[slot] >= LEAST_SHARE]
+    return ", ".join(f"{words.name_at(int(slot))} {expression[slot]:.0%}" for slot in ranked)
+
+
+LEAST_SHARE = 0.05
+"""Smaller shares of a word are not shown."""
 
 
 def cluster_phrases(mapping: ClusterMapping, words: Sequence[Phrases]) -> dict[int, str]:
@@ -83,7 +100,9 @@ def moved(refresh: Refresh) -> list[str]:
 def worth(refresh: Refresh, task: Task) -> list[str]:
     """Whether the words that stand tell the way, what they are known to mean, and what is declared wrongly."""
     verdicts, meanings = refresh.verdicts(task), refresh.standing.meanings
-    return [in_one_line(verdicts), *meaning_lines(meanings, task), *wrong_signs(verdicts, meanings, task)]
+    noticed = [one.text for one in refresh.word_notices if one.kind != MEANS_NOTHING]  # which a line on meanings says
+    found = [*meaning_lines(meanings, task), *noticed, *lateness_lines(refresh.delays)]
+    return [in_one_line(verdicts), *found, *wrong_signs(verdicts, meanings, task)]
 
 
 def standing(refresh: Refresh, task: Task, spoken: int | None, links: bool = True) -> str:

@@ -19,7 +19,7 @@ FLICKER_STEPS = 5
 NOT_TRUSTED = "(?)"
 TITLES = ("steps", "instruction", "expression", "confidence", "as predicted")
 
-Words = tuple[str, ...]
+Cells = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def titles(said: Sequence[Explanation]) -> list[str]:
     return [steps, instruction, *(span_name(one.horizon_steps) for one in said[0].all_spans), *figures]
 
 
-def spoken_words(moments: Sequence[Moment], said: Sequence[Explanation], phrases: Sequence[Phrases]) -> list[Words]:
+def spoken_words(moments: Sequence[Moment], said: Sequence[Explanation], phrases: Sequence[Phrases]) -> list[Cells]:
     """The instruction of each step and what is said of each span, marked where the predictor distrusts its path."""
     shorten = shortener(phrases)
     instructions = [shorten(phrase(one.instruction, phrases)) if one.given else SILENCE for one in moments]
@@ -49,7 +49,7 @@ def spoken_words(moments: Sequence[Moment], said: Sequence[Explanation], phrases
     ]
 
 
-def spoken_rows(words: Sequence[Words], said: Sequence[Explanation], true: Array, steady: bool = True) -> list[Row]:
+def spoken_rows(words: Sequence[Cells], said: Sequence[Explanation], true: Array, steady: bool = True) -> list[Row]:
     """Rows for the steps of an episode.
 
     Args:
@@ -69,7 +69,7 @@ def spoken_rows(words: Sequence[Words], said: Sequence[Explanation], true: Array
     return rows
 
 
-def without_flicker(words: Sequence[Words]) -> list[Words]:
+def without_flicker(words: Sequence[Cells]) -> list[Cells]:
     """The same with every change that is undone within ``FLICKER_STEPS`` taken back; the instruction is never changed.
 
     >>> without_flicker([("up", "a"), ("up", "b"), ("up", "a"), ("up", "c")])
@@ -92,9 +92,10 @@ def markdown(said: Sequence[Explanation], rows: Sequence[Row]) -> str:
 
 
 def _figures(said: Sequence[Explanation]) -> tuple[str, str]:
-    """Expression and confidence of steps with the same words; "-" where undefined."""
+    """Expression (of words, the largest share) and confidence of steps with the same words; "-" where undefined."""
     meant = said[0].meant
-    numbers = " ".join(f"{value:+.2f}" for value in np.mean([one.expression for one in said], axis=0))
+    means = np.mean([one.expression for one in said], axis=0)
+    numbers = f"{means.max():.0%}" if said[0].in_words else " ".join(f"{value:+.2f}" for value in means)
     confidence = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
     return (numbers if meant else "-"), confidence
 

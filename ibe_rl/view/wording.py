@@ -10,6 +10,7 @@ import numpy as np
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import Phrases
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
+from ibe_rl.words import Words
 
 _MARKS = re.compile(r"[\\`*\[\]<>|~$&]|(?<!\w)_|_(?!\w)")
 """What markdown would take for its own."""
@@ -25,6 +26,8 @@ def shared_words(words: Sequence[Phrases]) -> int:
     >>> shared_words([Phrases("going up", "going {degree}left", "going {degree}right", ((0.2, ""),))])
     1
     """
+    if isinstance(words, Words):
+        return 0
     spoken = [phrase(np.full(len(words), value), words).split() for value in np.linspace(-1, 1, 81)]
     shared = 0
     while len({tuple(one[: shared + 1]) for one in spoken}) == 1 and min(map(len, spoken)) > shared + 1:
@@ -35,6 +38,8 @@ def shared_words(words: Sequence[Phrases]) -> int:
 def shortener(words: Sequence[Phrases]) -> Callable[[str], str]:
     """From a phrase to the same without the words that all of the language begin with."""
     shared = shared_words(words)
+    if not shared:
+        return str
     return lambda said: said if said in (DOES_NOT_KNOW, CANNOT_TELL) else " ".join(said.split()[shared:])
 
 
@@ -54,6 +59,8 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
     Several numbers would not fit into the line; the curves show them.
     """
     known = [f"expression {value:+.2f}" for value in explanation.expression] if explanation.meant else []
+    if explanation.in_words and known:
+        known = [f"share {explanation.expression.max():.0%}"]
     shown = known if len(known) == 1 else []
     if known and explanation.calibrated:
         shown = [*shown, f"confidence {explanation.confidence:.0%}"]

@@ -22,15 +22,17 @@ from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
+from ibe_rl.vocabulary.fitting_words import fit_worded
 from ibe_rl.vocabulary.refresh import Refresh, Spans
+from ibe_rl.vocabulary.settled_horizon import horizon_of
 from ibe_rl.vocabulary.training_episodes import (
     TrainingEpisodes,
     best_windows,
-    horizon_of,
     instructed_states,
     instructed_windows,
     read_training_episodes,
 )
+from ibe_rl.vocabulary.who_is_late import Delays
 
 
 def fit_mapping(
@@ -72,8 +74,10 @@ def fit_windows(
     interpretation: Interpretation | None = None,
 ) -> ClusterMapping:
     """Learn a vocabulary from windows; otherwise as ``fit_mapping``."""
-    estimator = _estimator(config, task, seed, last)
     states, instructions = instructed_states(heard, seed)
+    if task.words is not None:
+        return fit_worded(windows, states, instructions, config, task, _estimator(config, task, seed, None), seed)
+    estimator = _estimator(config, task, seed, last)
     with warnings.catch_warnings():  # the mapping records it, and explainers report it
         warnings.simplefilter("ignore", UnknownMeaningWarning)
         mapping = estimator.fit(windows.delta, windows.instruction, states, instructions, interpretation).mapping_
@@ -100,7 +104,7 @@ def interpret_lessons(
         horizon_steps: n.
         reactions: of the agent to opposite instructions.
     """
-    if config.meaning == "assumed":
+    if config.meaning == "assumed" or task.words is not None:
         return None
     return interpret(
         heard,
@@ -136,14 +140,14 @@ def _dimensions(config: MappingConfig, task: Task) -> list[int] | None:
 
 
 def clusters_of(config: MappingConfig, task: Task) -> int:
-    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction."""
-    return config.n_clusters * task.instruction_size
+    """Clusters of a vocabulary: ``n_clusters`` for each number of an instruction; of words, explained dimension."""
+    return config.n_clusters * len(task.explained)
 
 
 def fewer_clusters(mapping: ClusterMapping, config: MappingConfig, task: Task) -> list[str]:
     """A note if one of our mappings has found fewer distinct changes of the state than clusters were asked for."""
     asked, found = clusters_of(config, task), len(mapping.ids)
-    if found >= asked or not issubclass(implementation("mapping", config.kind), IBEMapping):
+    if task.words is not None or found >= asked or not issubclass(implementation("mapping", config.kind), IBEMapping):
         return []
     each = "" if task.instruction_size == 1 else f" for each of {task.instruction_size} numbers"
     return [
@@ -214,6 +218,7 @@ def learn_vocabulary(
     seed: int,
     last: Spans | None = None,
     reactions: Reactions | None = None,
+    delays: Delays | None = None,
 ) -> Refresh:
     """Learn the vocabulary from the best episodes of the log, and one for each other span.
 
@@ -224,11 +229,12 @@ def learn_vocabulary(
         seed: of the clustering.
         last: the previous vocabularies by horizon, the starting points unless ``memory`` is None.
         reactions: of the agent to opposite instructions; None if it was not asked.
+        delays: of those who instruct; None: as the log tells.
 
     Raises:
         TooLittleDataError: if there are too few episodes or windows.
     """
-    lessons, last, steps = read_training_episodes(log, config, seed), last or {}, horizon_of(config)
+    lessons, last, steps = read_training_episodes(log, config, seed, delays), last or {}, horizon_of(config)
     top = best_windows(lessons.best, config, steps)
     meant = interpret_lessons(lessons.heard, config, task, seed, steps, reactions)
     mapping = fit_windows(top, lessons.heard, config, task, seed, last.get(steps), meant)
@@ -247,6 +253,8 @@ def learn_vocabulary(
         windows_by_context=_count(contexts[top.episode], task.contexts),
         windows_by_instruction=_count_instructions(top.instruction, task),
         reactions=reactions,
+        persons=lessons.persons,
+        delays=lessons.delays,
     )
 
 
@@ -266,7 +274,10 @@ def _count(names: Array, all_names: Sequence[str]) -> dict[str, int]:
 
 
 def _count_instructions(instructions: Array, task: Task) -> dict[str, int]:
-    """Windows by instruction value; with several numbers, each is counted under its own name."""
+    """Windows by instruction value or word; with several numbers, each is counted under its own name."""
+    if task.words is not None:
+        counted = np.sum(instructions > 0, axis=0).tolist()
+        return dict(zip(task.words.names, counted, strict=False))
     values = [f"{value:+g}" if value else "0" for value in task.instruction_values]
     columns = instructions.T
     names = values if len(columns) == 1 else [f"{name} {value}" for name in task.number_names for value in values]

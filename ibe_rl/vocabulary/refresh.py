@@ -14,12 +14,16 @@ from ibe_rl.ibe.identity import ClusterTransition
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.vocabulary import phrase
+from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
-from ibe_rl.vocabulary.training_episodes import horizon_of
+from ibe_rl.vocabulary.persons import PersonsShare
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.who_is_late import Delays, of_first
+from ibe_rl.vocabulary.words import WordNotice
 
 Spans = Mapping[int, ClusterMapping]
 """Vocabularies by horizon in steps."""
@@ -70,6 +74,9 @@ class Refresh:
         reactions: of the agent to opposite instructions, if it was asked.
         scores_of_numbers: ``number_scores`` of the current vocabulary on the newest episodes.
         horizon_found: True if this refresh found n in the log.
+        persons: what of the training data a person said; None where nobody taught.
+        word_notices: what the agent noticed about the instructor's words.
+        delays: how late those who instruct are.
     """
 
     frame: int
@@ -89,6 +96,9 @@ class Refresh:
     reactions: Reactions | None = None
     scores_of_numbers: Sequence[Mapping[str, float]] = ()
     horizon_found: bool = False
+    persons: PersonsShare | None = None
+    word_notices: Sequence[WordNotice] = ()
+    delays: Delays = field(default_factory=dict)
 
     @property
     def standing(self) -> ClusterMapping:
@@ -136,9 +146,30 @@ def save_refresh(
             "calibration": None if calibration is None else calibration.to_dict(),
             "reactions": None if refresh.reactions is None else refresh.reactions.to_dict(),
             "spans": [{"horizon_steps": n, "mapping": each.to_dict()} for n, each in refresh.spans.items()],
-        },
+            **_of_words(refresh, task),
+            **_of_delays(refresh.delays),
+        }
+        | ({} if refresh.persons is None else {"person": asdict(refresh.persons)}),
     )
     return path
+
+
+def _of_delays(delays: Delays) -> dict[str, Any]:
+    """How late the person is, or whoever instructs; and everybody's delay."""
+    first = of_first(delays)
+    known = first if first and first.known else None
+    return {
+        "delay_steps": known and known.steps,
+        "delay_interval_steps": known and [known.low, known.high],
+        "delays": {who: asdict(delay) for who, delay in delays.items()},
+    }
+
+
+def _of_words(refresh: Refresh, task: Task) -> dict[str, Any]:
+    """What a refresh with words holds beside."""
+    if task.words is None:
+        return {}
+    return {"words": task.words.to_dicts(), "word_notices": [one.to_dict() for one in refresh.word_notices]}
 
 
 def _change(change: Change) -> dict[str, Any]:
@@ -202,7 +233,7 @@ def load_refresh(path: Path) -> Saved:
 def _scores_of(saved: dict[str, Any], mapping: ClusterMapping) -> list[dict[str, float]]:
     """The scores of each number; empty if their count differs, as in files of earlier versions."""
     each = saved.get("scores_of_numbers", [])
-    if len(each) != mapping.expressions.shape[1]:
+    if len(each) != mapping.expressions.shape[1] and moves_of(mapping.meanings) is None:
         return []
     scores = [{str(name): math.nan if value is None else float(value) for name, value in one.items()} for one in each]
     if any(abs(value) > 1 for one in scores for value in one.values()):

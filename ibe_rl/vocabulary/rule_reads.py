@@ -57,7 +57,7 @@ def check_dimensions(config: MappingConfig, task: Task, env: gymnasium.Env[Any, 
             continue
         if asked is not states or not _correlates(states, kept, task, number):
             read = [task.state_names[row] for row in np.flatnonzero(reads(asked, task, number))]
-            of_what = f" of {task.number_names[number]}" if task.instruction_size > 1 else ""
+            of_what = f" of {task.expression_names[number]}" if task.instruction_size > 1 else ""
             raise ConfigError(
                 f"mapping.dimensions={list(config.dimensions)}: the instructor's rule{of_what} does not depend on "
                 f"them, it reads {', '.join(read)}; {WAY_OUT}"

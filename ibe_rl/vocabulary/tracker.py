@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,35 +13,33 @@ import numpy as np
 
 from ibe_rl.config.settings import MappingConfig, TrainConfig
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, confidence_features, phrase_hits_in
+from ibe_rl.explain.what_if import Asking
+from ibe_rl.ibe.delay import Delay
 from ibe_rl.ibe.delta import Windows, cut_windows
 from ibe_rl.ibe.identity import keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import policy_drift, vocabulary_drift
-from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES, mean_scores, number_scores, phrase_accuracy, phrase_hits
+from ibe_rl.metrics.quality import mean_scores, number_scores, phrase_accuracy, phrase_hits
 from ibe_rl.metrics.verdict import wrong_signs
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
 from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocabulary
+from ibe_rl.vocabulary.lateness import delays_of
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.training_episodes import find_steps, settled
+from ibe_rl.vocabulary.who_is_late import Delays
+from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200
 """The newest episodes, which the confidence is calibrated on."""
 OTHER_HORIZON = 1.5
 """Factor by which a horizon found in the log must differ from the previous one to replace it."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
-REFRESH_COLUMNS = (
-    *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown"),
-    *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
-    *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
-    *(f"ibe/{name}" for name in SCORES),
-    *(f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS),
-)
-"""The columns of metrics.csv from ``figures`` and ``VocabularyTracker.judge``."""
 
 
 class VocabularyTracker:
@@ -59,6 +57,7 @@ class VocabularyTracker:
         spans: the vocabularies of the other spans, by horizon in steps.
         probe: drawn from the episodes of the first refresh.
         calibration: confidence to the probability of a correct phrase, from the newest ``JUDGED_EPISODES``.
+        delays: how late those who instruct are.
         notes: what the last refresh found: mismatches with what is declared, fewer clusters than asked for.
     """
 
@@ -72,6 +71,8 @@ class VocabularyTracker:
         self._actions: Array | None = None
         self.calibration: Calibration | None = None
         self.notes: list[str] = []
+        self.delays: Delays = {}
+        self._heard_until = -1  # episodes that had ended when the delays were found
         self._judged: deque[tuple[Array, Array]] = deque(maxlen=JUDGED_EPISODES)
 
     def settle(self, log: TrajectoryLog) -> int:
@@ -83,12 +84,19 @@ class VocabularyTracker:
         Raises:
             TooLittleDataError: if no episode has ended in time.
         """
-        before, found = self._config.horizon_steps, find_steps(log, self._asked_for, self._task, self._seed)
+        self._hear(log)
+        found = find_steps(log, self._asked_for, self._task, self._seed, self.delays)
+        before = self._config.horizon_steps
         if before is None or not before / OTHER_HORIZON <= found <= before * OTHER_HORIZON:
             self._config = settled(self._asked_for, found)
             self.mapping = self.probe = self._actions = self.calibration = None
             self.spans, self._judged = {}, deque(maxlen=JUDGED_EPISODES)
         return horizon_of(self._config)
+
+    def _hear(self, log: TrajectoryLog) -> None:
+        """Find how late everybody is, once for the same episodes."""
+        if self._heard_until != log.episodes_ended:
+            self.delays, self._heard_until = delays_of(log, self._config, self.delays), log.episodes_ended
 
     def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
         """Relearn the vocabulary from the current log and compare it with the previous one.
@@ -101,12 +109,14 @@ class VocabularyTracker:
         Raises:
             TooLittleDataError: as ``learn_vocabulary``; the previous vocabulary stays.
         """
+        self._hear(log)
         if self._config.horizon_steps is None:
             self.settle(log)
         found = self._asked_for.horizon_steps is None and self.mapping is None
         last = {} if self.mapping is None else {horizon_of(self._config): self.mapping, **self.spans}
-        learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions)
-        learnt = replace(learnt, horizon_found=found)
+        learnt = learn_vocabulary(log, self._config, self._task, self._seed, last, reactions, self.delays)
+        noticed = notices_of(learnt.mapping, learnt.top.delta, self.mapping, self._task.words)
+        learnt = replace(learnt, horizon_found=found, word_notices=noticed)
         newest = self._newest(log)
         if self.probe is None:
             self.probe = draw_probe(log, self._config, self._seed)
@@ -159,6 +169,7 @@ class VocabularyTracker:
             "next_id": self._next_id,
             "judged": [list(one) for one in self._judged],
             "notes": list(self.notes),
+            "delays": {who: asdict(delay) for who, delay in self.delays.items()},
             **arrays,
         }
 
@@ -172,6 +183,7 @@ class VocabularyTracker:
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
         self.notes = [str(line) for line in state.get("notes", ())]
+        self.delays = {who: Delay(**values) for who, values in state.get("delays", {}).items()}
         self._judged.extend((features, true) for features, true in state["judged"])
         self.probe = Probe(state["delta"], state["observations"])
         self._actions = state["actions"]
@@ -190,11 +202,13 @@ class VocabularyTracker:
         """The current vocabulary of a span; None before the first refresh."""
         return self.mapping if horizon_steps == self._config.horizon_steps else self.spans.get(horizon_steps)
 
-    def explainer_state(self, futures: int = 1, min_confidence: float = 0.0) -> ExplainerState:
+    def explainer_state(
+        self, futures: int = 1, min_confidence: float = 0.0, what_if: Asking | None = None
+    ) -> ExplainerState:
         """The current state of the explainer, after the first refresh."""
         assert self.mapping is not None
-        steps, words = horizon_of(self._config), self._task.phrases
-        return ExplainerState(self.mapping, steps, words, self.spans, futures, self.calibration, min_confidence)
+        steps, words, known = horizon_of(self._config), self._task.phrases, self.calibration
+        return ExplainerState(self.mapping, steps, words, self.spans, futures, known, min_confidence, what_if)
 
     def judge(
         self, refresh: Refresh, episode: Episode, said: Sequence[Explanation], every_steps: int
@@ -271,26 +285,3 @@ def check_refreshing(config: TrainConfig, task: Task) -> None:
             f"refresh_when_stale={config.refresh_when_stale:g}: allowed is null with refresh_every_frames=null, "
             "which never refreshes"
         )
-
-
-def figures(refresh: Refresh) -> dict[str, float]:
-    """Columns of metrics.csv; ``_stale`` is the previous vocabulary on the same newest episodes."""
-    change, scores = refresh.change, refresh.scores
-    row: dict[str, float] = {"ibe/episodes": refresh.episodes_used, "ibe/windows": len(refresh.top)}
-    if change is not None:
-        scores = refresh.scores if refresh.taken else change.last_scores
-        row |= {f"ibe/{name}_stale": value for name, value in change.last_scores.items() if name != OF_THE_MOMENTS}
-        row |= {"ibe/policy_drift": change.policy_drift, "ibe/staleness": change.staleness}
-        row |= _moved(change) if refresh.taken else {}
-    return row | {f"ibe/{name}": value for name, value in scores.items()}
-
-
-def _moved(change: Change) -> dict[str, float]:
-    return {
-        "ibe/survived": len(change.transition.survived),
-        "ibe/vanished": len(change.transition.vanished),
-        "ibe/emerged": len(change.transition.emerged),
-        "ibe/vocabulary_drift": change.drift.phrase_changed,
-        "ibe/expression_moved": change.drift.expression_moved,
-        "ibe/cluster_agreement": change.drift.cluster_agreement,
-    }

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe.delay import caught_up
 from ibe_rl.ibe.delta import Windows, cut_windows, top_episodes
 from ibe_rl.ibe.horizon import find_horizon, instruction_lasts, leading_change
 from ibe_rl.ibe.space import TooLittleDataError, rule_axes
+from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
+from ibe_rl.vocabulary.lateness import delays_of
+from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
 OTHER_EPISODES = 300
 """Most episodes outside the best that are read, for comparison and for their instructions."""
@@ -32,6 +37,8 @@ class TrainingEpisodes:
         best: the best of these, oldest first.
         heard: an unbiased sample of those counted, used for its instructions only.
         others: those of the sample that are not among the best.
+        persons: what of it a person said; None where nobody teaches.
+        delays: how late the instructions were, which are taken back by it.
     """
 
     logged: int
@@ -39,21 +46,42 @@ class TrainingEpisodes:
     best: Sequence[Episode]
     heard: Sequence[Episode]
     others: Sequence[Episode]
+    persons: PersonsShare | None = None
+    delays: Delays = field(default_factory=dict)
 
 
-def read_training_episodes(log: TrajectoryLog, config: MappingConfig, seed: int) -> TrainingEpisodes:
-    """Choose episodes of the log and read them.
+def read_training_episodes(
+    log: TrajectoryLog, config: MappingConfig, seed: int, delays: Delays | None = None
+) -> TrainingEpisodes:
+    """Choose episodes of the log and read them, with what was said at the steps that it was about.
+
+    What a person said counts first, however long ago: alone once it suffices, before that with a weight. ``delays``
+    are how late everybody was; None: as the log tells.
 
     Raises:
         TooLittleDataError: if no recent episode has ended.
     """
+    delays = delays_of(log, config) if delays is None else delays
+    taught, late = taught_rows(log), delays.get(INSTRUCTOR)
+    persons = persons_episodes(log, taught, config) if len(taught) else None
+    if persons:
+        persons = persons.caught_up(delays.get(TEACHER))
+    if persons and persons.suffice:
+        heard, rest, share = [*persons.rest, *persons.best], persons.rest, persons.share([])
+        return TrainingEpisodes(len(log.index), len(taught), persons.best, heard, rest, share, delays)
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
-    others = log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES])
-    best = log.read(counted[is_best])
+    others = caught_up(log.read(random.permutation(counted[~is_best])[:OTHER_EPISODES]), late)
+    best = caught_up(log.read(counted[is_best]), late)
     share = len(best) / max(1, np.sum(~is_best))
     some = random.permutation(len(best))[: max(1, round(share * len(others)))] if others else range(len(best))
-    return TrainingEpisodes(len(log.index), len(counted), best, [*others, *(best[row] for row in some)], others)
+    heard = [*others, *(best[row] for row in some)]
+    if persons is None:
+        return TrainingEpisodes(len(log.index), len(counted), best, heard, others, None, delays)
+    share = persons.share(best)
+    best = [*best, *share.weight * [*persons.best]]
+    heard += share.weight * [*persons.rest, *persons.best]
+    return TrainingEpisodes(len(log.index), len(counted), best, heard, others, share, delays)
 
 
 def _ranked(log: TrajectoryLog, config: MappingConfig) -> tuple[Array, Array]:
@@ -73,17 +101,6 @@ def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
     return counted
 
 
-def horizon_of(config: MappingConfig) -> int:
-    """The n of a mapping, set or found.
-
-    Raises:
-        ValueError: if it has still to be found (``find_steps``).
-    """
-    if config.horizon_steps is None:
-        raise ValueError("mapping.horizon_steps=null: it has not been found yet")
-    return config.horizon_steps
-
-
 def settled(config: MappingConfig, found_steps: int) -> MappingConfig:
     """The config with the found n and only shorter spans; unchanged where n is set."""
     if config.horizon_steps is not None:
@@ -98,10 +115,11 @@ def horizon_line(steps: int) -> str:
     return f"explains the {next_steps}, as long as movements last here; mapping.horizon_steps sets it"
 
 
-def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int) -> int:
+def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int, delays: Delays | None = None) -> int:
     """Find the horizon to explain in a log; ``horizon_steps`` itself where that is set.
 
-    The duration of movements (``find_horizon``), at most that of an instruction (``instruction_lasts``).
+    The duration of movements (``find_horizon``), at most that of an instruction (``instruction_lasts``). ``delays`` as
+    in ``read_training_episodes``.
 
     Raises:
         TooLittleDataError: if no recent episode has ended.
@@ -111,7 +129,8 @@ def find_steps(log: TrajectoryLog, config: MappingConfig, task: Task, seed: int)
     counted, is_best = _ranked(log, config)
     random = np.random.default_rng(seed)
     best = log.read(random.permutation(counted[is_best])[:AXIS_EPISODES])
-    heard = log.read(random.permutation(counted)[:AXIS_EPISODES])
+    late = (delays_of(log, config) if delays is None else delays).get(INSTRUCTOR)
+    heard = caught_up(log.read(random.permutation(counted)[:AXIS_EPISODES]), late)
     states = [episode.states for episode in best]
     kept = np.array([not config.dimensions or name in config.dimensions for name in task.state_names])
     steps = find_horizon(states, _instruction_axes(heard, seed, kept, leading_change(states, kept)))

@@ -75,6 +75,11 @@ def test_it_explains_itself_in_several_processes(folder: Path) -> None:
     assert len(told.said) == 40
     assert "Gate: any, 40 steps" in str(told)
     assert opened.clip(folder / "gate.gif", seed=3) == folder / "gate.gif"
+    asked = opened.what_if(seed=3, every_steps=15)
+    assert [(len(one.what_if), one.phrase) for one in asked] == [(3, told.said[step].phrase) for step in (0, 15, 30)]
+    assert all(one.listens is not None and 0 <= one.listens <= 1 for one in asked)
+    with pytest.raises(ibe_rl.ConfigError, match="every_steps=0: allowed is at least 1"):
+        opened.what_if(every_steps=0)
     with pytest.raises(ibe_rl.ConfigError, match=r"path=.*gate.avi: allowed is a file that ends in .gif or .mp4"):
         opened.clip(folder / "gate.avi")
 

@@ -39,7 +39,7 @@ def policy() -> Any:
 
 def rolled_out(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
     run: Any = SimpleNamespace(
-        make_env=make, task=LANDER_TASK, config=SimpleNamespace(instructor=InstructorConfig(kind))
+        folder=None, make_env=make, task=LANDER_TASK, config=SimpleNamespace(instructor=InstructorConfig(kind))
     )
     taken = take_moments(run, policy, SEEDS, plan)
     return predict_futures(taken, policy, Simulator(make, LANDER_TASK.rule), plan, "futures")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from by_hand import TASK, on_a_line, plain
 
-from ibe_rl.config.settings import TrainConfig
+from ibe_rl.config.settings import InstructorConfig, TrainConfig
 from ibe_rl.evaluation import narration
 from ibe_rl.evaluation.narration import clip_of, print_narration
 from ibe_rl.evaluation.trained_run import TrainedRun
@@ -56,7 +56,9 @@ def explained(run: TrainedRun, rolled_out: RecordedRollout) -> list[Explanation]
 
 
 def run_of(mapping: ClusterMapping, folder: Path, calibration: Calibration | None = SURE) -> TrainedRun:
-    return TrainedRun(folder, TrainConfig(), TASK, lambda seen: seen, 9, mapping, 9, 2, {}, calibration)
+    return TrainedRun(
+        folder, TrainConfig(instructor=InstructorConfig()), TASK, lambda seen: seen, 9, mapping, 9, 2, {}, calibration
+    )
 
 
 def printed(run: TrainedRun, rolled_out: RecordedRollout, said: list[Explanation] | None = None) -> list[str]:

@@ -210,9 +210,22 @@ def test_what_an_evaluation_found_of_the_same_vocabulary_is_trusted_more(folder:
     assert intercept(folder) == 2  # also if the refresh had none
 
 
+def test_the_confidence_in_answers_is_calibrated_as_the_evaluation_was(folder: Path):
+    write_mapping(folder, 950, mapping_of(-0.2), sure(1))
+    write_judged(folder)
+    assert load_run(folder).what_if_calibration is None  # as of earlier versions
+    write_judged(folder, what_if=sure(3).to_dict())
+    found = load_run(folder).what_if_calibration
+    assert found is not None
+    assert float(found.intercept[0]) == 3
+    write_judged(folder, what_if=sure(3).to_dict(), mapping_frame=500)
+    assert load_run(folder).what_if_calibration is None
+
+
 @pytest.mark.parametrize(
     "damage",
     [
+        {"what_if": None},
         *({name: LEFT_OUT} for name in ("mapping_frame", "horizon_steps", "calibration")),
         {"calibration": None},
         {"calibration": sure(1).to_dict() | {"scale": [0.0, 1.0]}},

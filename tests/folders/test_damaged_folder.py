@@ -19,7 +19,7 @@ from opening import WAYS, explained, log, resumed, viewed
 
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.storage.checkpoint import load
-from ibe_rl.storage.log import INDEX
+from ibe_rl.storage.log_columns import INDEX
 
 COLUMNS = ("number", "state", "action", "reward", "instruction", "given")
 OPENED = {

@@ -205,3 +205,21 @@ def test_without_flaws_nothing_is_corrupted():
     [after] = corrupted(episodes, VALUES, FlawedConfig(), seed=0)
     np.testing.assert_array_equal(after.instructions, before.instructions)
     np.testing.assert_array_equal(after.given, before.given)
+
+
+@pytest.mark.parametrize(("late", "expected"), [(0, "0++++---00+."), (2, "..0++++---00")])
+def test_a_key_that_is_kept_down_lasts_until_another_one(late: int, expected: str):
+    numbers = np.array([0, 1, 1, 0, 0, -1, 0, 0, 0, 0, 1, 0], float)
+    right = np.stack([numbers, np.ones(12)], axis=1)[:, None]
+    right[11, 0] = 0  # silence is no 0 to be said
+    said = heard(FlawedConfig(lasting_steps=2, late_steps=late), right)[:, 0]
+    assert "".join("." if not given else "-0+"[int(value) + 1] for value, given in said) == expected
+
+
+def test_a_new_episode_begins_with_no_key_down():
+    instructor = Flawed(Reads(), VALUES, FlawedConfig(lasting_steps=5), 0)
+    rows = np.array([True])
+    instructor.reset(rows)
+    assert instructor.instruct(np.array([[1.0, 1.0]]), rows)[0] == 1
+    instructor.reset(rows)
+    assert instructor.instruct(np.array([[0.0, 1.0]]), rows)[0] == 0

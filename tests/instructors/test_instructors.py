@@ -16,6 +16,7 @@ from ibe_rl.instructors.flawed import FlawedConfig
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.mixed import OTHER_KINDS
 from ibe_rl.instructors.recorded import LessonWriter, RecordedConfig, RecordedEpisode
+from ibe_rl.instructors.taught import told_of
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.types import Array, ConfigError, Instructor
 
@@ -53,6 +54,8 @@ FORGETFUL = {name: case for name, case in CERTAIN.items() if not case.learns}
 
 class Person:
     """Goes by a script, from the beginning in every episode."""
+
+    told = told_of("person")
 
     def reset(self, rows: Array) -> None:
         assert rows.tolist() == [True]

@@ -9,6 +9,7 @@ from by_hand import TASK, WORDS
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.instructors import check_instructor, stand_in
 from ibe_rl.instructors.flawed import FlawedConfig
+from ibe_rl.instructors.habits import HabitsConfig
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.mixed import OTHER_KINDS
 from ibe_rl.instructors.recorded import LessonWriter, RecordedConfig, RecordedEpisode
@@ -36,13 +37,6 @@ def test_a_person_says_one_number(config: InstructorConfig):
     expected = rf"^instructor={config.kind}: allowed is an environment whose instruction is one number"
     with pytest.raises(ConfigError, match=expected):
         check_instructor(config, ONE_GAME, TWO_NUMBERS)
-
-
-@PEOPLE
-def test_habits_need_somebody_to_go_by_them(config: HumanConfig | RecordedConfig):
-    expected = r"^instructor\.others=habits with collect\.envs_per_process=1: allowed is more than 1"
-    with pytest.raises(ConfigError, match=expected):
-        check_instructor(replace(config, others="habits"), replace(ONE_GAME, envs_per_process=1), TASK)
 
 
 @pytest.mark.parametrize("others", OTHER_KINDS)
@@ -76,11 +70,12 @@ def test_a_recording_of_a_resumed_run_is_refused(tmp_path: Path):
         (InstructorConfig("oracle"), InstructorConfig("oracle")),
         (InstructorConfig("silent"), InstructorConfig("silent")),
         (FlawedConfig(wrong=0.3), FlawedConfig(wrong=0.3)),
-        (HumanConfig(others="oracle"), InstructorConfig("oracle")),
-        (HumanConfig(others="habits"), InstructorConfig("oracle")),
-        (RecordedConfig(recording="a_run", others="silent"), InstructorConfig("silent")),
-        (RecordedConfig(recording="a_run", others="habits"), InstructorConfig("oracle")),
+        (HumanConfig(others="oracle"), HabitsConfig(run="runs/this", otherwise="oracle")),
+        (HumanConfig(), HabitsConfig(run="runs/this", otherwise="silent")),
+        (RecordedConfig(recording="a_run", others="silent"), HabitsConfig(run="runs/this", otherwise="silent")),
+        (RecordedConfig(recording="a_run", others="habits"), HabitsConfig(run="runs/this", otherwise="silent")),
+        (HabitsConfig(run="another"), HabitsConfig(run="another")),
     ],
 )
 def test_where_no_person_can_be_somebody_stands_in(config: InstructorConfig, expected: InstructorConfig):
-    assert stand_in(config) == expected
+    assert stand_in(config, Path("runs/this")) == expected

@@ -5,13 +5,15 @@ import pytest
 
 from ibe_rl.instructors.cloned import ClonedInstructor
 from ibe_rl.instructors.mixed import MixedInstructor
+from ibe_rl.instructors.taught import told_of
 from ibe_rl.types import Array
 
 
 class Says:
     """Always the same; notes which rows begin and which are asked."""
 
-    def __init__(self, what: float):
+    def __init__(self, what: float, by: str = "person"):
+        self.told = told_of(by)
         self.what, self.begun, self.asked = what, list[list[bool]](), list[list[bool]]()
 
     def reset(self, rows: Array) -> None:
@@ -105,3 +107,22 @@ def test_the_others_are_told_what_the_first_was_instructed_before(count: int):
     both.reset(everybody)
     instruction, given = both.instruct(np.zeros((count, 1), np.float32), everybody)
     assert instruction.tolist() == given.tolist() == [[1]] * count
+
+
+def test_it_tells_who_spoke_in_the_first_row():
+    both = MixedInstructor(Says(1.0, by="held"), Says(-1.0))
+    both.reset(rows(1, 1, 1))
+    assert both.told_rows.tolist() == [[0, 0, 0]] * 3
+    both.instruct(seen(0, 0, 0), rows(1, 1, 1))
+    assert both.told_rows.tolist() == [[2, 0, 0], [0, 0, 0], [0, 0, 0]]
+
+
+def test_handed_over_to_the_oracle_it_tells_all_of_them_and_is_nobodys_habit():
+    others, oracle, first = Remembers(), Says(0.25), Says(1.0, by="oracle")
+    both = MixedInstructor(first, others, oracle)
+    both.reset(rows(1, 1))
+    assert both.instruct(seen(0, 0), rows(1, 1))[0].tolist() == [[1], [0.25]]
+    first.told = told_of("person")
+    assert both.instruct(seen(1, 1), rows(1, 1))[0].tolist() == [[1], [0]]
+    both.reset(rows(1, 1))
+    assert others.lessons == [[[1, 1, 1]]]

@@ -14,6 +14,7 @@ from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import EnvConfig, InstructorConfig, PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.make import make_env, make_snapshot_env
+from ibe_rl.explain.what_if import told_twins
 from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.predict import KeptPredictor, check_predictor, is_learnt, make_predictor
@@ -141,3 +142,62 @@ def test_settings_that_cannot_work_are_refused():
         check_predictor(config, oracle, with_actions(four))
     check_predictor(PredictorConfig(), HumanConfig(), with_actions(spaces.MultiBinary(3)))
     assert [is_learnt(config) for config in KINDS.values()] == [False, True, True, True]
+
+
+VALUES = {name: np.array([value], np.float32) for name, value in (("left", -1.0), ("down", 0.0), ("right", 1.0))}
+
+
+def obey(observations: Array) -> Array:
+    """The engine that pushes as it is told, none if it is told 0 or nothing."""
+    return np.select([observations[:, -2] < 0, observations[:, -2] > 0], [3, 1], 0)
+
+
+def again(predictor: KeptPredictor, request: pytest.FixtureRequest) -> KeptPredictor:
+    config = KINDS[request.node.callspec.params["predictor"]]
+    made = make_predictor(
+        config, partial(make_snapshot_env, LANDER), LANDER_TASK.rule, 3, make_env(LANDER), lambda: [10, 30]
+    )
+    made.load_state_dict(predictor.state_dict())
+    return made
+
+
+@pytest.mark.parametrize("count", [3, 13])  # in one part of the simulator's, and in parts of their own
+def test_what_else_is_told_changes_no_other_future(
+    predictor: KeptPredictor, fallen: Any, request: pytest.FixtureRequest, count: int
+):
+    moments = fallen[1][: 2 * count : 2]
+    alone, others = (again(predictor, request) for _ in range(2))
+    together = predictor.rollout([*moments, *told_twins(moments, VALUES)], obey, 12)
+    for name, values in vars(alone.rollout(moments, obey, 12)).items():
+        np.testing.assert_array_equal(values, getattr(together, name)[:count])
+    left = others.rollout([*moments, *told_twins(moments, {"left": VALUES["left"]})], obey, 12)
+    np.testing.assert_allclose(left.paths[count:], together.paths[count : 2 * count], atol=1e-4)
+    ends = together.paths[:, -1].reshape(4, count, -1)
+    assert np.abs(ends[1] - ends[3]).max() > 1e-3  # told left, told right
+
+
+def test_one_that_is_told_the_same_has_the_same_chances(predictor: KeptPredictor, fallen: Any):
+    moments = fallen[1][:4]
+    paths = predictor.rollout([*moments, *told_twins(moments, VALUES)], fall, 12).paths.reshape(4, 4, 13, -1)
+    if type(predictor).__name__ != "Regression":  # it reads the instruction itself, and asks no policy
+        np.testing.assert_allclose(paths[1:], np.broadcast_to(paths[:1], paths[1:].shape), atol=1e-4)
+
+
+def test_a_twin_is_told_the_same_to_the_end_also_where_the_rule_tells_the_others(fallen: Any):
+    seen: list[Array] = []
+
+    def noting(observations: Array) -> Array:
+        seen.append(observations[:, -2:].copy())
+        return fall(observations)
+
+    for config in (KINDS["ensemble by rule"], PredictorConfig(future_instruction="rule")):
+        made = make_predictor(
+            config, partial(make_snapshot_env, LANDER), LANDER_TASK.rule, 3, make_env(LANDER), lambda: [10, 30]
+        )
+        made.learn(fallen[0])
+        seen.clear()
+        made.rollout([fallen[1][0], *told_twins(fallen[1][:1], {"half": np.array([0.5], np.float32)})], noting, 9)
+        heard = [float(value) for each in seen for value, _ in each if value in (0.5, -0.5)]
+        assert heard
+        assert set(heard) == {0.5}
+        assert len(heard) % 9 == 0

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ibe_rl.storage.log import INDEX, TrajectoryLog
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.log_columns import INDEX
 from ibe_rl.types import Array, Episode
 
 CONTEXTS = ("even", "odd")

@@ -23,6 +23,7 @@ from ibe_rl.view.relay import page as page_of_relay
 
 PANELS = {
     "Lunar Lander with pads: path and prediction",
+    "If it were told otherwise",
     "Instruction and explanation, step by step",
     "Now",
     "Its vocabulary",

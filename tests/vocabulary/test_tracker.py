@@ -17,7 +17,8 @@ from ibe_rl.types import Array
 from ibe_rl.vocabulary import tracker as module
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, load_refresh, save_refresh
-from ibe_rl.vocabulary.tracker import VocabularyTracker, figures
+from ibe_rl.vocabulary.refresh_columns import figures
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 
 def names(refresh: Refresh) -> list[int]:

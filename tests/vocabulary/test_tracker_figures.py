@@ -6,7 +6,8 @@ from by_hand import TASK, config, defy, obey, race, stay
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.vocabulary.tracker import REFRESH_COLUMNS, VocabularyTracker, figures
+from ibe_rl.vocabulary.refresh_columns import REFRESH_COLUMNS, figures
+from ibe_rl.vocabulary.tracker import VocabularyTracker
 
 MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement")
@@ -14,7 +15,7 @@ MOVED = {f"ibe/{name}" for name in ("survived", "vanished", "emerged")} | {
 SCORED = {f"ibe/{name}" for name in SCORES}
 STALE = {f"ibe/{name}_stale" for name in SCORES if name != OF_THE_MOMENTS}
 HELD_AGAINST = {"ibe/policy_drift", "ibe/staleness"}
-ALWAYS = {"ibe/episodes", "ibe/windows"}
+ALWAYS = {"ibe/episodes", "ibe/windows", "ibe/delay_steps"}
 
 
 def test_figures_tell_of_a_first_refresh_what_it_stands_on_and_its_scores(log: TrajectoryLog):
@@ -31,7 +32,7 @@ def test_figures_tell_of_a_new_vocabulary_what_moved(log: TrajectoryLog, only_th
     defy(log)
     row = figures(development.refresh(log, lambda seen: stay(seen) + 1))
     assert set(row) == ALWAYS | SCORED | STALE | HELD_AGAINST | MOVED
-    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown"} == set(REFRESH_COLUMNS)
+    assert set(row) | {"ibe/came_true", "ibe/came_true_stale", "ibe/unknown", "ibe/listens"} == set(REFRESH_COLUMNS)
     assert len(REFRESH_COLUMNS) == len(set(REFRESH_COLUMNS))
     assert (row["ibe/survived"], row["ibe/vanished"], row["ibe/emerged"]) == (3, 0, 0)
     assert row["ibe/vocabulary_drift"] == pytest.approx(2 / 3)

@@ -27,6 +27,7 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import CONFIG, TRAJECTORIES, find_run, read_json, refuse_special_files
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode
+from ibe_rl.vocabulary.words import take_up_words
 
 DATASETS_PATH = "MINARI_DATASETS_PATH"
 _CONTEXT, _WORDS = "context", "instruction_words"
@@ -62,6 +63,7 @@ def export_log(run: str | Path, dataset_id: str, newest: int | None = None) -> A
     chosen = range(max(0, count - (newest or count)), count)
     env, seeds = make_env(config.env), _seeds(folder, count)
     task = task_of(env)
+    take_up_words(folder, task)
     buffers = [_buffer(minari, log.read([row], percepts=True)[0], task, seeds[row]) for row in chosen]
     about = {"algorithm_name": config.agent.kind, "author": "ibe_rl", "description": _description(task)}
     spaces = {"observation_space": env.observation_space, "action_space": env.action_space}

@@ -126,6 +126,8 @@ class InstructionSource:
 
 def values_of_words(task: Task) -> dict[str, tuple[float, ...]]:
     """The task's words, in small letters, to the instruction that each stands for."""
+    if task.words is not None:
+        return {word.lower(): tuple(task.words.one_hot(slot).tolist()) for slot, word in enumerate(task.words.names)}
     values = product(sorted(task.instruction_values, key=abs), repeat=task.instruction_size)
     return {phrase(np.array(value), task.phrases).lower(): value for value in values}
 

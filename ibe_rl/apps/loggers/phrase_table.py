@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ibe_rl.task import Task
-from ibe_rl.view.sentences import cluster_phrases, phrases_before
+from ibe_rl.view.sentences import cluster_phrases, expression_text, phrases_before
 from ibe_rl.vocabulary.refresh import Refresh
 
 PHRASE_COLUMNS = ("cluster", "expression", "phrase", "before", "windows", "purity", "evidence")
@@ -17,7 +17,7 @@ def phrase_rows(refresh: Refresh, task: Task) -> list[list[Any]]:
     return [
         [
             cluster,
-            " ".join(f"{value:+.2f}" for value in mapping.expressions[row]),
+            expression_text(mapping.expressions[row], task.phrases),
             phrase,
             before.get(cluster, ""),
             int(mapping.sizes[row]),

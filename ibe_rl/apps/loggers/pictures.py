@@ -20,6 +20,7 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture
+from ibe_rl.view.blueprint import numbers_of
 from ibe_rl.view.sentences import cluster_phrases
 from ibe_rl.vocabulary.listener import Refreshed
 from ibe_rl.vocabulary.refresh import Refresh
@@ -52,14 +53,14 @@ def _png(figure: Figure) -> bytes:
 @rc_context(DARK)
 def draw_clusters(refresh: Refresh, task: Task) -> Figure:
     """Left: changes of the best episodes by what they express. Right: the expressions with their phrases."""
-    mapping, numbers = refresh.standing, task.instruction_size
+    mapping, numbers = refresh.standing, len(numbers_of(task))
     figure, [[scatter, *bars]] = grid(1, 1 + numbers, 6 + 3 * numbers, 4.2, width_ratios=[1.4] + [1] * numbers)
     _scatter(scatter, refresh, task)
     for number, axis in enumerate(bars):
         values = mapping.expressions[:, number]
         axis.barh(np.arange(len(values)), values, color=expression_colours(values))
         axis.axvline(0, color=FAINT, linewidth=0.8)
-        axis.set(xlim=(-1.05, 1.05), xlabel="expression", yticks=[], title=task.number_names[number])
+        axis.set(xlim=(-1.05, 1.05), xlabel="expression", yticks=[], title=task.expression_names[number])
     bars[0].set_yticks(np.arange(len(mapping.ids)), _labels(mapping, task))
     figure.suptitle(f"Vocabulary at {refresh.frame:,} frames")
     return figure
@@ -89,7 +90,7 @@ def _scatter(axis: Axes, refresh: Refresh, task: Task) -> None:
 @rc_context(DARK)
 def draw_episode(event: Refreshed, task: Task) -> Figure:
     """The path with the predicted ones, the instruction with the explanation, and what was said, step by step."""
-    scene, numbers = task.scene_path is not None, task.instruction_size
+    scene, numbers = task.scene_path is not None, len(numbers_of(task))
     heights = [3.2] * scene + [1.0] * numbers + [0.25]
     figure, rows = grid(len(heights), 1, 9, sum(heights) + 1.4, height_ratios=heights)
     axes = [row[0] for row in rows]
@@ -126,7 +127,7 @@ def _signal(axis: Axes, event: Refreshed, task: Task, number: int) -> None:
     explained = np.array([one.expression[number] if one.meant else np.nan for one in event.said])
     axis.step(np.arange(len(instruction)), instruction, where="post", color=hexed(colours.INSTRUCTED))
     axis.step(np.arange(len(explained)), explained, where="post", color=hexed(colours.EXPLANATION))
-    axis.set(xlim=(0, len(explained)), ylim=(-1.15, 1.15), ylabel=task.number_names[number])
+    axis.set(xlim=(0, len(explained)), ylim=(-1.15, 1.15), ylabel=task.expression_names[number])
     named = {"instruction": colours.INSTRUCTED, "explanation": colours.EXPLANATION}
     handles = [Patch(color=hexed(colour), label=label) for label, colour in named.items()]
     axis.legend(handles=handles, loc="upper right", ncols=2)

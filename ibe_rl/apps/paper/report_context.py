@@ -44,6 +44,11 @@ def check_task(task: Task) -> None:
     Raises:
         ConfigError: naming what it does not declare, or that its instructions have several numbers.
     """
+    if task.words is not None:
+        raise ConfigError(
+            f"task=figures: the instructions of {task.name} are words; allowed is one number, as in the paper "
+            "(task=evaluate judges words)"
+        )
     if task.instruction_size != 1:
         raise ConfigError(
             f"task=figures: an instruction of {task.name} has {task.instruction_size} numbers; allowed is one number, "
@@ -173,12 +178,12 @@ class ReportContext:
     @cached_property
     def runner(self) -> EpisodeRunner:
         """Runs whole episodes."""
-        return EpisodeRunner(self.run.config.env, stand_in(self.run.config.instructor))
+        return EpisodeRunner(self.run.config.env, stand_in(self.run.config.instructor, self.run.folder))
 
     @property
     def instructor(self) -> Instructor:
         """A new one."""
-        return make_instructor(stand_in(self.run.config.instructor), self.task)
+        return make_instructor(stand_in(self.run.config.instructor, self.run.folder), self.task)
 
     def seeds(self, purpose: str, count: int) -> range:
         """Of episodes that serve no other purpose."""

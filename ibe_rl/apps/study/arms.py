@@ -12,18 +12,21 @@ from ibe_rl.apps.study.scenes import Scene
 from ibe_rl.apps.study.settings import IBE, NONE, PAPER
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.explain.explainer import ExplainerState, put_in_words
+from ibe_rl.explain.what_if import told_twins, values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.observer import Observer, carries_on
-from ibe_rl.types import Array, Explanation, Instructor, Moment, Predictor
+from ibe_rl.task import Task
+from ibe_rl.types import Array, Explanation, ExpressionMapping, Instructor, Moment, Predictor
 
 _DIGITS = 4
 
 
 def instructor_of(run: TrainedRun) -> Instructor:
     """Who instructs the agent of a run."""
-    return make_instructor(stand_in(run.config.instructor), run.task)
+    return make_instructor(stand_in(run.config.instructor, run.folder), run.task)
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class SpokenFrames:
     """What is said at consecutive frames.
 
     Attributes:
-        expressions: the first number of each, 0 where nothing is known.
+        expressions: the first number of each, 0 where nothing is known; of words, the movement that they let expect.
         phrases: one a frame.
         known: False where the agent does not know.
     """
@@ -72,30 +75,39 @@ class Speaker:
     futures: int
     min_confidence: float
 
-    def say(self, moments: Sequence[Moment]) -> dict[str, SpokenFrames]:
-        """What it says at some moments, by arm."""
+    def say(self, moments: Sequence[Moment], if_told: str = "") -> dict[str, SpokenFrames]:
+        """What it says at some moments, by arm.
+
+        Args:
+            moments: of one episode.
+            if_told: what it would do if it were told this value; empty: what it will do.
+        """
         run, shape = self.run, (len(moments), self.futures)
         futures = [moment for moment in moments for _ in range(self.futures)]
-        predicted = self.predictor.rollout(futures, run.policy, run.horizon_steps)
-        paths, trusted = predicted.paths.reshape(*shape, *predicted.paths.shape[1:]), predicted.trusted_steps
+        twins = told_twins(futures, {if_told: values_of(run.task)[if_told]}) if if_told else []
+        predicted = self.predictor.rollout([*futures, *twins], run.policy, run.horizon_steps)
+        paths, trusted = predicted.paths[-len(futures) :], predicted.trusted_steps[-len(futures) :]
+        paths = paths.reshape(*shape, *paths.shape[1:])
         words, steps = run.task.phrases, run.horizon_steps
-        states = {
-            IBE: ExplainerState(run.mapping, steps, words, {}, self.futures, run.calibration, self.min_confidence)
-        }
+        known = run.what_if_calibration if if_told else run.calibration
+        states = {IBE: ExplainerState(run.mapping, steps, words, {}, self.futures, known, self.min_confidence)}
         if self.paper is not None:
             states[PAPER] = ExplainerState(self.paper, steps, words, {}, self.futures)
-        return {arm: _spoken(put_in_words(paths, state, trusted.reshape(shape))) for arm, state in states.items()}
+        said = {arm: put_in_words(paths, state, trusted.reshape(shape)) for arm, state in states.items()}
+        return {arm: _spoken(said[arm], states[arm].mapping, run.task) for arm in states}
 
     def really(self, deltas: Array) -> SpokenFrames:
         """What its own vocabulary calls real changes ``(N, S)``."""
         expressions = self.run.mapping.express(deltas)
         phrases = phrases_of(expressions, self.run.task.phrases)
-        return SpokenFrames(tuple(expressions[:, 0].tolist()), tuple(phrases.tolist()), (True,) * len(deltas))
+        values = expected_motion(self.run.mapping, expressions, self.run.task.explained)[:, 0]
+        return SpokenFrames(tuple(values.tolist()), tuple(phrases.tolist()), (True,) * len(deltas))
 
 
-def _spoken(said: Sequence[Explanation]) -> SpokenFrames:
+def _spoken(said: Sequence[Explanation], mapping: ExpressionMapping, task: Task) -> SpokenFrames:
+    values = expected_motion(mapping, np.array([one.expression for one in said]), task.explained)[:, 0]
     return SpokenFrames(
-        tuple(float(one.expression[0]) if one.known else 0.0 for one in said),
+        tuple(float(value) if one.known else 0.0 for one, value in zip(said, values, strict=True)),
         tuple(one.said for one in said),
         tuple(one.known for one in said),
     )

@@ -12,7 +12,7 @@ from ibe_rl.apps.study.episode_file import PLAYED, sides_of
 from ibe_rl.apps.study.folder import INFORMATION, Study
 from ibe_rl.apps.study.recruiters import way_out
 from ibe_rl.apps.study.schedule import CONSENT, NONE, PRACTICE, SCALE, TRIAL, Page
-from ibe_rl.apps.study.settings import ALWAYS, LANDING, NEVER, WHICH_AGENT
+from ibe_rl.apps.study.settings import ALWAYS, ASK_WHAT_IF, LANDING, NEVER, WHICH_AGENT
 from ibe_rl.apps.study.sitting import position, questions_of
 
 _MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")
@@ -71,8 +71,9 @@ def feedback_on(study: Study, page: Page) -> dict[str, Any] | None:
 
 def recordings_of(episode: Mapping[str, Any], task: str, arm: str) -> list[dict[str, Any]]:
     """The recordings that an episode shows, each with the explanations of an arm, and nothing that comes after."""
+    shown = (*PLAYED, "told") if task == ASK_WHAT_IF else PLAYED
     return [
-        {**{name: side[name] for name in PLAYED}, "said": None if arm == NONE else side["explanations"][arm]}
+        {**{name: side[name] for name in shown}, "said": None if arm == NONE else side["explanations"][arm]}
         for side in sides_of(episode, task)
     ]
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from ibe_rl.apps.study.settings import LANDING, NEXT_WORDS, WHICH_AGENT
+from ibe_rl.apps.study.settings import ASK_WHAT_IF, LANDING, NEXT_WORDS, WHICH_AGENT
 from ibe_rl.types import ConfigError
 
 PLAYED = ("size", "frame_ms", "background", "frames")
@@ -55,8 +55,10 @@ def _unfit(one: dict[str, Any], task: str) -> str:
     truth, phrases = one["truth"], one.get("phrases")
     if task == WHICH_AGENT and not (isinstance(one.get("sides"), list) and len(one["sides"]) == 2):
         return "it has no two sides"
-    if task == NEXT_WORDS and not (isinstance(phrases, list) and len(phrases) > 1):
+    if task in (NEXT_WORDS, ASK_WHAT_IF) and not (isinstance(phrases, list) and len(phrases) > 1):
         return "it has no two phrases"
+    if task == ASK_WHAT_IF and not (isinstance(one.get("told"), str) and one["told"]):
+        return "it is told nothing"
     if task == LANDING:
         if not isinstance(truth.get("at"), int | float) or not 0 <= truth["at"] <= 1:
             return f"truth.at={truth.get('at')} is no place in the picture, 0 to 1"

@@ -16,7 +16,7 @@ import yaml
 from ibe_rl.apps.study.assignment import mixed_orders, orders_of
 from ibe_rl.apps.study.folder import STIMULI, STUDY_YAML, TEXTS, open_study
 from ibe_rl.apps.study.schedule import episodes_needed
-from ibe_rl.apps.study.settings import MIXED, NONE, WHICH_AGENT, WITHIN, StudySettings, read_settings
+from ibe_rl.apps.study.settings import ASK_WHAT_IF, MIXED, NONE, WHICH_AGENT, WITHIN, StudySettings, read_settings
 from ibe_rl.apps.study.shipped_texts import copy_texts
 from ibe_rl.config.declared import meanings
 from ibe_rl.config.limits import allowed_values
@@ -50,7 +50,7 @@ def make(
         out: the folder to make
         other: of which_agent: folder of a second run; null: an earlier policy of the same run
         until: what is asked about: "contact", where it first touches, "end", as in the paper, or "lot", any
-            moment; null: contact if the environment declares it, else lot
+            moment; null: contact if the environment declares it, else lot; of what_if always lot
         frames: of an episode that people see, before the moment that they are asked about
         stimuli: how many episodes; 0: as many as a person sees, and one as the example in the instructions
         flights: flown beforehand, for the paper's vocabulary and the simulated observers
@@ -72,7 +72,8 @@ def make(
         key, value = ("until", until) if paired else ("other", other)
         raise ConfigError(f"{key}={value} with trials.task={settings.trials.task}: allowed is null")
     preparing = load_app("study make")  # imports torch
-    plan = preparing.StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until, frames)
+    otherwise = settings.trials.task == ASK_WHAT_IF
+    plan = preparing.StimuliPlan(run, other, stimuli or needed + 1, flights, pace, seed, until, frames, otherwise)
     with _new_folder(folder) as partial:
         made, about = preparing.pairs_from(plan) if paired else preparing.stimuli_from(plan)
         _check_arms(settings, made[0])

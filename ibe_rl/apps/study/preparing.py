@@ -17,11 +17,13 @@ from ibe_rl.apps.study.flights import FlownAgent, check_same_task, earlier_in, f
 from ibe_rl.apps.study.scenes import scene_of
 from ibe_rl.apps.study.sides import pairs_of
 from ibe_rl.apps.study.stimuli import (
+    BY_LOT,
     TRIES_EACH_STIMULUS,
     balanced_episodes,
     check_until,
     cut_episodes,
     stimuli_of,
+    told_otherwise,
 )
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig, ExplainConfig
@@ -52,6 +54,7 @@ class StimuliPlan:
         seed: of everything.
         until: see ``check_until``.
         frames: that people see.
+        told_otherwise: whether it is told something else at the last of them.
     """
 
     run: str | None
@@ -62,6 +65,7 @@ class StimuliPlan:
     seed: int
     until: str | None
     frames: int
+    told_otherwise: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,13 +97,15 @@ def stimuli_from(plan: StimuliPlan) -> tuple[list[dict[str, Any]], dict[str, Any
     torch.set_num_threads(1)
     agent = opened(plan.run)
     run = agent.run
-    until = check_until(plan.until, run.task)
+    until = check_until(plan.until or (BY_LOT if plan.told_otherwise else None), run.task)
     flown, random = fly(run, plan.flights, plan.seed), np.random.default_rng(plan.seed)
     scene = scene_of(run.task, flown.episodes, plan.frames + run.horizon_steps)
     hidden = hidden_goal_env(run.config.env, run.task)
     seeds = seeds_for("foretold", plan.seed, TRIES_EACH_STIMULUS * plan.count)
     env = make_env(hidden)
     found = cut_episodes(env, run.task, run.policy, instructor_of(run), seeds, run.horizon_steps, until, plan.frames)
+    if plan.told_otherwise:
+        found = told_otherwise(found, env, run.task, run.policy, instructor_of(run))
     with progress_bar("episodes", plan.count) as step:
         chosen = balanced_episodes(found, scene, plan.count, random, step)
     with _speaker(agent, flown, plan.seed, hidden) as speaker, progress_bar("explanations", plan.count) as step:

@@ -9,7 +9,7 @@ from ibe_rl.apps.study.arm_names import ARM_NAMES
 from ibe_rl.apps.study.comparisons import ANALYSIS, POWER, WANTED, comparisons
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.schedule import episodes_needed
-from ibe_rl.apps.study.settings import NEXT_WORDS, WHICH_AGENT, StudySettings
+from ibe_rl.apps.study.settings import LANDING, StudySettings
 from ibe_rl.storage.run_folder import read_json, write_atomically
 
 REGISTRATION = "registration.md"
@@ -92,7 +92,7 @@ def _people(settings: StudySettings, power: dict[str, Any] | None) -> str:
 
 def _measures(settings: StudySettings) -> str:
     task = settings.trials.task
-    if task not in (NEXT_WORDS, WHICH_AGENT):
+    if task == LANDING:
         measure = (
             "the distance of the place that a person points at from the true one, in percent of the picture's width"
         )

@@ -11,7 +11,7 @@ from ibe_rl.types import ConfigError
 
 NONE, PAPER, IBE, PLACEBIC, TRUE_FUTURE = "none", "paper", "ibe", "placebic", "true_future"
 ARMS = (NONE, PAPER, IBE, PLACEBIC, TRUE_FUTURE)
-LANDING, NEXT_WORDS, WHICH_AGENT = "landing", "next_words", "which_agent"
+LANDING, NEXT_WORDS, ASK_WHAT_IF, WHICH_AGENT = "landing", "next_words", "what_if", "which_agent"
 BETWEEN_PERSONS, WITHIN, MIXED = "between", "within", "mixed"
 ALWAYS, PRACTICE, NEVER = "always", "practice", "never"
 CODES, PROLIFIC, SONA, MTURK = "codes", "prolific", "sona", "mturk"
@@ -21,7 +21,7 @@ CODES, PROLIFIC, SONA, MTURK = "codes", "prolific", "sona", "mturk"
 class TrialSettings:
     """The trials of a person."""
 
-    task: str = setting(LANDING, choices=(LANDING, NEXT_WORDS, WHICH_AGENT))
+    task: str = setting(LANDING, choices=(LANDING, NEXT_WORDS, ASK_WHAT_IF, WHICH_AGENT))
     practice: int = setting(2, low=0, high=50)  # before the first block
     each_arm: int = setting(12, low=1, high=500)  # in the block of an arm
     transfer: int = setting(0, low=0, high=500)  # without explanations, after the last block

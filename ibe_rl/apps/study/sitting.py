@@ -33,7 +33,7 @@ from ibe_rl.apps.study.schedule import (
     Page,
     pages_of,
 )
-from ibe_rl.apps.study.settings import NEXT_WORDS, WHICH_AGENT
+from ibe_rl.apps.study.settings import ASK_WHAT_IF, NEXT_WORDS, WHICH_AGENT
 
 ANSWER_TAKEN, ANSWERED_BEFORE = "taken", "answered before"
 """What became of an answer."""
@@ -154,7 +154,7 @@ def questions_of(study: Study, page: Page) -> list[Question]:
         return study.questions[page.block]
     if page.kind in (COMPREHENSION, DEMOGRAPHICS):
         return study.questions[page.kind]
-    if page.kind == TRIAL and study.settings.trials.task == NEXT_WORDS:
+    if page.kind == TRIAL and study.settings.trials.task in (NEXT_WORDS, ASK_WHAT_IF):
         return [Question("", tuple(study.stimuli[page.episode]["phrases"]))]
     if page.kind == TRIAL and study.settings.trials.task == WHICH_AGENT:
         return [Question("", (study.words["first"], study.words["second"]))]

@@ -6,7 +6,7 @@ A stimulus is one JSON file. What a person may not see before the answer is in i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -16,10 +16,13 @@ from ibe_rl.apps.paper.names import AT_CONTACT, AT_END
 from ibe_rl.apps.study.arms import Asked, Speaker, SpokenFrames, expectations, words_of_others
 from ibe_rl.apps.study.scenes import FORMAT, Scene, about_episode
 from ibe_rl.apps.study.settings import IBE, PLACEBIC, TRUE_FUTURE
+from ibe_rl.apps.study.told import ToldFrom
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.limits import nearest
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
+from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.metrics.observer import Observer
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Instructor, Policy
@@ -44,6 +47,7 @@ class CutEpisode:
         last: step of the last frame that is seen.
         end: step that people are asked about.
         frames: how many are seen.
+        told: what it is told from the last frame on; empty: what the instructor says.
     """
 
     seed: int
@@ -51,6 +55,7 @@ class CutEpisode:
     last: int
     end: int
     frames: int
+    told: str = ""
 
     @property
     def first(self) -> int:
@@ -116,6 +121,31 @@ def cut_episodes(
         found = cut_episode(seed, record_rollout(env, policy, instructor, seed), task, horizon_steps, until, frames)
         if found is not None:
             yield found
+
+
+def told_otherwise(
+    found: Iterator[CutEpisode], env: gymnasium.Env[Any, Any], task: Task, policy: Policy, instructor: Instructor
+) -> Iterator[CutEpisode]:
+    """Fly cut episodes again with the same seeds, told another value than before at the last frame that is seen.
+
+    What it is told is drawn by lot. Those that then end before the step that people are asked about are left out.
+    """
+    for one in found:
+        name, value = _another(one, task)
+        watched = record_rollout(env, policy, ToldFrom(instructor, one.last, value), one.seed)
+        if len(watched.episode) >= one.end:
+            yield replace(one, watched=watched, told=name)
+
+
+def _another(one: CutEpisode, task: Task) -> tuple[str, Array]:
+    """One of the values that it was not being told."""
+    before = one.watched.moments[one.last]
+    others = [
+        (name, value)
+        for name, value in values_of(task).items()
+        if not (before.given and np.array_equal(before.instruction, value))
+    ]
+    return others[np.random.default_rng(one.seed).integers(len(others))]
 
 
 def balanced_episodes(
@@ -185,7 +215,7 @@ def stimuli_of(
     said: list[dict[str, SpokenFrames]] = []
     for one in chosen:
         steps = range(one.first, one.last + 1)
-        spoken = speaker.say([one.watched.moments[at] for at in steps])
+        spoken = speaker.say([one.watched.moments[at] for at in steps], one.told)
         said.append({**spoken, TRUE_FUTURE: speaker.really(real_changes(one, speaker.run.horizon_steps))})
         step()
     for each, placebo in zip(said, words_of_others([each[IBE] for each in said], random), strict=True):
@@ -216,6 +246,7 @@ def _stimulus(
         "later": _frames(one, scene, range(one.last + 1, one.end + 1)),
         "phrases": options,
         "explanations": {arm: words.as_json() for arm, words in said.items()},
+        **({"told": one.told} if one.told else {}),
         "truth": {"at": round(ends_at(one, scene), _DIGITS), "choice": options.index(said[TRUE_FUTURE].phrases[-1])},
         "observers": expectations(asked, said, speaker, observer, scene, options),
         **about_episode(one.seed, one.watched.episode),
@@ -234,7 +265,8 @@ def phrases_in_order(speaker: Speaker, said: Sequence[dict[str, SpokenFrames]]) 
     order: dict[str, float] = {}
     for mapping in known:
         phrases = phrases_of(mapping.expressions, run.task.phrases).tolist()
-        for phrase, expression in zip(phrases, mapping.expressions[:, 0].tolist(), strict=True):
+        values = expected_motion(mapping, mapping.expressions, run.task.explained)[:, 0].tolist()
+        for phrase, expression in zip(phrases, values, strict=True):
             order.setdefault(phrase, expression)
     for each in said:
         for words in each.values():

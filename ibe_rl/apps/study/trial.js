@@ -2,7 +2,9 @@
 // A trial: recordings play, a question is answered, and what really happened may be shown.
 
 const FEEDBACK = `study/feedback${location.pathname}${location.search}`; // of this tab and person
-const ASKS = { landing: "ask_landing", next_words: "ask_next_words", which_agent: "ask_which_agent" };
+const ASKS = { landing: "ask_landing", next_words: "ask_next_words", what_if: "ask_what_if", which_agent: "ask_which_agent" };
+
+const asks = (task, [{ told }]) => say(ASKS[task]).replace("{told}", told);
 
 function staged(recordings) {
   // One recording, or two side by side with their names.
@@ -29,14 +31,16 @@ function exampleOf(recordings) {
     await playAll(shown);
     play.disabled = false;
   };
-  return make("section", { className: "example" }, make("p", { className: "badge" }, say("example")), stage, inRow(play));
+  const told = recordings[0].told ? make("p", { className: "asked" }, asks("what_if", recordings)) : null;
+  return make("section", { className: "example" }, make("p", { className: "badge" }, say("example")), told, stage, inRow(play));
 }
 
 async function trial(now) {
   const { shown, stage } = staged(now.recordings);
   const play = makeButton("play", say("play"));
   const below = make("div", { id: "below" }, make("p", { className: "hint" }, say("watch")), inRow(play));
-  show(make("h1", { className: "unseen" }, say(ASKS[now.task])), badgeOf(now), stage, below);
+  const foretold = now.task === "what_if"; // what it is told has to be known before the words of the clip are read
+  show(make("h1", { className: foretold ? "asked" : "unseen" }, asks(now.task, now.recordings)), badgeOf(now), stage, below);
   const phase = (name) => (document.body.dataset.phase = name);
   phase("ready");
   play.focus({ preventScroll: true });
@@ -100,7 +104,7 @@ function askAbout(now, recording, below) {
   if (landing) {
     recording.askPlace(say("ask_landing"), take("at"));
     parts.push(make("p", { className: "asked" }, say("ask_landing")), make("p", { className: "hint" }, say("how_landing")));
-  } else parts.push(questionOf({ ...now.questions[0], text: say(ASKS[now.task]) }, 0, now.kind, take("choice")));
+  } else parts.push(questionOf({ ...now.questions[0], text: asks(now.task, now.recordings) }, 0, now.kind, take("choice")));
   if (now.confidence) {
     value.confidence = null;
     const percent = slider({ id: "confidence", max: 100 }, say("confidence_low"), say("confidence_high"), (given) => `${given} %`, take("confidence"));

@@ -21,7 +21,7 @@ WORD_KEYS = (
     *("heading_demographics", "heading_comprehension", "heading_attention", "heading_scale", "heading_comment"),
     *("comprehension_again", "example", "comment"),
     # trials: what is asked, how to answer, what kind of trial it is, and what really happened
-    *("ask_landing", "how_landing", "ask_next_words", "ask_which_agent", "first", "second"),
+    *("ask_landing", "how_landing", "ask_next_words", "ask_what_if", "ask_which_agent", "first", "second"),
     *("confidence", "confidence_low", "confidence_high", "practice", "transfer"),
     *("happened", "your_answer", "true_answer"),
     # the end

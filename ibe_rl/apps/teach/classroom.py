@@ -3,114 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, MutableSequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 
 from ibe_rl.agents import Agent, make_agent
-from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.lesson import Lesson, Stage
-from ibe_rl.apps.teach.link import Address, GameEnd, TrainerEnd
-from ibe_rl.apps.teach.live_explainer import LiveExplainer, weights_of
-from ibe_rl.apps.teach.server import Server
-from ibe_rl.apps.teach.session import TeachingSession
+from ibe_rl.apps.teach.lesson_plan import BYE, SEATED, WORDS_NAMED, LessonPlan
+from ibe_rl.apps.teach.link import TrainerEnd
+from ibe_rl.apps.teach.live_explainer import weights_of
+from ibe_rl.apps.teach.understanding import lateness_message, lesson_summary, not_yet, understanding_line, vocabulary
 from ibe_rl.collect.collector import OpenLesson
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_snapshot_env
+from ibe_rl.envs.worded import has_rule
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.ibe.mapping import ClusterMapping
-from ibe_rl.ibe.meaning import sayable
-from ibe_rl.ibe.meaning_lines import meaning_lines
-from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.instructors.human import HumanConfig
-from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, asked_port, free_port
+from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
-from ibe_rl.types import CANNOT_TELL, ConfigError
-from ibe_rl.view.palette import of_clusters
+from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.listener import Listener, Refreshed
+from ibe_rl.vocabulary.words import save_words, words_of
+from ibe_rl.words import Words
 
 PORT = 8765
-STEPS_PER_SECOND = 50.0
-"""Used where an environment does not declare its speed (gymnasium's ``render_fps``)."""
 FAREWELL_S = 3.0
-Games = MutableSequence[gymnasium.Env[Any, Any]]
-
-
-@dataclass(frozen=True)
-class LessonPlan:
-    """Picklable factory of the lesson, called in the process that steps the environments.
-
-    Attributes:
-        host: address that the page is served on.
-        port: port that the page is served on.
-        hold_steps: see ``HumanConfig``.
-        speed: see ``HumanConfig``.
-        address: where the trainer listens.
-        make_agent: makes an agent whose ``greedy`` takes the trainer's weights.
-        make_predictor: makes a predictor with environments of its own.
-        record: the file of all instructions.
-        about: what a page needs to know from the beginning.
-    """
-
-    host: str
-    port: int
-    hold_steps: int | None
-    speed: float | None
-    address: Address
-    make_agent: Callable[[], Agent]
-    make_predictor: Callable[[], Any]
-    record: Path
-    about: Mapping[str, Any]
-
-    def __call__(self, games: Games) -> Lesson:
-        """Make the first of the ``games`` the one that is taught, and serve its page."""
-        games[0] = stage = Stage(games[0])
-        values = task_of(stage).instruction_values
-        desk = TeachingSession(values, self.hold_steps, self.speed)
-        server = Server(desk, self.host, self.port)
-        clock = Clock(desk, float(stage.metadata.get("render_fps") or STEPS_PER_SECOND))
-        speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor())
-        lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
-        server.post("about", {**self.about, "values": list(values)})
-        self._listen(lesson, server, speaker, clock)
-        return lesson
-
-    def _listen(self, lesson: Lesson, server: Server, speaker: LiveExplainer, clock: Clock) -> None:
-        """Forward the trainer's messages to the pages."""
-
-        def farewell(text: str) -> None:
-            lesson.finish()
-            server.post("farewell", {"text": text})
-            server.close()
-            trainer.say(BYE)
-
-        def lost() -> None:
-            clock.hurry()
-            lesson.finish()
-            server.post("farewell", {"text": "The training process has ended."})
-            server.close()
-
-        hear: dict[str, Callable[[Any], None]] = {
-            "policy": speaker.learn,
-            "explainer": speaker.speak_with,
-            "vocabulary": lambda fields: server.post("vocabulary", fields),
-            "figures": lambda fields: server.post("figures", fields),
-            "hurry": lambda _: clock.hurry(),
-            "farewell": farewell,
-        }
-        trainer = GameEnd(self.address, hear, lost)
-
-
-BYE = "bye"
 
 
 class Classroom(Listener):
@@ -136,7 +60,11 @@ class Classroom(Listener):
         make_predictor: Callable[[], Any],
         about: Mapping[str, Any],
     ):
-        self._task, self._link = task, TrainerEnd()
+        self._config, self._task, self._folder = config, task, record.parent
+        self._link = TrainerEnd({WORDS_NAMED: self._name_words})
+        self._log: TrajectoryLog | None = None
+        self._learnt: Refreshed | None = None
+        self._first_refresh_episodes = 0
         self._curve: list[tuple[float, float]] = []
         self.open_lesson: OpenLesson = LessonPlan(
             host=config.host,
@@ -152,7 +80,27 @@ class Classroom(Listener):
 
     def begin(self, run: Any) -> None:
         """See ``Listener``."""
-        self._policy = run.agent.greedy
+        named, self._task = self._task.words, run.task
+        self._policy, self._log, self._first_refresh_episodes = (
+            run.agent.greedy,
+            run.log,
+            run.cfg.first_refresh_episodes,
+        )
+        if named is not None and self._task.words is not None:
+            self._task.words.become(words_of(self._folder, len(named)) or named)
+            save_words(self._folder, self._task.words)
+
+    def _name_words(self, words: Any) -> None:
+        """Take over the words as the person has named them; later ones were added now. Runs in the link's thread."""
+        own = self._task.words
+        assert own is not None
+        new = Words.from_dicts(words, len(own)).entries
+        frame = self._log.frames if self._log else 0
+        later = [replace(one, added_at_frame=frame) for one in new[len(own.names) :]]
+        own.become(Words([*new[: len(own.names)], *later], len(own)))
+        save_words(self._folder, own)
+        if self._learnt is not None:
+            self._tell_vocabulary(self._learnt)
 
     def batch(self, frames: int, row: Mapping[str, float]) -> None:
         """Send the new weights and the training metrics."""
@@ -162,11 +110,41 @@ class Classroom(Listener):
             self._curve.append((known["frames"], known["train/success_rate"]))
         figures = {name.partition("/")[2] or name: value for name, value in known.items()}
         self._link.tell("figures", {**figures, "curve": self._curve[:: 1 + len(self._curve) // 200]})
+        if self._learnt is None and self._log is not None:
+            self._link.tell("understood", not_yet(self._log.episodes_ended, self._first_refresh_episodes))
 
     def refreshed(self, event: Refreshed) -> None:
         """Send a new vocabulary."""
         self._link.tell("explainer", event.explainer)
-        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task))
+        self._learnt = event
+        self._tell_vocabulary(event)
+
+    def _tell_vocabulary(self, event: Refreshed) -> None:
+        """Send what has been learnt, in the words as they are called now."""
+        late = lateness_message(event.refresh.delays)
+        self._link.tell("vocabulary", vocabulary(event.frames, event.explainer, self._task) | {"delay": late})
+        self._link.tell("understood", understanding_line(event.refresh, self._task))
+
+    def skipped(self, frames: int, reason: str) -> None:
+        """Say why there is no new vocabulary."""
+        self._link.tell("understood", f"I cannot learn your words now: {reason}.")
+
+    def wait_for_teacher(self, stop: Callable[[], bool], say: Callable[[str], None]) -> None:
+        """Return when the first page is open, time is up, or ``stop`` says so."""
+        if not self._config.wait_for_teacher:
+            return
+        limit_s = math.inf if self._config.wait_at_most_s is None else self._config.wait_at_most_s
+        until, polling_s = time.monotonic() + limit_s, 0.2
+        at_most = "" if math.isinf(limit_s) else f"{limit_s:g} s at most; "
+        if self._link.wait_for(SEATED, min(polling_s, limit_s)):
+            return
+        say(f"training waits for its teacher to open the page ({at_most}instructor.wait_for_teacher=false: not at all)")
+        while not stop() and time.monotonic() < until:
+            if self._link.wait_for(SEATED, polling_s):
+                say("the teacher is there, training begins")
+                return
+        if not stop():
+            say(f"nobody has come in {limit_s:g} s: training begins without a teacher, who may still come")
 
     def hurry(self) -> None:
         """Never pace the environment again."""
@@ -174,7 +152,9 @@ class Classroom(Listener):
 
     def farewell(self) -> None:
         """Tell the pages that training is over; returns when they know, or after a moment."""
-        self._link.tell("farewell", "Training has ended.")
+        learnt = self._learnt.refresh if self._learnt else None
+        summary = lesson_summary(self._log, self._task, learnt) if self._log is not None else None
+        self._link.tell("farewell", {"text": "Training has ended.", "summary": summary})
         self._link.wait_for(BYE, FAREWELL_S)
 
     def close(self) -> None:
@@ -203,6 +183,7 @@ def open_classroom(
         "hold_steps": cfg.instructor.hold_steps,
         "others": cfg.collect.envs_per_process - 1,
         "others_instructed_by": cfg.instructor.others,
+        "oracle": has_rule(task),
         "live_view": live_view,
     }
     print(page_invitation(cfg.instructor.host, port, moved=cfg.instructor.port is None and port != PORT))  # noqa: T201 - talks to a person
@@ -235,26 +216,6 @@ def page_invitation(host: str, port: int, moved: bool = False) -> str:
     if host not in (HOST, "localhost", "::1"):
         lines.append(f"  warning: instructor.host={host}: whoever can reach this port can instruct")
     return "\n".join(lines)
-
-
-def vocabulary(frame: int, explainer: ExplainerState, task: Task) -> dict[str, Any]:
-    """The vocabulary as a page displays it."""
-    mapping = explainer.mapping
-    assert isinstance(mapping, ClusterMapping)
-    known = sayable(mapping.expressions, mapping.meanings)
-    columns = (
-        mapping.ids.tolist(),
-        mapping.expressions[:, 0].tolist(),
-        mapping.mean_instructions[:, 0].tolist(),
-        np.where(known, phrases_of(mapping.expressions, task.phrases), CANNOT_TELL).tolist(),
-        (mapping.sizes / mapping.sizes.sum()).tolist(),
-        of_clusters(mapping.ids).tolist(),
-        known.tolist(),
-    )
-    names = ("id", "expression", "mean_instruction", "phrase", "share", "colour", "known")
-    clusters = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-    meaning = meaning_lines(mapping.meanings, task)
-    return {"frame": frame, "horizon_steps": explainer.horizon_steps, "clusters": clusters, "meaning": meaning}
 
 
 def choose_port(config: HumanConfig) -> int:

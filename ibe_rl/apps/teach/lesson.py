@@ -11,13 +11,15 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.apps.teach.clock import Clock
-from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields
+from ibe_rl.apps.teach.live_explainer import LiveExplainer, explanation_fields, what_if_fields
+from ibe_rl.apps.teach.outcomes import Outcomes
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import NOBODY, ORACLE, Said, TeachingSession
 from ibe_rl.envs.snapshots import stoppable
 from ibe_rl.envs.wrappers import drawn, task_of
 from ibe_rl.instructors.recorded import LessonWriter, RecordedEpisode
-from ibe_rl.task import PERCEPT
+from ibe_rl.instructors.taught import NOT_TAUGHT, Told, told_of
+from ibe_rl.task import PERCEPT, Task
 from ibe_rl.types import Array, Explanation, Moment
 
 FRAME_S = 0.004
@@ -85,6 +87,7 @@ class Lesson:
         self._clock, self._record, self._task = clock, record, task_of(stage)
         self._episode, self._shown_at = -1, 0.0
         self._said: list[tuple[Array, Said]] = []
+        self.outcomes = Outcomes(self._task)
         self._writing, self._finished = threading.Lock(), False
 
     def reset(self, rows: Array) -> None:
@@ -96,7 +99,9 @@ class Lesson:
         self._desk.begin(self._episode)
         if self._stage.ended is not None:
             self._server.post("ended", {"episode": self._episode - 1, **self._stage.ended})
-        self._server.post("scene", scene(self._stage, self._episode))
+        shown = scene(self._stage, self._episode)
+        self.outcomes.begin(shown)
+        self._server.post("scene", shown)
 
     def instruct(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """See ``ibe_rl.types.Instructor``; returns when the step is due."""
@@ -108,6 +113,15 @@ class Lesson:
                 self._said.append((self._number(said, states[:1]), said))
         instruction, given = self._last()
         return instruction[None], np.array([[given]], np.float32)
+
+    @property
+    def told(self) -> Told:
+        """See ``ibe_rl.instructors.mixed.Teacher``."""
+        if not self._said:
+            return NOT_TAUGHT
+        said = self._said[-1][1]
+        mark = (0, 0) if said.wrong is None else (self._episode - said.wrong.episode + 1, said.wrong.step)
+        return told_of(said.by, mark)
 
     def keep(self) -> None:
         """Write the episode so far, and begin the next record."""
@@ -130,22 +144,34 @@ class Lesson:
                 RecordedEpisode(
                     self._episode,
                     instructions=[value.tolist() for value, _ in self._said],
-                    given=[int(said.by != NOBODY) for _, said in self._said],
+                    given=[int(self._given(value, said)) for value, said in self._said],
                     by=[said.by for _, said in self._said],
                     heard=[said.heard for _, said in self._said],
+                    words=[] if self._task.words is None else [told(value, self._task)[1] for value, _ in self._said],
+                    marks=[
+                        [step, said.wrong.episode, said.wrong.step]
+                        for step, (_, said) in enumerate(self._said)
+                        if said.wrong
+                    ],
                 )
             )
 
     def _number(self, said: Said, states: Array) -> Array:
         if said.by == ORACLE:
             return np.asarray(self._task.rule(states)[0], np.float32)
+        if self._task.words is not None and said.value is not None:
+            return self._task.words.one_hot(int(said.value))
         return np.full(self._task.instruction_size, said.value or 0.0, np.float32)
 
     def _last(self) -> tuple[Array, float]:
         if not self._said:
             return np.zeros(self._task.instruction_size, np.float32), 0.0
         value, said = self._said[-1]
-        return value, float(said.by != NOBODY)
+        return value, float(self._given(value, said))
+
+    def _given(self, value: Array, said: Said) -> bool:
+        """Whether anything was said; a rule in words may be silent."""
+        return said.by != NOBODY and (self._task.words is None or bool(value.any()))
 
     def _show(self, state: Array) -> None:
         """Post the current frame: the scene, the instruction of the previous step, the explanation."""
@@ -153,16 +179,21 @@ class Lesson:
         if now - self._shown_at < FRAME_S and self._said:
             return
         self._shown_at = now
-        self._server.post("frame", self._frame(state))
+        frame = self._frame(state)
+        self._server.post("frame", frame)
+        if outcome := self.outcomes.step(len(self._said), state, frame["shapes"]):
+            self._server.post("outcome", outcome)
         if self._speaker.due():
             instruction, given = self._last()
-            moment = Moment(state, instruction, bool(given), self._snapshot(), self._stage.percept)
-            self._speaker.ask(moment, partial(self._explained, self._episode))
+            moment = Moment(state.copy(), instruction, bool(given), self._snapshot(), self._stage.percept)
+            self._speaker.ask(moment, partial(self._explained, self._episode, len(self._said), moment.state))
 
-    def _explained(self, episode: int, said: Explanation) -> None:
+    def _explained(self, episode: int, step: int, state: Array, said: Explanation) -> None:
         """Post an explanation; runs in the explainer's thread."""
-        path = None if self._task.scene_path is None else self._task.scene_path(said.path)
-        self._server.post("explanation", {"episode": episode, **explanation_fields(said, path)})
+        fields = {**explanation_fields(said, self._task), **what_if_fields(said, self._task.scene_path)}
+        self._server.post("explanation", {"episode": episode, "step": step, **fields})
+        if self._speaker.explainer is not None:
+            self.outcomes.hear(episode, step, state, said, self._speaker.explainer)
 
     def _snapshot(self) -> Any:
         game = stoppable(self._stage.env)
@@ -171,16 +202,26 @@ class Lesson:
     def _frame(self, state: Array) -> dict[str, Any]:
         value, said = self._said[-1] if self._said else (None, Said(None, NOBODY, 0))
         at = None if self._task.scene_path is None else self._task.scene_path(state).round(2).tolist()
+        instruction, word = (None, None) if said.by == NOBODY or value is None else told(value, self._task)
         return {
             "episode": self._episode,
             "step": len(self._said),
             "shapes": outlines(self._stage, "figure"),
             "at": at,
-            "instruction": None if said.by == NOBODY or value is None else float(value[0]),
+            "instruction": instruction,
+            "word": word,
             "by": said.by,
             "heard": said.heard,
             "return": round(self._stage.total_reward, 1),
         }
+
+
+def told(instruction: Array, task: Task) -> tuple[float | None, str | None]:
+    """An instruction ``(d,)`` as a page shows it: a number, or a slot and its word; None for no word."""
+    if task.words is None:
+        return float(instruction[0]), None
+    slot = int(np.argmax(instruction))
+    return (float(slot), task.words.name_at(slot)) if instruction[slot] else (None, None)
 
 
 def scene(stage: Stage, episode: int) -> dict[str, Any]:

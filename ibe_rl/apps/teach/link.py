@@ -21,9 +21,14 @@ class Address:
 
 
 class TrainerEnd:
-    """The trainer's end: sends messages once the other side has connected, and receives its lines."""
+    """The trainer's end: sends messages once the other side has connected, and receives its lines.
 
-    def __init__(self) -> None:
+    Args:
+        hear: called by kind with what the other side says beside lines, in a thread.
+    """
+
+    def __init__(self, hear: Mapping[str, Callable[[Any], None]] | None = None) -> None:
+        self._hear = hear or {}
         key = os.urandom(32)
         self._listener = Listener(authkey=key)
         self.address = Address(str(self._listener.address), key)
@@ -84,6 +89,9 @@ class TrainerEnd:
         try:
             while True:
                 line = connection.recv()
+                if isinstance(line, tuple):
+                    self._hear[line[0]](line[1])
+                    continue
                 with self._ready:
                     self._said.append(str(line))
                     self._ready.notify_all()
@@ -104,8 +112,8 @@ class GameEnd:
         self._connection, self._hear, self._lost = Client(address.path, authkey=address.key), hear, lost
         threading.Thread(target=self._receive, name="link", daemon=True).start()
 
-    def say(self, line: str) -> None:
-        """Send the trainer a line."""
+    def say(self, line: str | tuple[str, Any]) -> None:
+        """Send the trainer a line, or a kind and its value."""
         try:
             self._connection.send(line)
         except OSError:  # the trainer has gone

@@ -11,6 +11,7 @@ MAX_BYTES = 512
 """Longer messages are refused."""
 MAX_COUNT = 2**53
 """The largest number that a page can count to."""
+LONGEST_TEXT = 200
 SPEEDS = (0.05, 1_000.0)
 
 
@@ -20,11 +21,11 @@ class BadMessageError(ValueError):
 
 @dataclass(frozen=True)
 class Press:
-    """The person instructs ``value`` until released, in the episode that they see."""
+    """The person instructs ``value``, a number or a word, until released, in the episode that they see."""
 
     sequence: int
     episode: int
-    value: float
+    value: float | str
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,23 @@ class Sit:
     """A watching page asks to instruct; granted if no other page does."""
 
 
-Message = Press | Release | Pause | Speed | HandOver | Sit
+@dataclass(frozen=True)
+class Wrong:
+    """The person calls an explanation wrong: the one made at this step of this episode."""
+
+    episode: int
+    step: int
+
+
+@dataclass(frozen=True)
+class Name:
+    """The person renames the word of a slot, or adds one in the first free slot."""
+
+    slot: int
+    word: str
+
+
+Message = Press | Release | Pause | Speed | HandOver | Sit | Wrong | Name
 
 
 def parse(text: str | bytes) -> Message:
@@ -105,8 +122,14 @@ def _number(name: str, value: Any, low: float, high: float) -> float:
     return float(value)
 
 
-def _value(name: str, value: Any) -> float:
-    return _number(name, value, -1.0, 1.0)
+def _text(name: str, value: Any) -> str:
+    if type(value) is not str or len(value) > LONGEST_TEXT:
+        raise BadMessageError(f"{name} is not a text of at most {LONGEST_TEXT} characters")
+    return value
+
+
+def _value(name: str, value: Any) -> float | str:
+    return _text(name, value) if type(value) is str else _number(name, value, -1.0, 1.0)
 
 
 def _times(name: str, value: Any) -> float | None:
@@ -120,4 +143,6 @@ KINDS: dict[str, tuple[Callable[..., Message], dict[str, Callable[[str, Any], An
     "speed": (Speed, {"times": _times}),
     "oracle": (HandOver, {"on": _flag}),
     "sit": (Sit, {}),
+    "wrong": (Wrong, {"episode": _count, "step": _count}),
+    "name": (Name, {"slot": _count, "word": _text}),
 }

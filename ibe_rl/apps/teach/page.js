@@ -1,7 +1,10 @@
 "use strict";
 // The page of the lesson. What the server says is kept in `now`, and drawn at the next frame of the screen.
 
-const now = { about: null, scene: null, frame: null, explanation: null, vocabulary: null, figures: null, seat: null, controls: null };
+const now = {
+  about: null, words: null, scene: null, frame: null, explanation: null, otherwise: null, outcome: null, understood: null,
+  vocabulary: null, figures: null, seat: null, controls: null, summary: null,
+};
 // What a test of the page looks at: what was sent, and how much came and was drawn.
 const lesson = { now, sent: [], received: 0, drawn: 0, rate: 0, connected: false, waits: [] };
 window.lesson = lesson;
@@ -81,7 +84,7 @@ const say = {
       say.saying = value;
       say.episode = episode;
     }
-    for (const button of at("values").children) button.classList.toggle("on", Number(button.dataset.value) === value);
+    for (const button of at("values").children) button.classList.toggle("on", value !== null && button.dataset.value === String(value));
   },
   again() {
     say.saying = null;
@@ -92,49 +95,42 @@ const say = {
 const ARROWS = { ArrowLeft: "first", ArrowRight: "last", ArrowDown: "middle" };
 
 function valueOf(place) {
-  const values = now.about ? now.about.values : [];
+  const values = choices();
   if (!values.length) return null;
   if (place === "first") return values[0];
   if (place === "last") return values[values.length - 1];
   return values.length % 2 ? values[(values.length - 1) / 2] : null;
 }
 
+// Arrows say the first, the middle and the last of what can be said, digits each of them.
+function valueOfKey(key) {
+  if (key in ARROWS) return valueOf(ARROWS[key]);
+  const value = /^[1-9]$/.test(key) ? choices()[Number(key) - 1] : undefined;
+  return value === undefined ? null : value;
+}
+
 addEventListener("keydown", (event) => {
+  if (event.target instanceof HTMLInputElement) return;
   if (event.key === " " && !(event.target instanceof HTMLButtonElement) && !(event.target instanceof HTMLSelectElement)) {
     event.preventDefault();
     at("pause").click();
   }
-  if (!(event.key in ARROWS) || event.target instanceof HTMLSelectElement) return;
-  event.preventDefault();
-  const value = valueOf(ARROWS[event.key]);
+  if (event.target instanceof HTMLSelectElement || event.ctrlKey || event.metaKey || event.altKey) return;
+  const value = valueOfKey(event.key);
+  if (event.key in ARROWS || value !== null) event.preventDefault();
   if (value !== null && !event.repeat) say.press(event.key, value);
 });
-addEventListener("keyup", (event) => event.key in ARROWS && say.release(event.key));
+addEventListener("keyup", (event) => say.release(event.key));
 addEventListener("blur", () => say.releaseAll());
 document.addEventListener("visibilitychange", () => document.hidden && say.releaseAll());
 for (const end of ["pointerup", "pointercancel"]) addEventListener(end, (event) => say.release(`pointer ${event.pointerId}`));
 
 at("stage").addEventListener("pointerdown", (event) => {
   const box = at("stage").getBoundingClientRect();
-  const place = ["first", "middle", "last"][Math.min(2, Math.floor((3 * (event.clientX - box.left)) / box.width))];
-  const value = valueOf(place);
-  if (value !== null) say.press(`pointer ${event.pointerId}`, value);
+  const values = choices();
+  const value = values[Math.min(values.length - 1, Math.floor((values.length * (event.clientX - box.left)) / box.width))];
+  if (value !== undefined) say.press(`pointer ${event.pointerId}`, value);
 });
-
-function makeButtons(values) {
-  const arrows = { [values[0]]: "←", [values[values.length - 1]]: "→", [valueOf("middle")]: "↓" };
-  at("values").replaceChildren(...values.map((value) => {
-    const button = document.createElement("button");
-    button.dataset.value = value;
-    button.append(arrows[value] || "·", Object.assign(document.createElement("small"), { textContent: signed(value) }));
-    button.addEventListener("pointerdown", (event) => {
-      event.preventDefault();
-      say.press(`pointer ${event.pointerId}`, value);
-    });
-    button.addEventListener("contextmenu", (event) => event.preventDefault());
-    return button;
-  }));
-}
 
 // ---- the controls
 
@@ -148,7 +144,9 @@ at("speed").onchange = () => {
 
 function enable() {
   const instructs = Boolean(now.seat && now.seat.instructs);
-  for (const part of [at("pause"), at("speed"), at("oracle"), ...at("values").children]) part.disabled = !instructs;
+  const fields = [at("typed"), ...at("names").children];
+  for (const part of [at("pause"), at("speed"), at("oracle"), ...at("values").children, ...fields]) part.disabled = !instructs;
+  if (now.about && now.about.oracle === false) at("oracle").disabled = true;
 }
 
 // ---- what the server says
@@ -163,17 +161,17 @@ const hear = {
     now.about = message;
     at("name").textContent = `Teach the agent: ${message.name}`;
     at("run").textContent = message.run;
-    makeButtons(message.values);
+    makeButtons();
     enable();
     if (message.live_view) Object.assign(at("live-view"), { href: message.live_view, hidden: false });
     const hold = message.hold_steps === null ? "an instruction holds until the episode ends"
       : message.hold_steps > 0 ? `an instruction holds for ${message.hold_steps} steps` : "without it no instruction is given";
     const others = message.others ? ` The ${message.others} other environments are instructed by ${{ oracle: "the oracle", silent: "no one", habits: "a model of your habits" }[message.others_instructed_by]}.` : "";
-    at("how").textContent = `Hold an arrow key, a button, or the left, middle or right of the picture; ${hold}.${others} You decide what the numbers mean; the agent has to find out.`;
+    at("how").textContent = `Hold an arrow key, a digit, a button, or a part of the picture; ${hold}.${others} You decide what it means; the agent has to find out.`;
   },
   scene(message) {
     now.scene = message;
-    now.explanation = null;
+    now.explanation = now.otherwise = null;
     trail = [];
     say.now();
   },
@@ -190,7 +188,12 @@ const hear = {
     }
     if (message.at && message.episode === (now.scene && now.scene.episode)) trail.push(message.at);
   },
-  explanation(message) { now.explanation = message; },
+  explanation(message) {
+    now.explanation = message;
+    if (!message.what_if || !message.what_if.length) return;
+    now.otherwise = { ...message, at: performance.now() };
+    at("whatever").textContent = message.whatever ? `whatever you say now: ${message.whatever}` : "";
+  },
   vocabulary(message) {
     now.vocabulary = message;
     at("meaning").textContent = message.meaning.join("; ");
@@ -201,7 +204,7 @@ const hear = {
       dot.style.background = `rgb(${cluster.colour.join(" ")})`;
       const part = (text) => Object.assign(document.createElement("span"), { textContent: text });
       const phrase = Object.assign(document.createElement("div"), { textContent: cluster.phrase });
-      const number = cluster.known ? signed(Number(cluster.expression.toFixed(2))) : "-";
+      const number = !cluster.known ? "-" : now.words ? percent(cluster.expression) : signed(Number(cluster.expression.toFixed(2)));
       line.append(dot, part(number), phrase, part(percent(cluster.share)));
       line.dataset.phrase = cluster.phrase;
       return line;

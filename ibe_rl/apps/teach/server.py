@@ -24,7 +24,7 @@ from typing import Any
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-from ibe_rl.apps.teach.messages import MAX_BYTES, BadMessageError, HandOver, Pause, Sit, Speed, parse
+from ibe_rl.apps.teach.messages import MAX_BYTES, BadMessageError, HandOver, Name, Pause, Sit, Speed, parse
 from ibe_rl.apps.teach.session import ACCEPTED, TeachingSession
 
 LESSON_PATH = "/lesson"
@@ -32,6 +32,9 @@ PAGES = {
     "/": ("page.html", "text/html"),
     "/page.js": ("page.js", "text/javascript"),
     "/drawing.js": ("drawing.js", "text/javascript"),
+    "/shapes.js": ("shapes.js", "text/javascript"),
+    "/words.js": ("words.js", "text/javascript"),
+    "/summary.js": ("summary.js", "text/javascript"),
     "/page.css": ("page.css", "text/css"),
 }
 SECURITY = {
@@ -64,12 +67,16 @@ class Server:
         host: to bind.
         port: to bind.
 
+    Attributes:
+        renamed: called when a page has renamed a word or added one.
+
     Raises:
         OSError: if the port cannot be bound.
     """
 
     def __init__(self, desk: TeachingSession, host: str, port: int):
         self._desk, self._host, self._port = desk, host, port
+        self.renamed: Callable[[], None] = lambda: None
         self._waiting: dict[int, dict[str, str]] = {}
         self._news: dict[int, asyncio.Event] = {}
         self._newest: dict[str, str] = {}
@@ -197,6 +204,8 @@ class Server:
             self._seats()
         elif isinstance(message, Pause | Speed | HandOver):
             self._controls()
+        elif isinstance(message, Name):
+            self._words()
 
     async def _send(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
         """Send a page its pending messages, until the server ends."""
@@ -224,6 +233,13 @@ class Server:
         chair, pages = self._desk.chair, len(self._waiting)
         for page in self._waiting:
             self._put(page, "seat", {"instructs": page == chair, "free": chair is None, "pages": pages})
+
+    def _words(self) -> None:
+        """Tell every page, and whoever else has to know, what the words are called."""
+        assert self._desk.words is not None  # a page has named one of them
+        words = list(self._desk.words.names)
+        self._spread("words", json.dumps({"kind": "words", "words": words, "most": len(self._desk.words)}))
+        self.renamed()
 
     def _controls(self) -> None:
         self._spread("controls", json.dumps({"kind": "controls", **asdict(self._desk.controls)}))

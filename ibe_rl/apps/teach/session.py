@@ -6,10 +6,12 @@ It knows no network and no clock. The server's thread puts messages in; the envi
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
-from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed
+from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
+from ibe_rl.instructors.taught import MARKED_BEFORE
+from ibe_rl.words import WordError, Words
 
 ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN_VALUE = "accepted", "watching", "repeated", "past", "unknown value"
 """The result of a message; all but the first change nothing."""
@@ -22,14 +24,16 @@ class Said:
     """The instruction at one step.
 
     Attributes:
-        value: the instruction, None if there is none or the rule is asked.
+        value: the instruction, of words the slot; None if there is none or the rule is asked.
         by: one of ``PERSON``, ``HELD``, ``ORACLE``, ``NOBODY``.
         heard: number of the newest press or release that it includes, 0 before the first.
+        wrong: an explanation that the person has called wrong since the last step.
     """
 
     value: float | None
     by: str
     heard: int
+    wrong: Wrong | None = None
 
 
 @dataclass(frozen=True)
@@ -49,17 +53,20 @@ class TeachingSession:
     each step until its release, and to at least one step. Of two presses between two steps the later one applies.
 
     Args:
-        values: the possible instructions.
+        values: the possible instructions, where these are numbers.
         hold_steps: how long an instruction lasts after its release, within the episode; None until its end.
         speed: initial speed.
+        words: the possible instructions, where these are words; a page may rename them and add some.
 
     Attributes:
         changed: condition notified whenever the pace may have changed.
     """
 
-    def __init__(self, values: Sequence[float], hold_steps: int | None, speed: float | None):
+    def __init__(
+        self, values: Sequence[float], hold_steps: int | None, speed: float | None, words: Words | None = None
+    ):
         self.changed = threading.Condition()
-        self._values, self._hold_steps = tuple(values), hold_steps
+        self._values, self._hold_steps, self.words = tuple(values), hold_steps, words
         self._controls = Controls(paused=False, speed=speed, oracle=False)
         self._present: dict[int, int] = {}  # each page and the number of its newest press or release
         self._chair: int | None = None
@@ -68,6 +75,8 @@ class TeachingSession:
         self._down = self._taken = False
         self._last: float | None = None
         self._since_steps = 0
+        self._wrong: list[Wrong] = []
+        self._called: list[Callable[[], None]] = []
 
     @property
     def controls(self) -> Controls:
@@ -86,7 +95,19 @@ class TeachingSession:
         with self.changed:
             self._present[page] = 0
             if self._chair is None:
-                self._chair = page
+                self._take_chair(page)
+
+    def when_seated(self, call: Callable[[], None]) -> None:
+        """Call a short function once as soon as a page instructs, or now if one does."""
+        with self.changed:
+            self._called.append(call)
+            if self._chair is not None:
+                self._take_chair(self._chair)
+
+    def _take_chair(self, page: int) -> None:
+        self._chair = page
+        while self._called:
+            self._called.pop(0)()
 
     def leave(self, page: int) -> None:
         """A page has gone: its press is released, and its pause ends."""
@@ -106,6 +127,10 @@ class TeachingSession:
                 return WATCHING
             if isinstance(message, Press | Release):
                 return self._set_instruction(page, message)
+            if isinstance(message, Wrong):
+                return self._mark(message)
+            if isinstance(message, Name):
+                return self._name(message)
             self._control(message)
             return ACCEPTED
 
@@ -113,6 +138,7 @@ class TeachingSession:
         """Begin an episode, without an instruction."""
         with self.changed:
             self._episode = episode
+            self._wrong = [one for one in self._wrong if one.episode >= episode - MARKED_BEFORE]
             self._silence()
 
     def take(self) -> Said:
@@ -121,9 +147,8 @@ class TeachingSession:
             heard = 0 if self._chair is None else self._present[self._chair]
             pressed, self._taken = self._pressed, True
             self._pressed = pressed if self._down else None
-            if self._controls.oracle:
-                return Said(None, ORACLE, heard)
-            return self._said_now(pressed, heard)
+            said = Said(None, ORACLE, heard) if self._controls.oracle else self._said_now(pressed, heard)
+            return replace(said, wrong=self._wrong.pop(0)) if self._wrong else said
 
     def _said_now(self, pressed: float | None, heard: int) -> Said:
         if pressed is not None:
@@ -137,22 +162,48 @@ class TeachingSession:
     def _sit(self, page: int) -> str:
         if page not in self._present or self._chair not in (None, page):
             return WATCHING
-        self._chair = page
+        self._take_chair(page)
         return ACCEPTED
 
     def _set_instruction(self, page: int, message: Press | Release) -> str:
         if message.sequence <= self._present[page]:
             return REPEATED
-        if isinstance(message, Press) and message.value not in self._values:
+        value = self._value_of(message.value) if isinstance(message, Press) else None
+        if isinstance(message, Press) and value is None:
             return UNKNOWN_VALUE
         self._present[page] = message.sequence
         if message.episode != self._episode:
             return PAST
         if isinstance(message, Press):
-            self._pressed, self._down, self._taken = message.value, True, False
+            self._pressed, self._down, self._taken = value, True, False
         else:
             self._down = False
             self._pressed = None if self._taken else self._pressed
+        return ACCEPTED
+
+    def _value_of(self, said: float | str) -> float | None:
+        """The instruction of a press; None if it is not one of the possible ones."""
+        if self.words is not None:
+            return self.words.slot_of(said) if isinstance(said, str) else None
+        return said if not isinstance(said, str) and said in self._values else None
+
+    def _name(self, message: Name) -> str:
+        if self.words is None:
+            return "instructions are numbers here, and have no names"
+        try:
+            if message.slot < len(self.words.names):
+                self.words.rename(message.slot, message.word)
+            else:
+                self.words.add(message.word)
+        except WordError as error:
+            return str(error)
+        return ACCEPTED
+
+    def _mark(self, message: Wrong) -> str:
+        if not self._episode - MARKED_BEFORE <= message.episode <= self._episode:
+            return PAST
+        if message not in self._wrong:
+            self._wrong.append(message)
         return ACCEPTED
 
     def _control(self, message: Pause | Speed | HandOver) -> None:

@@ -73,7 +73,7 @@ def stimulus(number: int, task: str = "landing") -> dict[str, Any]:
     told["later"] = [[square(number + 2, 1.0)], [square(number + 3, 0.0)]]
     if task == "which_agent":
         return {**told, "frames": [], "explanations": {}, "sides": [recording(number), recording(number + 2)]}
-    return {**told, **recording(number)}
+    return {**told, **({"told": "to the left"} if task == "what_if" else {}), **recording(number)}
 
 
 def write_study(folder: Path, episodes: int = 3, **settings: Any) -> Path:

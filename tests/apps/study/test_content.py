@@ -36,23 +36,29 @@ def test_what_all_pages_need(tmp_path: Path) -> None:
     assert told["words"]["next"] == "next"
 
 
-@pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])
+@pytest.mark.parametrize("task", ["landing", "next_words", "what_if", "which_agent"])
 @pytest.mark.parametrize("arm", ["none", "ibe"])
 def test_a_trial_shows_its_arm_and_no_truth(tmp_path: Path, task: str, arm: str) -> None:
     study = opened(tmp_path, trials=trials(task=task))
     shown = content_of(study, Page("trial", "trial", arm, arm, 1))
     assert len(shown["recordings"]) == (2 if task == "which_agent" else 1)
     for one in shown["recordings"]:
-        assert one.keys() == {"size", "frame_ms", "background", "frames", "said"}
+        assert one.keys() - {"told"} == {"size", "frame_ms", "background", "frames", "said"}
+        assert one.get("told") == ("to the left" if task == "what_if" else None)
         assert one["said"] == (None if arm == "none" else {"expressions": [0.5, 1.0], "phrases": ["right", "right"]})
     text = json.dumps(shown)
     for secret in ("truth", "later", "observers", "seed", "context", "success", "straight" if arm == "ibe" else "left"):
-        assert f'"{secret}"' not in text or (task == "next_words" and secret in ("left", "straight"))
+        assert f'"{secret}"' not in text or (task in ("next_words", "what_if") and secret in ("left", "straight"))
 
 
 @pytest.mark.parametrize(
     ("task", "options"),
-    [("landing", []), ("next_words", [["left", "straight", "right"]]), ("which_agent", [["first", "second"]])],
+    [
+        ("landing", []),
+        ("next_words", [["left", "straight", "right"]]),
+        ("what_if", [["left", "straight", "right"]]),
+        ("which_agent", [["first", "second"]]),
+    ],
 )
 def test_the_options_of_a_trial(tmp_path: Path, task: str, options: list[list[str]]) -> None:
     shown = content_of(opened(tmp_path, trials=trials(task=task)), TRIAL)

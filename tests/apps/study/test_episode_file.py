@@ -14,7 +14,7 @@ from ibe_rl.types import ConfigError
 ARMS = ["paper", "ibe", "placebic", "true_future"]
 
 
-@pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])
+@pytest.mark.parametrize("task", ["landing", "next_words", "what_if", "which_agent"])
 def test_an_episode_is_read(task: str) -> None:
     one = read_episode(json.dumps(stimulus(1, task)), task, "1.json")
     assert len(sides_of(one, task)) == (2 if task == "which_agent" else 1)
@@ -40,6 +40,7 @@ SHORT = {"ibe": {"expressions": [0.5], "phrases": ["right"]}}
         ("landing", {key: one for key, one in LANDING.items() if key != "size"}, "it has no size"),
         ("landing", {**LANDING, "explanations": SHORT}, "explanations.ibe is not as long as frames"),
         ("next_words", {**WORDS, "phrases": ["left"]}, "it has no two phrases"),
+        ("what_if", WORDS, "it is told nothing"),
         ("next_words", {**WORDS, "truth": {"at": 0.5}}, "truth.choice=None is none of its options"),
         ("next_words", {**WORDS, "truth": {"choice": 3}}, "truth.choice=3 is none of its options"),
         ("which_agent", LANDING, "it has no two sides"),

@@ -103,7 +103,7 @@ def test_people_that_cannot_be_are_refused(wrong: dict[str, Any], says: str) -> 
 
 
 @pytest.mark.parametrize("confidence", [True, False])
-@pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])
+@pytest.mark.parametrize("task", ["landing", "next_words", "what_if", "which_agent"])
 def test_every_page_gets_an_answer_that_fits(tmp_path: Path, task: str, confidence: bool) -> None:
     trials = {"practice": 1, "each_arm": 2, "task": task, "confidence": confidence}
     study = open_study(write_study(tmp_path / "study", trials=trials))

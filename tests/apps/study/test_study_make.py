@@ -51,7 +51,7 @@ def test_texts_name_what_is_asked_of_people(made: Path) -> None:
     assert all(question.right is not None for question in study.questions["comprehension"])
 
 
-@pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])
+@pytest.mark.parametrize("task", ["landing", "next_words", "what_if", "which_agent"])
 def test_each_task_has_its_own_instructions(task: str, tmp_path: Path) -> None:
     settings = read_settings({"trials": {"task": task}}, "make")
     (tmp_path / "stimuli").mkdir()
@@ -82,7 +82,7 @@ def test_study_yaml_says_what_everything_means_and_reads_back() -> None:
     text = commented(settings)
     assert read_settings(yaml.safe_load(text), "there") == settings
     assert "# who answers questions of participants" in text
-    assert "  # one of landing, next_words, which_agent" in text
+    assert "  # one of landing, next_words, what_if, which_agent" in text
 
 
 def test_a_person_needs_a_quarter_of_an_hour_at_most(tmp_path: Path) -> None:

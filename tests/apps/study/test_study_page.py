@@ -126,7 +126,7 @@ def reload_and_come_back(visitor: Visitor, shown: str) -> None:
     assert visitor.after("") == shown
 
 
-@pytest.mark.parametrize("task", ["landing", "next_words", "which_agent"])
+@pytest.mark.parametrize("task", ["landing", "next_words", "what_if", "which_agent"])
 def test_by_touch_on_a_small_screen_with_a_lost_connection(browser: Browser, tmp_path: Path, task: str) -> None:
     trials = {**SHORT, "practice": 0, "task": task, "transfer": 1, "feedback": "always"}
     folder = write_study(tmp_path / "study", episodes=4, trials=trials, design="mixed")

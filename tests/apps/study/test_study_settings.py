@@ -41,7 +41,10 @@ def test_what_is_given_counts() -> None:
             "arms=.*allowed with design=mixed are none and one or more others",
         ),
         ({"design": "both"}, "design=both: allowed is one of between, within, mixed"),
-        ({"trials": {"task": "flying"}}, "trials.task=flying: allowed is one of landing, next_words, which_agent"),
+        (
+            {"trials": {"task": "flying"}},
+            "trials.task=flying: allowed is one of landing, next_words, what_if, which_agent",
+        ),
         (
             {"recruiter": "sona", "completion_codes": {"finished": "C1", "screened_out": "", "no_consent": ""}},
             "completion_codes.finished=C1: allowed with recruiter=sona is the address",

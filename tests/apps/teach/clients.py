@@ -18,6 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.runtime.ports import HOST, free_port
+from ibe_rl.words import Words
 
 VALUES = (-1.0, 0.0, 1.0)
 
@@ -25,8 +26,8 @@ VALUES = (-1.0, 0.0, 1.0)
 class Room:
     """A desk with the server before it."""
 
-    def __init__(self) -> None:
-        self.desk = TeachingSession(VALUES, hold_steps=0, speed=1.0)
+    def __init__(self, words: Words | None = None) -> None:
+        self.desk = TeachingSession(VALUES, hold_steps=0, speed=1.0, words=words)
         self.port = free_port(0, 0)
         self.server = Server(self.desk, HOST, self.port)
 
@@ -55,8 +56,8 @@ class Room:
 
 
 @contextmanager
-def open_room() -> Iterator[Room]:
-    room = Room()
+def open_room(words: Words | None = None) -> Iterator[Room]:
+    room = Room(words)
     try:
         yield room
     finally:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -13,19 +15,26 @@ from by_hand import plain
 
 from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
+from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.apps.teach.live_explainer import LiveExplainer
 from ibe_rl.apps.teach.messages import Message
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import Said, TeachingSession
+from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_gym
 from ibe_rl.explain.explainer import ExplainerState
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter
 from ibe_rl.predict.simulator import Simulator
+from ibe_rl.runtime.ports import free_port
+from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task import Task
+from ibe_rl.words import Words
 
 PAGE = 1
 HORIZON_STEPS = 5
@@ -60,8 +69,8 @@ class Script:
 class Watching(TeachingSession):
     """A desk that remembers what was taken from it."""
 
-    def __init__(self, hold_steps: int | None = 0):
-        super().__init__(LANDER_TASK.instruction_values, hold_steps, speed=1.0)
+    def __init__(self, hold_steps: int | None = 0, words: Words | None = None):
+        super().__init__(LANDER_TASK.instruction_values, hold_steps, speed=1.0, words=words)
         self.taken: list[Said] = []
 
     def take(self) -> Said:
@@ -72,10 +81,20 @@ class Watching(TeachingSession):
 class Theatre:
     """A lesson on the lander, with a page that instructs."""
 
-    def __init__(self, folder: Path, hold_steps: int | None = 0, seed: int = 3, speaker: LiveExplainer | None = None):
-        self.record, self.pages, self.desk = folder / "lesson.jsonl", Pages(), Watching(hold_steps)
+    def __init__(
+        self,
+        folder: Path,
+        hold_steps: int | None = 0,
+        seed: int = 3,
+        speaker: LiveExplainer | None = None,
+        words: Words | None = None,
+    ):
+        self.record, self.pages, self.desk = folder / "lesson.jsonl", Pages(), Watching(hold_steps, words)
         self.desk.join(PAGE)
-        self.clock, self.stage = Script(self.desk), Stage(make_lander())
+        game = make_lander()
+        if words is not None:
+            game.task = replace(LANDER_TASK, phrases=words)  # type: ignore[attr-defined]  # the outermost one is read
+        self.clock, self.stage = Script(self.desk), Stage(game)
         self.stage.reset(seed=seed)
         self.speaker = speaker or speaks()[0]
         server, clock = cast(Server, self.pages), cast(Clock, self.clock)
@@ -103,3 +122,32 @@ def explainer_state(expressions: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Explai
     said, ones = np.reshape(expressions, (k, 1)), np.ones(k)
     mapping = ClusterMapping(plain(where.shape[1]), where, said, said, ones, ones, ones, np.arange(k))
     return ExplainerState(mapping, HORIZON_STEPS, LANDER_TASK.phrases)
+
+
+class Told:
+    """Instead of the link: the newest message of each kind."""
+
+    def __init__(self) -> None:
+        self.newest: dict[str, Any] = {}
+
+    def tell(self, kind: str, value: Any) -> None:
+        self.newest[kind] = value
+
+
+def make_classroom(folder: Path, task: Task = LANDER_TASK, **settings: Any) -> Classroom:
+    """The trainer's end, of a lander."""
+    agent = partial(make_agent, DQNConfig(hidden=[8]), 11, make_lander().action_space, 1_000)
+    predictor = partial(Simulator.make, PredictorConfig(), make_snapshot_env=make_lander, rule=LANDER_TASK.rule, seed=0)
+    config = HumanConfig(**({"speed": None} | settings))
+    about = {"name": "lander", "total_frames": 1_000}
+    return Classroom(config, free_port(0, 0), folder / "lesson.jsonl", task, agent, predictor, about)
+
+
+def begun(
+    trainer: Classroom, policy: GreedyPolicy, log: TrajectoryLog | None = None, task: Task = LANDER_TASK
+) -> Classroom:
+    """In a training whose greedy policy this is."""
+    cfg = SimpleNamespace(first_refresh_episodes=100)
+    run: Any = SimpleNamespace(agent=SimpleNamespace(greedy=policy), task=task, log=log, cfg=cfg)
+    trainer.begin(run)
+    return trainer

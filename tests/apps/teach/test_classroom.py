@@ -9,37 +9,35 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pytest
 from clients import Client, eventually
-from on_stage import explainer_state, greedy, make_lander
+from on_stage import Told, begun, explainer_state, greedy, make_classroom, make_lander
 
-from ibe_rl.agents import GreedyPolicy, make_agent
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.apps.teach import classroom
 from ibe_rl.apps.teach.classroom import (
     PORT,
     Classroom,
-    LessonPlan,
     choose_port,
     open_classroom,
     page_invitation,
-    vocabulary,
 )
 from ibe_rl.apps.teach.lesson import Lesson, Stage
+from ibe_rl.apps.teach.lesson_plan import LessonPlan
+from ibe_rl.apps.teach.understanding import vocabulary
 from ibe_rl.config.settings import CollectConfig, EnvConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.ibe import ClusterMapping, Meaning
+from ibe_rl.ibe.delay import Delay
 from ibe_rl.ibe.meaning_lines import NOT_INFERRED
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import read_lesson
-from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import HOST, free_port
 from ibe_rl.types import CANNOT_TELL, ConfigError
 from ibe_rl.vocabulary.listener import Refreshed
@@ -110,27 +108,13 @@ def test_the_vocabulary_has_no_word_without_a_known_meaning():
     assert shown["meaning"][0].endswith("nobody did it, but I cannot tell what “falling to the right” means")
 
 
-def begun(trainer: Classroom, policy: GreedyPolicy) -> Classroom:
-    """In a training whose greedy policy this is."""
-    run: Any = SimpleNamespace(agent=SimpleNamespace(greedy=policy))
-    trainer.begin(run)
-    return trainer
-
-
 def learnt(frames: int) -> Refreshed:
     """A refresh, as far as a page hears of it."""
-    rest: Any = None
-    return Refreshed(frames, 1, rest, rest, [], [], explainer_state(), came_true=1.0)
-
-
-class Told:
-    """Instead of the link."""
-
-    def __init__(self) -> None:
-        self.newest: dict[str, Any] = {}
-
-    def tell(self, kind: str, value: Any) -> None:
-        self.newest[kind] = value
+    said, nothing = explainer_state(), cast(Any, None)
+    late = {"person": Delay(22, 18, 25)}
+    refresh: Any = SimpleNamespace(standing=said.mapping, delays=late, word_notices=[])
+    refresh.windows_by_instruction = {"+1": 200, "-1": 3}
+    return Refreshed(frames, 1, refresh, nothing, [], [], said, came_true=1.0)
 
 
 def test_a_page_is_told_only_what_is_a_number(trainer: Classroom, monkeypatch: pytest.MonkeyPatch):
@@ -162,17 +146,9 @@ def test_what_the_settings_ask_for(tmp_path: Path, capsys: pytest.CaptureFixture
 # ---- the whole of it
 
 
-def _trainer(folder: Path, **settings: Any) -> Classroom:
-    agent = partial(make_agent, DQNConfig(hidden=[8]), 11, make_lander().action_space, 1_000)
-    predictor = partial(Simulator.make, PredictorConfig(), make_snapshot_env=make_lander, rule=LANDER_TASK.rule, seed=0)
-    config = HumanConfig(**({"speed": None} | settings))
-    about = {"name": "lander", "total_frames": 1_000}
-    return Classroom(config, free_port(0, 0), folder / "lesson.jsonl", LANDER_TASK, agent, predictor, about)
-
-
 @pytest.fixture
 def trainer(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Iterator[Classroom]:
-    made = _trainer(tmp_path)
+    made = make_classroom(tmp_path)
     yield made
     made.close()
     for game in Game.playing:
@@ -250,7 +226,9 @@ def test_a_page_teaches_and_hears_what_has_been_learnt(trainer: Classroom, tmp_p
     begun(trainer, greedy(4)).batch(128, {"frames": 128, "train/success_rate": 0.25})
     trainer.refreshed(learnt(128))
     assert page.until("figures")["success_rate"] == 0.25
-    assert page.until("vocabulary")["frame"] == 128
+    vocabulary_shown = page.until("vocabulary")
+    assert (vocabulary_shown["frame"], vocabulary_shown["delay"]["steps"]) == (128, 22)
+    assert "I have not heard '-1' in good episodes yet. You are about 22" in page.until("understood")["text"]
     assert len(page.until("explanation")["path"]) == 6
     trainer.hurry()
     trainer.farewell()

@@ -15,16 +15,18 @@ from on_stage import HORIZON_STEPS, Theatre, explainer_state, make_lander, speak
 from tensordict import TensorDictBase
 
 from ibe_rl.apps.teach import lesson as module
-from ibe_rl.apps.teach.lesson import FRAME_S
-from ibe_rl.apps.teach.messages import HandOver, Press, Release
-from ibe_rl.apps.teach.session import ORACLE, PAST, PERSON
+from ibe_rl.apps.teach.lesson import FRAME_S, told
+from ibe_rl.apps.teach.messages import HandOver, Name, Press, Release, Wrong
+from ibe_rl.apps.teach.session import NOBODY, ORACLE, PAST, PERSON
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.envs.lander_task import X
 from ibe_rl.instructors.mixed import MixedInstructor
 from ibe_rl.instructors.oracle import Oracle
-from ibe_rl.instructors.recorded import read_lesson
+from ibe_rl.instructors.recorded import Recorded, read_lesson
+from ibe_rl.instructors.taught import NOT_TAUGHT, told_of
 from ibe_rl.types import Array
+from ibe_rl.words import Words
 
 ROW, OTHER = np.array([True]), np.array([False])
 
@@ -203,6 +205,43 @@ def test_the_explanation_carries_a_path(tmp_path: Path):
     np.testing.assert_allclose(said["path"][0], LANDER_TASK.scene_path(state), atol=0.01)
     assert said["episode"] == 1
     json.dumps(theatre.pages.posts, allow_nan=False)
+
+
+def test_a_mark_is_written_down_and_told(theatre: Theatre):
+    theatre.lesson.reset(ROW)
+    assert theatre.lesson.told == NOT_TAUGHT
+    theatre.clock.says |= {1: [Wrong(0, 0)], 2: [Press(1, 1, 1.0), Wrong(0, 1)]}
+    told = []
+    for begins in (False, False, True, False):
+        if begins:
+            theatre.lesson.reset(ROW)
+        theatre.lesson.instruct(states(0)[0], ROW)
+        told.append(theatre.lesson.told)
+    assert told == [told_of(NOBODY), told_of(NOBODY, (1, 0)), told_of(PERSON, (2, 1)), told_of(PERSON)]
+    theatre.lesson.finish()
+    first, second = read_lesson(theatre.record, 1)
+    assert (first.marks, second.marks) == ([[1, 0, 0]], [[0, 0, 1]])
+    replayed = Recorded([first, second], 1)
+    again = []
+    for begins in (True, False, True, False):
+        if begins:
+            replayed.reset(ROW)
+        replayed.instruct(states(0)[0], ROW)
+        again.append(replayed.told)
+    assert again == told
+
+
+def test_words_are_said_shown_and_written_down(tmp_path: Path):
+    theatre = Theatre(tmp_path, words=Words(["links", "halt"], 3))
+    theatre.lesson.reset(ROW)
+    theatre.clock.says |= {1: [Press(1, 0, "halt")], 2: [Name(1, "hold")], 3: [Release(2, 0)]}
+    said = [theatre.lesson.instruct(states(0)[0], ROW)[0][0].tolist() for _ in range(4)]
+    assert said == [[0, 0, 0], [0, 1, 0], [0, 1, 0], [0, 0, 0]]
+    theatre.lesson.finish()
+    [episode] = read_lesson(theatre.record, 3)
+    assert episode.words == [None, "hold", "hold", None]
+    assert told(np.array([0, 1, 0]), theatre.stage.env.task) == (1.0, "hold")
+    assert told(np.zeros(3), theatre.stage.env.task) == (None, None)
 
 
 def test_the_farewell_writes_the_unfinished_episode_and_nothing_comes_after_it(theatre: Theatre):

@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 from on_stage import HORIZON_STEPS, explainer_state, greedy, make_lander, speaks
 
-from ibe_rl.apps.teach.live_explainer import explanation_fields, weights_of
+from ibe_rl.apps.teach.live_explainer import explanation_fields, weights_of, what_if_fields
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, explain
+from ibe_rl.explain.what_if import Asking, values_of
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.types import CANNOT_TELL, Explanation, Moment
 
 OBSERVATIONS = np.random.default_rng(0).normal(size=(200, LANDER_TASK.observation_size)).astype(np.float32)
+
+WITHOUT_SCENE = replace(LANDER_TASK, scene_path=None)
 
 
 @pytest.fixture(scope="module")
@@ -160,13 +163,12 @@ def test_what_is_told_is_json_and_says_it_all(moment: Moment):
     speaker, _ = speaks()
     speaker.speak_with(explainer_state())
     said = speaker.say(moment)
-    assert LANDER_TASK.scene_path is not None
-    shown = json.loads(json.dumps(explanation_fields(said, LANDER_TASK.scene_path(said.path)), allow_nan=False))
+    shown = json.loads(json.dumps(explanation_fields(said, LANDER_TASK), allow_nan=False))
     assert shown["expression"] == said.expression[0]
     assert shown["said"] == said.said
     assert shown["horizon_steps"] == HORIZON_STEPS
     assert np.shape(shown["path"]) == (HORIZON_STEPS + 1, 2)
-    assert explanation_fields(said, None)["path"] is None
+    assert explanation_fields(said, WITHOUT_SCENE)["path"] is None
 
 
 def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
@@ -174,7 +176,7 @@ def test_a_calibrated_and_unsure_agent_is_json_too(moment: Moment):
     features = np.random.default_rng(0).uniform(size=(50, 2))
     calibration = Calibration.fit(features, features[:, 0] > 0.5, CONFIDENCE_FEATURES)
     speaker.speak_with(replace(explainer_state(), calibration=calibration, min_confidence=1.1))
-    shown = explanation_fields(speaker.say(moment), None)
+    shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     json.dumps(shown, allow_nan=False)
     assert (shown["known"], type(shown["known"])) == (False, bool)
     assert shown["said"] == "I do not know"
@@ -186,7 +188,7 @@ def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: 
     assert isinstance(known, ClusterMapping)
     unknown = replace(known, meanings=(Meaning(negative=False, positive=False),))
     speaker.speak_with(replace(explainer_state(), mapping=unknown))
-    shown = explanation_fields(speaker.say(moment), None)
+    shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     assert (shown["said"], shown["in_time"]) == (CANNOT_TELL, CANNOT_TELL)
     assert (shown["meant"], shown["expression"], shown["confidence"]) == (False, None, None)
 
@@ -194,5 +196,21 @@ def test_a_word_without_a_known_meaning_has_no_number_and_no_confidence(moment: 
 def test_a_confidence_that_is_no_probability_is_not_shown(moment: Moment):
     speaker, _ = speaks()
     speaker.speak_with(explainer_state())
-    shown = explanation_fields(speaker.say(moment), None)
+    shown = explanation_fields(speaker.say(moment), WITHOUT_SCENE)
     assert (shown["meant"], shown["confidence"]) == (True, None)
+
+
+def test_what_it_would_do_if_told_otherwise_is_json_with_paths(moment: Moment):
+    speaker, _ = speaks()
+    speaker.speak_with(replace(explainer_state(), what_if=Asking(values_of(LANDER_TASK), futures=1)))
+    said = speaker.say(moment)
+    fields = json.loads(json.dumps(what_if_fields(said, LANDER_TASK.scene_path)))
+    assert [one["told"] for one in fields["what_if"]] == [*values_of(LANDER_TASK)]
+    assert [one["said"] for one in fields["what_if"]] == [one.said for one in said.what_if.values()]
+    assert np.shape([one["path"] for one in fields["what_if"]]) == (3, HORIZON_STEPS + 1, 2)
+    assert 0 <= fields["listens"] <= 1
+    assert fields["whatever"] is None or fields["whatever"] == said.phrase
+    assert {one["path"] for one in what_if_fields(said, None)["what_if"]} == {None}
+    plain = replace(said, what_if={}, listens=None)
+    assert what_if_fields(plain, None) == {"what_if": [], "listens": None, "whatever": None}
+    assert what_if_fields(replace(said, listens=float("nan")), None)["listens"] is None

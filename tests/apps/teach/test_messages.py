@@ -12,11 +12,13 @@ from ibe_rl.apps.teach.messages import (
     BadMessageError,
     HandOver,
     Message,
+    Name,
     Pause,
     Press,
     Release,
     Sit,
     Speed,
+    Wrong,
     parse,
 )
 
@@ -29,6 +31,9 @@ MEANT: list[tuple[dict[str, Any], Message]] = [
     ({"kind": "speed", "times": None}, Speed(None)),
     ({"kind": "oracle", "on": False}, HandOver(False)),
     ({"kind": "sit"}, Sit()),
+    ({"kind": "press", "sequence": 3, "episode": 2, "value": "يمين"}, Press(3, 2, "يمين")),
+    ({"kind": "wrong", "episode": 2, "step": 30}, Wrong(2, 30)),
+    ({"kind": "name", "slot": 1, "word": "links"}, Name(1, "links")),
 ]
 BAD = [
     ("", "not JSON"),
@@ -36,7 +41,7 @@ BAD = [
     ("[" * 500, "not JSON"),
     ("[]", "no kind"),
     ("null", "no kind"),
-    ('{"kind": "fly"}', "no kind of message; allowed are press, release, pause, speed, oracle, sit"),
+    ('{"kind": "fly"}', "no kind of message; allowed are press, release, pause, speed, oracle, sit, wrong, name"),
     ('{"kind": ["press"]}', "no kind"),
     ('{"kind": "pause"}', "a Pause has on in it"),
     ('{"kind": "sit", "on": true}', "a Sit has nothing in it"),
@@ -47,7 +52,8 @@ BAD = [
     ('{"kind": "release", "sequence": 99999999999999999999, "episode": 0}', "sequence is not a count"),
     ('{"kind": "press", "sequence": 1, "episode": 0, "value": 1.01}', "value is not a number from -1 to 1"),
     ('{"kind": "press", "sequence": 1, "episode": 0, "value": NaN}', "value is not a number"),
-    ('{"kind": "press", "sequence": 1, "episode": 0, "value": "1"}', "value is not a number"),
+    ('{"kind": "name", "slot": 1, "word": 3}', "word is not a text of at most 200 characters"),
+    ('{"kind": "name", "slot": 1, "word": "' + "a" * 201 + '"}', "word is not a text of at most 200 characters"),
     ('{"kind": "press", "sequence": 1, "episode": 0, "value": null}', "value is not a number"),
     ('{"kind": "speed", "times": 0}', "times is not a number from 0.05 to 1000"),
     ('{"kind": "speed", "times": Infinity}', "times is not a number"),
@@ -59,8 +65,8 @@ ANYTHING = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
     max_leaves=6,
 )
-NAMES = st.sampled_from(["kind", "sequence", "episode", "value", "on", "times"])
-KINDS = st.sampled_from(["press", "release", "pause", "speed", "oracle", "sit"])
+NAMES = st.sampled_from(["kind", "sequence", "episode", "value", "on", "times", "step", "slot", "word"])
+KINDS = st.sampled_from(["press", "release", "pause", "speed", "oracle", "sit", "wrong", "name"])
 
 
 @pytest.mark.parametrize(("fields", "message"), MEANT)

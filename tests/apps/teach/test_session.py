@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ibe_rl.apps.teach.messages import HandOver, Message, Pause, Press, Release, Sit, Speed
+from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
 from ibe_rl.apps.teach.session import (
     ACCEPTED,
     HELD,
@@ -20,6 +20,7 @@ from ibe_rl.apps.teach.session import (
     Said,
     TeachingSession,
 )
+from ibe_rl.words import Words
 
 VALUES = (-1.0, 0.0, 1.0)
 ANN, BOB = 1, 2
@@ -174,6 +175,52 @@ def test_a_control_wakes_who_waits():
     assert ready.wait(60)
     at.hear(ANN, Speed(2.0))
     assert woken.wait(60)
+
+
+def test_a_word_is_said_by_its_name_and_keeps_its_slot_when_it_is_renamed():
+    at = TeachingSession((), 0, 1.0, Words(["links", "rechts"], 3))
+    at.join(ANN)
+    at.begin(0)
+    assert at.hear(ANN, Press(1, 0, "Rechts")) == ACCEPTED
+    assert at.hear(ANN, Name(1, "derecha")) == ACCEPTED
+    assert at.take() == Said(1, PERSON, 1)
+    assert at.hear(ANN, Press(2, 0, "rechts")) == at.hear(ANN, Press(3, 0, 1.0)) == UNKNOWN_VALUE
+    assert at.hear(ANN, Name(2, "faster")) == ACCEPTED
+    assert at.hear(ANN, Press(4, 0, "faster")) == ACCEPTED
+    assert taken(at, 1) == [2]
+    assert at.hear(ANN, Name(3, "slower")).startswith("word 'slower': all 3 places are taken")
+    assert at.hear(BOB, Name(0, "left")) == WATCHING
+    assert at.words is not None
+    assert at.words.names == ("links", "derecha", "faster")
+
+
+def test_numbers_have_no_names():
+    at = desk()
+    assert at.hear(ANN, Name(0, "left")) == "instructions are numbers here, and have no names"
+    assert at.hear(ANN, Press(1, 0, "left")) == UNKNOWN_VALUE
+
+
+def test_each_mark_is_heard_at_one_step_and_not_long_after():
+    at = desk()
+    at.begin(20)
+    assert [at.hear(ANN, Wrong(episode, 7)) for episode in (20, 19, 19, 10, 9, 21)] == [ACCEPTED] * 4 + [PAST] * 2
+    assert [at.take().wrong for _ in range(4)] == [Wrong(20, 7), Wrong(19, 7), Wrong(10, 7), None]
+    at.hear(ANN, Wrong(10, 7))
+    at.begin(21)
+    assert at.take().wrong is None
+
+
+def test_whoever_waits_for_a_teacher_is_called_once():
+    at, called = TeachingSession(VALUES, 0, 1.0), []
+    at.when_seated(lambda: called.append(1))
+    assert called == []
+    at.join(ANN)
+    at.join(BOB)
+    at.leave(ANN)
+    at.hear(BOB, Sit())
+    assert called == [1]
+    at.when_seated(lambda: called.append(2))
+    assert called == [1, 2]
 
 
 STEP, BEGIN, SEE, TWICE = "step", "begin", "see", "twice"
