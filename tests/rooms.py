@@ -11,11 +11,11 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "ibe_rl"
 ROOMS = (
-    *("types", "words", "task", "runtime", "storage", "config", "envs", "instructors", "agents", "collect"),
+    *("types", "task", "runtime", "storage", "config", "envs", "instructors", "agents", "collect"),
     *("ibe", "metrics", "predict", "explain", "vocabulary", "view", "training", "evaluation", "api", "apps"),
 )
 """A room imports only rooms that stand before it."""
-LOOSE = ("types", "words", "task", "viewer")
+LOOSE = ("types", "viewer")
 """Modules that lie in the package itself, beside ``__init__`` and ``__main__``."""
 
 

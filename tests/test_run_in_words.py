@@ -10,8 +10,8 @@ from processes import SMALL, call
 from ibe_rl.apps.datasets.instruction_source import values_of_words
 from ibe_rl.evaluation.runs import load_run
 from ibe_rl.storage.run_folder import WORD_LIST, read_json
+from ibe_rl.task.words import Words
 from ibe_rl.vocabulary.words import words_of
-from ibe_rl.words import Words
 
 OWN = ["links", "上", "rechts"]
 DESIGNED = ("falling", "straight", "slightly")

@@ -18,7 +18,7 @@ from tests.rooms import PACKAGE, ROOT
 
 WAY = dict(re.findall(r"^    (\w+/\w+\.py) +(\w+)  ", train.__doc__ or "", re.MULTILINE))
 """File to function, as train.py says."""
-VALUES = ("types.py", "task.py", "metrics", "config", "runtime")
+VALUES = ("types.py", "task", "metrics", "config", "runtime")
 """Rooms that others ask for a value, and that hand nothing on."""
 ASIDE = ("vocabulary/reactions.py",)
 """What plays episodes of its own, to find out what the words mean."""

@@ -16,8 +16,8 @@ from ibe_rl.envs.lander_speed_task import (
     too_slow,
 )
 from ibe_rl.envs.lander_task import FLAG_DISTANCE
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array
-from ibe_rl.words import Words
 
 FALL_LEFT, FALL_RIGHT, HOLD, FASTER, SLOWER = range(5)
 FIVE_WORDS = ("left", "right", "hold", "faster", "slower")

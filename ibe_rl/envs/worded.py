@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibe_rl.task import Task
+from ibe_rl.task.words import WordError, Words
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.words import WordError, Words
 
 GIVEN_OR_NOT = (0.0, 1.0)
 """The values of each slot of an instruction in words."""

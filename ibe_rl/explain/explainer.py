@@ -12,8 +12,8 @@ from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.task import Phrases
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array, Episode, Explanation, ExpressionMapping, Moment, Policy, Prediction, Predictor
-from ibe_rl.words import Words
 
 CONFIDENCE_FEATURES = ("agreement", "purity")
 """Features of the calibrated confidence: the share of trusted futures with the spoken phrase, and

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ibe_rl.task.words import Phrases, Words
 from ibe_rl.types import Array
-from ibe_rl.words import Phrases, Words
 
 NORMALISATIONS = ("minmax", "sign")
 BETWEEN_FROM, A_LITTLE_FROM = 2 / 3, 1 / 3

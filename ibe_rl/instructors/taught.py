@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
-from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode
 
 SPEAKERS = ("person", "held", "oracle", "nobody")
@@ -18,6 +18,19 @@ one, 2: the one before, ...) and at which of its steps the explanation was made 
 MARKED_BEFORE = 10
 """So many episodes back can still be marked: they are short, and people take their time."""
 NOT_TAUGHT: Told = (0, 0, 0)
+
+
+class ToldLog(Protocol):
+    """What is read of the trajectory log of a run; importing the log itself would make imports deeper."""
+
+    def told_first(self) -> Array:
+        """``Told`` of the first step of each episode, ``(E, 3)``."""
+
+    def told(self, rows: Sequence[int] | Array) -> list[Array]:
+        """``Told`` of the steps of some episodes, ``(T, 3)`` each."""
+
+    def read(self, rows: Sequence[int] | Array) -> list[Episode]:
+        """Some episodes."""
 
 
 def told_of(by: str, mark: tuple[int, int] = (0, 0)) -> Told:
@@ -34,12 +47,12 @@ ORACLES = told_of("oracle")[0]
 PERSONS = tuple(told_of(by)[0] for by in ("person", "held"))
 
 
-def taught_rows(log: TrajectoryLog) -> Array:
+def taught_rows(log: ToldLog) -> Array:
     """Rows of ``log.index`` of the episodes of the environment that a person teaches; empty if there is none."""
     return np.flatnonzero(log.told_first()[:, 0])
 
 
-def taught_episodes(log: TrajectoryLog, rows: Sequence[int], horizon_steps: int = 0) -> tuple[list[Episode], int]:
+def taught_episodes(log: ToldLog, rows: Sequence[int], horizon_steps: int = 0) -> tuple[list[Episode], int]:
     """Episodes of the taught environment, with only the person's own instructions counted as given.
 
     An instruction does not count either where the person calls the explanation of that movement wrong: its window

@@ -13,12 +13,12 @@ from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.verdict import in_one_line, wrong_signs
 from ibe_rl.task import Phrases, Task
+from ibe_rl.task.words import Words
 from ibe_rl.types import CANNOT_TELL, Array
 from ibe_rl.view.wording import literal, short
 from ibe_rl.vocabulary.lateness import lateness_lines
 from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.words import MEANS_NOTHING
-from ibe_rl.words import Words
 
 
 def counts(of: Mapping[str, int]) -> str:

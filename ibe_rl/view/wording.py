@@ -9,8 +9,8 @@ import numpy as np
 
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import Phrases
+from ibe_rl.task.words import Words
 from ibe_rl.types import CANNOT_TELL, DOES_NOT_KNOW, Explanation
-from ibe_rl.words import Words
 
 _MARKS = re.compile(r"[\\`*\[\]<>|~$&]|(?<!\w)_|_(?!\w)")
 """What markdown would take for its own."""

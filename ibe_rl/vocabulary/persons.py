@@ -13,6 +13,7 @@ from ibe_rl.ibe.delta import top_episodes
 from ibe_rl.instructors.taught import taught_episodes
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode
+from ibe_rl.vocabulary.persons_share import PersonsShare
 
 NEWEST_TAUGHT = 300
 """Taught episodes that are read, however many frames ago they were."""
@@ -20,25 +21,6 @@ ENOUGH_EPISODES, ENOUGH_WINDOWS = 20, 1_000
 """Episodes in which the person spoke, and windows of the best of these, with which no one else's are needed."""
 MOST_WEIGHT = 20
 """How often an episode of the person may count beside those of the others."""
-
-
-@dataclass(frozen=True)
-class PersonsShare:
-    """What of the training data of a vocabulary a person said.
-
-    Attributes:
-        episodes: of the person, among the best.
-        windows: of these, those that begin with an instruction of theirs.
-        weight: how often each counts; the others count once.
-        only: whether nothing else was used.
-        marked: explanations in taught episodes that the person called wrong; those windows are left out.
-    """
-
-    episodes: int
-    windows: int
-    weight: int
-    only: bool
-    marked: int
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
 from ibe_rl.vocabulary.lateness import delays_of
-from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
+from ibe_rl.vocabulary.persons import persons_episodes
+from ibe_rl.vocabulary.persons_share import PersonsShare
 from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
 OTHER_EPISODES = 300

@@ -6,9 +6,9 @@ import numpy as np
 
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.word_meaning import moves_of
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array
 from ibe_rl.vocabulary.words import MEANS_NOTHING, MEANS_OTHER, MEANS_SAME, WordNotice
-from ibe_rl.words import Words
 
 STILL_LIKE = 0.3
 """Correlation of a word's share before and now, over the newest best movements: below, its meaning has changed."""

@@ -14,8 +14,8 @@ from typing import Any
 
 from ibe_rl.storage.run_folder import WORD_LIST, read_json, write_atomically
 from ibe_rl.task import Task
+from ibe_rl.task.words import Words
 from ibe_rl.types import ConfigError
-from ibe_rl.words import Words
 
 MEANS_SAME, MEANS_NOTHING, MEANS_OTHER = "same", "nothing", "changed"
 """Kinds of notices: two words mean the same, one means nothing yet, one has changed its meaning."""

@@ -7,8 +7,8 @@ import pytest
 
 from ibe_rl.config.limits import setting
 from ibe_rl.config.own_words import OwnWords, hand_on_words
+from ibe_rl.task.words import MOST_WORDS
 from ibe_rl.types import ConfigError
-from ibe_rl.words import MOST_WORDS
 
 
 def test_the_environment_gets_the_words_of_the_instructor():

@@ -9,8 +9,8 @@ from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.vocabulary import in_own_words
 from ibe_rl.ibe.word_mapping import fit_words
 from ibe_rl.ibe.word_meaning import asked_motion, auc_of, balanced_shares, expected_motion, top_words
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array
-from ibe_rl.words import Words
 
 LEFT, RIGHT, HOLD, SLOWER = range(4)
 EPISODES, STEPS = 60, 40

@@ -12,6 +12,7 @@ from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.ibe.space import scaled
 from ibe_rl.storage.run_folder import WORD_LIST
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.word_notices import notices_of
 from ibe_rl.vocabulary.words import (
@@ -23,7 +24,6 @@ from ibe_rl.vocabulary.words import (
     take_up_words,
     words_of,
 )
-from ibe_rl.words import Words
 
 
 def test_words_are_read_as_they_were_written(tmp_path: Path):

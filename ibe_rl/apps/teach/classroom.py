@@ -28,10 +28,10 @@ from ibe_rl.runtime.ports import HOST, asked_port, free_port
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import LESSON
 from ibe_rl.task import Task
+from ibe_rl.task.words import Words
 from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.words import save_words, words_of
-from ibe_rl.words import Words
 
 PORT = 8765
 FAREWELL_S = 3.0

@@ -18,7 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.runtime.ports import HOST, free_port
-from ibe_rl.words import Words
+from ibe_rl.task.words import Words
 
 VALUES = (-1.0, 0.0, 1.0)
 

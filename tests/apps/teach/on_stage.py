@@ -34,7 +34,7 @@ from ibe_rl.predict.simulator import Simulator
 from ibe_rl.runtime.ports import free_port
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
-from ibe_rl.words import Words
+from ibe_rl.task.words import Words
 
 PAGE = 1
 HORIZON_STEPS = 5

@@ -25,8 +25,8 @@ from ibe_rl.instructors.mixed import MixedInstructor
 from ibe_rl.instructors.oracle import Oracle
 from ibe_rl.instructors.recorded import Recorded, read_lesson
 from ibe_rl.instructors.taught import NOT_TAUGHT, told_of
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array
-from ibe_rl.words import Words
 
 ROW, OTHER = np.array([True]), np.array([False])
 

@@ -20,7 +20,7 @@ from ibe_rl.apps.teach.session import (
     Said,
     TeachingSession,
 )
-from ibe_rl.words import Words
+from ibe_rl.task.words import Words
 
 VALUES = (-1.0, 0.0, 1.0)
 ANN, BOB = 1, 2

@@ -19,8 +19,8 @@ from on_stage import Told, begun, explainer_state, greedy, make_classroom
 from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task.words import Words
 from ibe_rl.vocabulary.listener import Refreshed
-from ibe_rl.words import Words
 
 
 class Page(Told):

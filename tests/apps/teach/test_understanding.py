@@ -16,11 +16,11 @@ from ibe_rl.ibe.delay import Delay
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.instructors.taught import told_of
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.task.words import Words
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary.fitting import learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh
 from ibe_rl.vocabulary.words import MEANS_NOTHING, MEANS_SAME, WordNotice
-from ibe_rl.words import Words
 
 PERSON = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1))
 

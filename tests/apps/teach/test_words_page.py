@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page
 
 from ibe_rl.apps.teach.messages import Wrong
 from ibe_rl.apps.teach.session import Said
-from ibe_rl.words import Words
+from ibe_rl.task.words import Words
 
 ABOUT = {"name": "a game", "run": "a run", "total_frames": 1_000, "hold_steps": 0, "others": 0, "oracle": False}
 SQUARE = {"points": [[0, 0], [9, 0], [9, 9]], "colour": [200, 100, 50], "closed": True}

@@ -2,6 +2,12 @@
 
 Shapes: ``S`` state dimensions, ``d`` numbers in an instruction (of words: slots), ``P`` numbers of a percept,
 ``O = P + d + 1`` in an observation.
+
+``words`` has what is said: an environment's phrases for numbers, or the words of whoever teaches.
+
+In: what an environment declares.
+Out: the same, checked.
+Imports: types.
 """
 
 from __future__ import annotations
@@ -13,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from ibe_rl.task.words import Phrases as Phrases
+from ibe_rl.task.words import Words
 from ibe_rl.types import Array, Episode, Moment
-from ibe_rl.words import Phrases as Phrases
-from ibe_rl.words import Words
 
 PERCEPT = "ibe_rl/percept"
 """Key in ``info`` of what the agent perceives ``(P,)``, where that is not the state."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ibe_rl.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, Word, WordError, Words, clean
+from ibe_rl.task.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, Word, WordError, Words, clean
 
 
 def test_words_of_any_script_keep_their_slots():
