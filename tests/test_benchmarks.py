@@ -23,6 +23,7 @@ from ibe_rl.storage.log import TrajectoryLog
 
 pytestmark = pytest.mark.slow
 
+RATES = {"batched": 8.0, "what_if": 2.0, "naive": 2.0, "engine": 16.0, "live_ms": 5.0, "live_what_if_ms": 15.0}
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
 PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults", "sweep")
 ABOUT = {"date": "2026-01-02 03:04 UTC", "versions": {"python": "3.11.1"}}
@@ -145,7 +146,7 @@ def test_every_figure_says_how_it_was_measured():
         *skill.figures("ppo", [run], [CLIMB]),
         *skill.figures("dqn", [run], [CLIMB]),
         *frames.figures([run], {name: [1.0] for name in ("collect", "bare", "sb3_whole", "sb3_collect")}),
-        *explanations.figures([{"batched": 4, "naive": 1, "engine": 5, "live_ms": 6, "game_frame_ms": 20}]),
+        *explanations.figures([RATES | {"game_frame_ms": 20}]),
         *refreshes.figures({name: [{"seconds": 1.0, "mb": 2.0}] for name in refreshes.COMPARED}),
         *overhead.figures({name: [run] for name in (*overhead.SWITCHES, "default")}),
         *sweep.figures({1: [1000.0], 2: [1800.0]}),
@@ -231,11 +232,13 @@ def test_part_without_its_package_is_refused(monkeypatch: pytest.MonkeyPatch, ca
 
 
 def test_part_is_written_after_each_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    rates = {"batched": 8.0, "naive": 2.0, "engine": 16.0, "live_ms": 5.0}
+    rates = RATES
     monkeypatch.setattr(explanations, "measure", lambda *_, **__: rates)
     program.main(["explanations", "--quick", "--repeats", "2", "--output", str(tmp_path)])
     found = {made["name"]: made for made in load(tmp_path / "results.json")}
     assert found["explanations_batched_vs_naive"]["ratio"] == 4
+    assert found["explanations_what_if"]["ratio"] == 0.25
+    assert found["explanation_live_what_if_ms"]["ratio"] == 3
     assert len(found["explanation_live_ms"]["repeats"]["ours"]) == 2
     assert "explanations_vs_engine" in (tmp_path / "BENCHMARKS.md").read_text()
 
@@ -251,7 +254,7 @@ def test_measurement_comes_back_from_its_own_process():
 
 def test_explanations_are_really_measured():
     rates = explaining.rates(moments=4, live_moments=2)
-    assert rates.keys() == {"batched", "naive", "engine", "live_ms"}
+    assert rates.keys() == RATES.keys()
     assert all(value > 0 for value in rates.values())
 
 
