@@ -104,15 +104,25 @@ def find_delay(episodes: Sequence[Episode]) -> Delay:
     rules = [_find_rule(one, most) for one in numbers]
     lag = int(np.sum([rule.told for rule in rules], axis=0).argmax())
     top = min(most, lag + BEYOND_STEPS)
-    gained = np.zeros((len(episodes), 1))
+    tried = [_told_best(numbers, rules, start, top) for start in (0, lag)]
+    return _answer(max(tried, key=_most_told), most, sum(len(one.rows(top)) for one in numbers))
+
+
+def _told_best(numbers: Sequence[_Steps], rules: Sequence[_Rule], lag: int, top: int) -> Array:
+    """``_gained`` of all numbers, with axes learnt at one delay and then at the next better one."""
+    tried = []
     for _ in range(CLIMBS):
-        found = sum(_gained(one, rule.dimensions, lag, top) for one, rule in zip(numbers, rules, strict=True))
-        gained = max(gained, np.asarray(found), key=lambda one: float(one.sum(axis=0).max()))
-        better = max(0, int(np.sum(found, axis=0).argmax()) - BEFORE_STEPS)
+        found = [_gained(one, rule.dimensions, lag, top) for one, rule in zip(numbers, rules, strict=True)]
+        tried.append(np.sum(found, axis=0))
+        better = max(0, int(tried[-1].sum(axis=0).argmax()) - BEFORE_STEPS)
         if better == lag:
             break
         lag = better
-    return _answer(gained, most, sum(len(one.rows(top)) for one in numbers))
+    return max(tried, key=_most_told)
+
+
+def _most_told(gained: Array) -> float:
+    return float(gained.sum(axis=0).max())
 
 
 def _joined(episodes: Sequence[Episode], number: int) -> _Steps:
