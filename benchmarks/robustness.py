@@ -29,7 +29,8 @@ from ibe_rl.evaluation.rollouts import Rollouts
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.ibe import IBEConfig
-from ibe_rl.ibe.delay import caught_up, find_delay
+from ibe_rl.ibe.delay import caught_up
+from ibe_rl.ibe.find_delay import find_delay
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.run_folder import REFRESHES, read_json, write_json

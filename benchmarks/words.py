@@ -27,8 +27,9 @@ from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import seeds_for
 from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.ibe import IBEConfig
-from ibe_rl.ibe.delay import caught_up, find_delay
+from ibe_rl.ibe.delay import caught_up
 from ibe_rl.ibe.delta import cut_windows
+from ibe_rl.ibe.find_delay import find_delay
 from ibe_rl.ibe.word_meaning import expected_motion, top_words
 from ibe_rl.instructors import make_instructor
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted

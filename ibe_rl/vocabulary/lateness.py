@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe.delay import Delay, find_delay
+from ibe_rl.ibe.delay import Delay
+from ibe_rl.ibe.find_delay import find_delay
 from ibe_rl.instructors.taught import taught_episodes, taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ibe_rl.ibe.delay import Delay, find_delay
+from ibe_rl.ibe.delay import Delay
+from ibe_rl.ibe.find_delay import find_delay
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.types import Array, Episode
 
