@@ -29,12 +29,12 @@ from ibe_rl.evaluation.rollouts import Rollouts
 from ibe_rl.evaluation.run_predictor import shared_predictor
 from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.ibe import IBEConfig
-from ibe_rl.ibe.delay import find_delay
+from ibe_rl.ibe.delay import caught_up, find_delay
 from ibe_rl.instructors.flawed import FlawedConfig, corrupted
 from ibe_rl.metrics.quality import motion_auc
 from ibe_rl.storage.run_folder import REFRESHES, read_json, write_json
 from ibe_rl.types import ConfigError, ExpressionMapping
-from ibe_rl.vocabulary.lateness import INSTRUCTOR, caught_up
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "robustness.json"

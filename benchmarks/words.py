@@ -27,7 +27,7 @@ from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import seeds_for
 from ibe_rl.evaluation.runs import TrainedRun, load_run
 from ibe_rl.ibe import IBEConfig
-from ibe_rl.ibe.delay import find_delay
+from ibe_rl.ibe.delay import caught_up, find_delay
 from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.ibe.word_meaning import expected_motion, top_words
 from ibe_rl.instructors import make_instructor
@@ -38,7 +38,6 @@ from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import fit_mapping
-from ibe_rl.vocabulary.lateness import caught_up
 
 console = Console(highlight=False)
 STRIDE_STEPS, ENVS = 4, 50

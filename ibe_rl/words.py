@@ -14,8 +14,6 @@ from typing import Any, Self, overload
 
 import numpy as np
 
-from ibe_rl.types import Array, ConfigError
-
 MOST_WORDS, LONGEST_WORD = 12, 40
 
 
@@ -64,6 +62,10 @@ def _has_only_degree(template: str) -> bool:
     return all(one == ("degree", "", None) for one in fields)
 
 
+class WordError(ValueError):
+    """What cannot be a word, or not one more; the message names it and what is allowed."""
+
+
 @dataclass(frozen=True)
 class Word:
     """One word of an instructor.
@@ -89,7 +91,7 @@ class Words(Sequence[Phrases]):
         slots: most words there can be, the size ``d`` of an instruction; None: as many as there are.
 
     Raises:
-        ConfigError: naming the word and what is allowed.
+        WordError: naming the word and what is allowed.
     """
 
     def __init__(self, words: Iterable[str | Word], slots: int | None = None):
@@ -97,14 +99,14 @@ class Words(Sequence[Phrases]):
         given = [one if isinstance(one, Word) else Word(one) for one in words]
         self.slots = len(given) if slots is None else slots
         if not given or len(given) > MOST_WORDS:
-            raise ConfigError(f"instructor.words={[one.word for one in given]}: allowed are 1 to {MOST_WORDS} words")
+            raise WordError(f"instructor.words={[one.word for one in given]}: allowed are 1 to {MOST_WORDS} words")
         if not len(given) <= self.slots <= MOST_WORDS:
-            raise ConfigError(f"instructor.max_words={slots}: allowed are {len(given)} (its words) to {MOST_WORDS}")
+            raise WordError(f"instructor.max_words={slots}: allowed are {len(given)} (its words) to {MOST_WORDS}")
         for one in given:
             try:
                 self._entries.append(replace(one, word=self._free(one.word)))
-            except ConfigError as error:
-                raise ConfigError(f"instructor.words: {error}") from None
+            except WordError as error:
+                raise WordError(f"instructor.words: {error}") from None
 
     @property
     def entries(self) -> tuple[Word, ...]:
@@ -124,7 +126,7 @@ class Words(Sequence[Phrases]):
         """The slot of a word; None if there is no such word."""
         return next((slot for slot, name in enumerate(self.names) if alike(name) == alike(text)), None)
 
-    def one_hot(self, slot: int) -> Array:
+    def one_hot(self, slot: int) -> np.ndarray:
         """The instruction ``(d,)`` that gives the word of a slot."""
         return np.eye(self.slots, dtype=np.float32)[slot]
 
@@ -132,10 +134,10 @@ class Words(Sequence[Phrases]):
         """Add a word; returns its slot.
 
         Raises:
-            ConfigError: if there is no free slot, or the text is no word or one that exists.
+            WordError: if there is no free slot, or the text is no word or one that exists.
         """
         if len(self._entries) >= self.slots:
-            raise ConfigError(f"word {text!r}: all {self.slots} places are taken; allowed is to rename one of them")
+            raise WordError(f"word {text!r}: all {self.slots} places are taken; allowed is to rename one of them")
         self._entries.append(Word(self._free(text), frame))
         return len(self._entries) - 1
 
@@ -143,7 +145,7 @@ class Words(Sequence[Phrases]):
         """Give a word another name; what has been learnt of it stays.
 
         Raises:
-            ConfigError: if the text is no word or that of another slot.
+            WordError: if the text is no word or that of another slot.
         """
         old = self._entries[slot]
         new = self._free(text, but=slot)
@@ -172,7 +174,7 @@ class Words(Sequence[Phrases]):
         word = clean(text)
         at = self.slot_of(word)
         if at is not None and at != but:
-            raise ConfigError(f"word {word!r}: it is there already; allowed are words that differ")
+            raise WordError(f"word {word!r}: it is there already; allowed are words that differ")
         return word
 
     def __len__(self) -> int:
@@ -203,17 +205,17 @@ def clean(text: str) -> str:
     """A word as it is stored: one line, without spaces around it, in the composed form of Unicode.
 
     Raises:
-        ConfigError: if it is no text, empty, too long or has characters that cannot be shown.
+        WordError: if it is no text, empty, too long or has characters that cannot be shown.
     """
     if not isinstance(text, str):
-        raise ConfigError(f"word {text!r}: allowed is a text; put it in quotation marks")
+        raise WordError(f"word {text!r}: allowed is a text; put it in quotation marks")
     if bad := [one for one in text if unicodedata.category(one) in _HIDDEN or one in _TURNS_TEXT]:
-        raise ConfigError(f"word {text[:20]!r}: {bad[0]!r} cannot be shown; allowed are letters, digits and signs")
+        raise WordError(f"word {text[:20]!r}: {bad[0]!r} cannot be shown; allowed are letters, digits and signs")
     word = " ".join(unicodedata.normalize("NFC", text).split())
     if not word:
-        raise ConfigError(f"word {text!r}: it is empty; allowed are 1 to {LONGEST_WORD} characters")
+        raise WordError(f"word {text!r}: it is empty; allowed are 1 to {LONGEST_WORD} characters")
     if len(word) > LONGEST_WORD:
-        raise ConfigError(f"word {word[:20]!r}...: {len(word)} characters; allowed are 1 to {LONGEST_WORD}")
+        raise WordError(f"word {word[:20]!r}...: {len(word)} characters; allowed are 1 to {LONGEST_WORD}")
     return word
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ibe_rl.types import ConfigError
-from ibe_rl.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, Word, Words, clean
+from ibe_rl.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, Word, WordError, Words, clean
 
 
 def test_words_of_any_script_keep_their_slots():
@@ -57,7 +56,7 @@ def test_equal_texts_are_written_in_one_way():
 )
 def test_what_is_no_word_is_refused(text: str, reason: str):
     words = Words(["links"], 2)
-    with pytest.raises(ConfigError, match=reason):
+    with pytest.raises(WordError, match=reason):
         words.add(text)
     assert words.names == ("links",)
 
@@ -73,12 +72,12 @@ def test_what_is_no_word_is_refused(text: str, reason: str):
     ],
 )
 def test_what_are_no_words_of_an_instructor_is_refused(words: list[str], slots: int | None, reason: str):
-    with pytest.raises(ConfigError, match=reason):
+    with pytest.raises(WordError, match=reason):
         Words(words, slots)
 
 
 def test_a_full_list_takes_no_more():
-    with pytest.raises(ConfigError, match="all 1 places are taken"):
+    with pytest.raises(WordError, match="all 1 places are taken"):
         Words(["a"]).add("b")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.words import Words
+from ibe_rl.words import WordError, Words
 
 GIVEN_OR_NOT = (0.0, 1.0)
 """The values of each slot of an instruction in words."""
@@ -32,7 +32,10 @@ def worded(task: Task, words: Sequence[str], most_words: int | None = None) -> T
     own = task.words
     if not words and own is None:
         raise ConfigError(f"instructor.max_words={most_words}: allowed beside instructor.words, which are not set")
-    chosen = Words(words or own.names if own is not None else words, most_words)
+    try:
+        chosen = Words(words or own.names if own is not None else words, most_words)
+    except WordError as error:
+        raise ConfigError(str(error)) from None
     values = range(len(own.names)) if own is not None else task.instruction_values
     ruled = len(chosen.names) == len(values) and (own is not None or task.instruction_size == 1)
     rule = (

@@ -14,21 +14,21 @@ from ibe_rl.evaluation.baselines import Learnt, StateRegressor
 from ibe_rl.evaluation.changing import judge_ages
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.judging import confidence_of, judge, paired_of, rows_of
-from ibe_rl.evaluation.moments import Moments, Plan
+from ibe_rl.evaluation.moments import Moments, Plan, TakenMoment
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import SHUFFLED_CONTROL, Refits
-from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for
+from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for, take_moments
 from ibe_rl.evaluation.rows import Judged, OwnScores
-from ibe_rl.evaluation.run_predictor import shared_predictor
+from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
-from ibe_rl.types import ExpressionMapping, Policy
+from ibe_rl.types import ExpressionMapping, Policy, Predictor
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers shown with the evaluated one in tables and figures over the horizons."""
@@ -53,7 +53,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
         spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
-        what_if = judge_what_if(run, cfg, predictor, spoken) if cfg.what_if else WhatIf()
+        what_if = told_otherwise_in_copies(run, cfg, predictor, spoken) if cfg.what_if else WhatIf()
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
     own = run.horizon_steps
     observers, rows = add_observers(judged, learnt, moments, held_out, run, cfg, ours)
@@ -204,6 +204,18 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
     tables.print_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
+
+
+def told_otherwise_in_copies(
+    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, vocabularies: Mapping[str, ExpressionMapping]
+) -> WhatIf:
+    """Whether what it says it would do if it were told something else comes true, in several vocabularies."""
+    plan, processes = Plan(cfg.evaluate.what_if_stride_steps, 1, (run.horizon_steps,)), cfg.predictor.processes
+
+    def take(purpose: str, episodes: int) -> Sequence[TakenMoment]:
+        return take_moments(run, run.policy, seeds_for(purpose, cfg.evaluate.seed, episodes), plan)
+
+    return judge_what_if(run, cfg, predictor, vocabularies, take, processes_for(processes, run.policy))
 
 
 def print_what_if(what_if: WhatIf) -> None:

@@ -7,10 +7,25 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ibe_rl.types import Array
+from ibe_rl.types import Array, Moment
 
 SEEN_STEPS = 20
 """Steps that an observer sees before its prediction (the paper's prediction task)."""
+FUTURES_AT_ONCE = 640
+"""Futures predicted between two steps of the progress bar."""
+
+
+@dataclass(frozen=True)
+class TakenMoment:
+    """A moment with its real future, known once the episode is over."""
+
+    moment: Moment
+    episode: int
+    seed: int
+    step: int
+    regular: bool
+    observed: bool
+    realised: np.ndarray
 
 
 @dataclass(frozen=True)

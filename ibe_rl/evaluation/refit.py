@@ -15,7 +15,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import TooLittleDataError
-from ibe_rl.ibe.word_meaning import with_word_meanings
+from ibe_rl.ibe.word_mapping import with_word_meanings
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons

@@ -9,7 +9,7 @@ import numpy as np
 
 from ibe_rl.collect.rollout import JUDGING_SEED, rollouts_with_moments
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig
-from ibe_rl.evaluation.moments import SEEN_STEPS, Moments, Plan
+from ibe_rl.evaluation.moments import FUTURES_AT_ONCE, SEEN_STEPS, Moments, Plan, TakenMoment
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.instructors import make_instructor, stand_in
@@ -20,23 +20,8 @@ SEEDS_EACH = 10_000
 """Seeds for each purpose and ``evaluate.seed``; ``evaluate.seed`` has 1,000 values."""
 PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "foretold")
 EPISODES_AT_ONCE = 100
-FUTURES_AT_ONCE = 640
-"""Futures predicted between two steps of the progress bar."""
 HORIZONS_STEPS = (20, 40, 60, 100)
 """Judged where none are set."""
-
-
-@dataclass(frozen=True)
-class TakenMoment:
-    """A moment with its real future, known once the episode is over."""
-
-    moment: Moment
-    episode: int
-    seed: int
-    step: int
-    regular: bool
-    observed: bool
-    realised: np.ndarray
 
 
 def seeds_for(purpose: str, seed: int, episodes: int) -> range:

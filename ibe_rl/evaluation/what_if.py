@@ -7,7 +7,7 @@ Shapes: ``N`` moments, ``W`` values, ``F`` futures, ``S`` state dimensions, ``R`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,11 +17,9 @@ import numpy as np
 from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.envs.make import make_snapshot_env
 from ibe_rl.envs.snapshots import stoppable
-from ibe_rl.evaluation.moments import Plan
+from ibe_rl.evaluation.moments import FUTURES_AT_ONCE, TakenMoment
 from ibe_rl.evaluation.progress_bar import progress_bar
-from ibe_rl.evaluation.rollouts import FUTURES_AT_ONCE, TakenMoment, seeds_for, take_moments
 from ibe_rl.evaluation.rows import WHAT_IF, estimate_json
-from ibe_rl.evaluation.run_predictor import processes_for
 from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
 from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.explain.what_if import Values, listening, told_twins, values_of
@@ -38,7 +36,7 @@ TRUTH_SEED = 7_919
 
 
 @dataclass(frozen=True)
-class AskedWhatIf:
+class AskedMoments:
     """``N`` moments, what was foretold of them for ``W`` values, and what then happened.
 
     Attributes:
@@ -59,7 +57,7 @@ class AskedWhatIf:
 
 
 @dataclass(frozen=True)
-class WhatIfAnswers:
+class JudgedAnswers:
     """The answers of one vocabulary at ``N`` moments to ``W`` values.
 
     Attributes:
@@ -89,7 +87,7 @@ class WhatIfAnswers:
         return Calibration.fit(self.features[counted], self.true[counted], CONFIDENCE_FEATURES)
 
 
-def ask_what_if(
+def ask_and_give(
     moments: Sequence[TakenMoment],
     policy: Policy,
     predictor: Predictor,
@@ -97,7 +95,7 @@ def ask_what_if(
     values: Values,
     futures: int,
     horizon_steps: int,
-) -> AskedWhatIf:
+) -> AskedMoments:
     """Ask at each moment for each value, and then give it in a copy.
 
     Args:
@@ -120,7 +118,7 @@ def ask_what_if(
             )
             advance()
     plain, predicted, trusted, realised = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return AskedWhatIf(np.array([one.episode for one in moments]), values, plain, predicted, trusted, realised)
+    return AskedMoments(np.array([one.episode for one in moments]), values, plain, predicted, trusted, realised)
 
 
 def _foretold(
@@ -142,14 +140,14 @@ def _given(moments: Sequence[Moment], policy: Policy, world: Predictor, values: 
     return np.asarray((paths[:, -1] - paths[:, 0]).reshape(len(moments), len(values), -1))
 
 
-def answer(asked: AskedWhatIf, mapping: ExpressionMapping, words: Sequence[Phrases]) -> WhatIfAnswers:
+def answer(asked: AskedMoments, mapping: ExpressionMapping, words: Sequence[Phrases]) -> JudgedAnswers:
     """Put predictions and what happened into the words of a vocabulary."""
     shape, size = asked.realised.shape[:2], asked.realised.shape[-1]
     deltas = asked.predicted.reshape(-1, *asked.predicted.shape[2:])
     phrases, which, agreement = majority_phrases(deltas, mapping, words, asked.trusted.reshape(len(deltas), -1))
     spoken = deltas[np.arange(len(deltas)), which]
     expressions = mapping.express(spoken).reshape(*shape, -1)
-    return WhatIfAnswers(
+    return JudgedAnswers(
         phrase=np.array(phrases).reshape(shape),
         real=phrases_of(mapping.express(asked.realised.reshape(-1, size)), words).reshape(shape),
         plain=np.array(majority_phrases(asked.plain, mapping, words)[0]),
@@ -159,7 +157,7 @@ def answer(asked: AskedWhatIf, mapping: ExpressionMapping, words: Sequence[Phras
     )
 
 
-def row_of(name: str, answers: WhatIfAnswers, calibration: Calibration, weights: Array) -> dict[str, Any]:
+def row_of(name: str, answers: JudgedAnswers, calibration: Calibration, weights: Array) -> dict[str, Any]:
     """The row of a vocabulary, where the meaning of the words is known.
 
     Args:
@@ -192,7 +190,7 @@ def _row(name: str, true: Array, each: Array, other: Array) -> dict[str, Any]:
 
 
 def baseline_rows(
-    answers: WhatIfAnswers, values: Values, words: Sequence[Phrases], weights: Array
+    answers: JudgedAnswers, values: Values, words: Sequence[Phrases], weights: Array
 ) -> list[dict[str, Any]]:
     """Two that ask nobody: it does what it does anyway, and it does what it is told."""
     obeyed = phrases_of(np.array([*values.values()]), words)
@@ -230,7 +228,12 @@ class WhatIf:
 
 
 def judge_what_if(
-    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, vocabularies: Mapping[str, ExpressionMapping]
+    run: TrainedRun,
+    cfg: ExplainConfig,
+    predictor: Predictor,
+    vocabularies: Mapping[str, ExpressionMapping],
+    take: Callable[[str, int], Sequence[TakenMoment]],
+    processes: int = 1,
 ) -> WhatIf:
     """Ask and give each value at moments of held-out episodes.
 
@@ -239,12 +242,14 @@ def judge_what_if(
         cfg: of the evaluation.
         predictor: that foretells.
         vocabularies: by the name of their explainer, the evaluated one first; all of the run's horizon.
+        take: plays so many held-out episodes for a purpose; their moments.
+        processes: in which the copies are.
     """
     if stoppable(run.make_env()) is None:
         return WhatIf(note=CANNOT_COPY)
     config, values, words = cfg.evaluate, values_of(run.task), run.task.phrases
     judged, held_out = (
-        _asked(run, cfg, predictor, values, purpose, episodes)
+        _asked(run, cfg, predictor, values, take(purpose, episodes), processes)
         for purpose, episodes in (("judged", config.episodes), ("held_out", config.calibration_episodes))
     )
     weights = episode_weights(judged.episode, config.resamples, config.seed)
@@ -266,17 +271,16 @@ def judge_what_if(
 
 
 def _asked(
-    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, values: Values, purpose: str, episodes: int
-) -> AskedWhatIf:
-    horizon, seeds = run.horizon_steps, seeds_for(purpose, cfg.evaluate.seed, episodes)
-    taken = take_moments(run, run.policy, seeds, Plan(cfg.evaluate.what_if_stride_steps, 1, (horizon,)))
-    world = Simulator(
-        partial(make_snapshot_env, run.config.env),
-        run.task.rule,
-        processes=processes_for(cfg.predictor.processes, run.policy),
-        seed=cfg.evaluate.seed + TRUTH_SEED,
-    )
+    run: TrainedRun,
+    cfg: ExplainConfig,
+    predictor: Predictor,
+    values: Values,
+    moments: Sequence[TakenMoment],
+    processes: int,
+) -> AskedMoments:
+    make_env, seed = partial(make_snapshot_env, run.config.env), cfg.evaluate.seed + TRUTH_SEED
+    world = Simulator(make_env, run.task.rule, processes=processes, seed=seed)
     try:
-        return ask_what_if(taken, run.policy, predictor, world, values, cfg.predictor.futures, horizon)
+        return ask_and_give(moments, run.policy, predictor, world, values, cfg.predictor.futures, run.horizon_steps)
     finally:
         world.close()

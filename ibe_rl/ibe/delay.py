@@ -9,7 +9,7 @@ every delay alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,12 +32,12 @@ EVERY_STEPS, BEFORE_STEPS, BEYOND_STEPS = 15, 20, 25
 """Steps between the delays at which rules are looked for; how far before 0 and beyond the best one is compared."""
 PARSIMONY = 0.02
 """Share of the information that one more dimension of the state must add to be believed."""
-MIN_INFORMATION, MIN_CHANGES, LEAST_SAID = 0.02, 10, 200
+MIN_INFORMATION, MIN_CHANGES, LEAST_SAID = 0.05, 10, 200
 """Nats a step that the state must tell of what was said, its changes, and steps: with less the log does not tell."""
-LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 3, 20, 5
+LEAST_STEPS, WIDEST_STEPS, EARLY_STEPS = 6, 20, 5
 """Fewer steps count as none. A wider interval is no answer, nor are states so far ahead: they are consequences."""
 BOOTSTRAPS, LOW_HIGH = 200, (2.5, 97.5)
-MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 300, 2_500, 5_000
+MOST_EPISODES, LEARNT_STEPS, JUDGED_STEPS = 400, 2_500, 5_000
 TRIED, CLIMBS = 4, 3
 
 
@@ -186,7 +186,7 @@ def _climb(steps: _Steps, rule: _Rule, learnt: Array, judged: Array) -> _Rule:
     """The delay at which these dimensions tell most, from the axis at one delay to the next better one."""
     best, lag = rule._replace(told=np.zeros_like(rule.told)), rule.lag
     for _ in range(CLIMBS):
-        part = _parts(steps, rule.dimensions, lag, learnt, rounds=1)
+        part = _parts(steps, rule.dimensions, lag, learnt)
         told = np.array([information_of(part[judged - each], steps.kinds[judged]) for each in range(len(rule.told))])
         best = max(best, rule._replace(lag=int(told.argmax()), told=told), key=lambda one: float(one.told.max()))
         if int(told.argmax()) == lag:
@@ -195,11 +195,11 @@ def _climb(steps: _Steps, rule: _Rule, learnt: Array, judged: Array) -> _Rule:
     return best
 
 
-def _parts(steps: _Steps, dimensions: list[int], lag: int, learnt: Array, rounds: int) -> Array:
+def _parts(steps: _Steps, dimensions: list[int], lag: int, learnt: Array) -> Array:
     """The part ``(N,)`` of the state at each step, learnt from rows ``learnt`` and the states ``lag`` steps before."""
     states = steps.states[:, dimensions]
     given, every = _some(learnt[steps.given[learnt]], LEARNT_STEPS), _some(learnt, LEARNT_STEPS)
-    places = states @ axes_of(states[given - lag], steps.kinds[given], rounds)
+    places = states @ axes_of(states[given - lag], steps.kinds[given])
     return part_of(partition(places[every - lag], steps.kinds[every]), places)
 
 
@@ -209,7 +209,7 @@ def _gained(steps: _Steps, dimensions: list[int], lag: int, top: int) -> Array:
     found = np.zeros((int(steps.episode[-1]) + 1, len(lags)))
     for fold in (0, 1):
         own = steps.episode[rows] % 2 == fold
-        part, judged = _parts(steps, dimensions, lag, rows[~own], rounds=3), rows[own]
+        part, judged = _parts(steps, dimensions, lag, rows[~own]), rows[own]
         for column, each in enumerate(lags):
             gain = gains(part[steps.before(judged, each)], steps.kinds[judged])
             found[:, column] += np.bincount(steps.episode[judged], gain, len(found))
@@ -227,4 +227,22 @@ def _answer(gained: Array, most: int, rows: int) -> Delay:
     untold = high - low > WIDEST_STEPS or best < -EARLY_STEPS or high >= most
     if untold or total.max() < MIN_INFORMATION * rows:
         return Delay(0, 0, most, known=False)
-    return Delay(0 if low <= 0 or best < LEAST_STEPS else best, max(0, low), max(0, high))
+    none = low <= 0 or best < LEAST_STEPS
+    return Delay(0, 0, max(0, high)) if none else Delay(best, low, high)
+
+
+def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
+    """The same episodes with what was said at the steps that it was about; nothing at the last ones."""
+    if delay is None or not delay.steps:
+        return [*episodes]
+    return [
+        replace(one, instructions=_earlier(one.instructions, delay.steps), given=_earlier(one.given, delay.steps))
+        for one in episodes
+    ]
+
+
+def _earlier(column: Array, steps: int) -> Array:
+    """The rows ``(T, ...)`` so many steps earlier; zeros where there are none."""
+    moved = np.zeros_like(column)
+    moved[: max(0, len(column) - steps)] = column[steps:]
+    return moved

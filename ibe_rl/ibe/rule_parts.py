@@ -14,6 +14,8 @@ MOST_DIMENSIONS = 5
 MOST_PARTS, MIN_PART_STEPS = 16, 20
 RIDGE = 1e-6
 MIN_MISTAKES = 0.01
+ROUNDS = 3
+"""Of learning who was mistaken, and the axes without them."""
 
 
 def levels_of(column: Array, given: Array) -> Array:
@@ -40,14 +42,14 @@ def supports(states: Array, said: Array) -> list[tuple[list[int], Array]]:
     return found
 
 
-def axes_of(states: Array, kinds: Array, rounds: int = 2) -> Array:
+def axes_of(states: Array, kinds: Array) -> Array:
     """Axes ``(S, D)`` along which what is said changes, ``D`` below the number of classes.
 
     A logistic regression with mistakes: a step counts as much as it is likely to be none. ``kinds`` ``(N,)``.
     """
     weight, classes = np.ones(len(kinds)), np.unique(kinds, return_inverse=True)[1]
     share = 0.1
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         model = LogisticRegression(C=100, solver="newton-cholesky", max_iter=30)
         likely = model.fit(states, classes, sample_weight=weight).predict_proba(states)
         likely = likely[np.arange(len(classes)), classes]

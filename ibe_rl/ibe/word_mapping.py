@@ -116,6 +116,18 @@ def _named(
     )
 
 
+def in_shares(mapping: ClusterMapping) -> ClusterMapping:
+    """A vocabulary whose expressions lie between -1 and 1 with expressions from 0 to 1, as shares of words do."""
+    values = np.asarray(mapping.expressions)
+    return replace(mapping, expressions=(values + 1) / 2) if values.min() < 0 else mapping
+
+
+def with_word_meanings(mapping: ClusterMapping, windows: Windows) -> ClusterMapping:
+    """A vocabulary of words, learnt as one of numbers, with shares, and with what the words mean as movement."""
+    meanings = word_meanings(windows, mapping.cluster(windows.delta), len(mapping.ids))
+    return replace(in_shares(mapping), meanings=meanings)
+
+
 def word_axes(
     delta: Array, said: Array, often: Array, states: Array, heard: Array, kept: Array, rows: Array, seed: int
 ) -> Array:

@@ -6,13 +6,11 @@ An expression in words is the share of each of the ``d`` words, from 0 to 1; an 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.stats import rankdata
 
 from ibe_rl.ibe.delta import Windows
-from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Meaning
 from ibe_rl.types import Array, ExpressionMapping
 
@@ -124,18 +122,6 @@ def asked_motion(
     along = np.asarray(instruction) @ moves[:, list(explained)]
     ways: Array = np.where(np.abs(along) > np.asarray(band), np.sign(along), 0.0)
     return ways
-
-
-def in_shares(mapping: ClusterMapping) -> ClusterMapping:
-    """A vocabulary whose expressions lie between -1 and 1 with expressions from 0 to 1, as shares of words do."""
-    values = np.asarray(mapping.expressions)
-    return replace(mapping, expressions=(values + 1) / 2) if values.min() < 0 else mapping
-
-
-def with_word_meanings(mapping: ClusterMapping, windows: Windows) -> ClusterMapping:
-    """A vocabulary of words, learnt as one of numbers, with shares, and with what the words mean as movement."""
-    meanings = word_meanings(windows, mapping.cluster(windows.delta), len(mapping.ids))
-    return replace(in_shares(mapping), meanings=meanings)
 
 
 def top_words(expressions: Array) -> Array:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from ibe_rl.predict.rolling import Act
 from ibe_rl.types import Array, Moment
+
+Acts = TypeVar("Acts")
+"""How a policy acts in some futures."""
 
 
 def originals_of(moments: Sequence[Moment]) -> Array:
@@ -63,7 +66,7 @@ class Batch:
     layout: Array
     places: Array
 
-    def of_rows(self, begin: Callable[[Array], Act]) -> Callable[[Array], Act]:
+    def of_rows(self, begin: Callable[[Array], Acts]) -> Callable[[Array], Acts]:
         """From what takes rows of the moments to what takes places in the layout."""
         return lambda futures: begin(self.layout[futures])
 

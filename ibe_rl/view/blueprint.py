@@ -13,7 +13,6 @@ from ibe_rl.view import curves, lanes, picture
 from ibe_rl.view import palette as colours
 from ibe_rl.view.curves import Chart
 from ibe_rl.view.palette import BACKGROUND, EXPLANATION, INSTRUCTED, TRAIL, WHITE
-from ibe_rl.view.what_if import IF_TOLD, TOLD_PATHS
 
 FRAMES, FILM = "frames", "film"
 FILM_FPS = 50
@@ -128,7 +127,7 @@ def _what_if(task: Task) -> rrb.View:
     values = len(values_of(task))
     bounds = rrb.VisualBounds2D(x_range=(0, lanes.PICTURE_WIDTH), y_range=(-0.05, lanes.height(values + 1)))
     return rrb.Spatial2DView(
-        origin=f"/{IF_TOLD}", name="If it were told otherwise", background=list(BACKGROUND), visual_bounds=bounds
+        origin=f"/{lanes.IF_TOLD}", name="If it were told otherwise", background=list(BACKGROUND), visual_bounds=bounds
     )
 
 
@@ -215,8 +214,8 @@ def log_styles(recording: rr.RecordingStream, task: Task) -> None:
     static("scene/verdict", rr.Points2D.from_fields(radii=rr.Radius.ui_points(1), show_labels=True))
     static("scene/says", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4), show_labels=True, draw_order=55.0))
     static("scene/told", rr.Points2D.from_fields(colors=[INSTRUCTED], radii=rr.Radius.ui_points(1), show_labels=True))
-    static(TOLD_PATHS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
-    for entity in (lanes.ENTITY, IF_TOLD):
+    static(lanes.IF_TOLD_PATHS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.0)))
+    for entity in (lanes.ENTITY, lanes.IF_TOLD):
         static(
             f"{entity}/now",
             rr.LineStrips2D.from_fields(colors=[WHITE], radii=rr.Radius.ui_points(1.0), draw_order=60.0),

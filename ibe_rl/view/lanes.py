@@ -16,6 +16,8 @@ from ibe_rl.view import palette as colours
 from ibe_rl.view.marks import LABEL_DROP, Text, labelled, round_steps
 
 ENTITY = "lanes"
+IF_TOLD, IF_TOLD_PATHS = "what_if", "scene/what_if"
+"""What it would do if it were told something else: lanes of their own, and paths in the scene."""
 PICTURE_WIDTH, FIRST_X, LAST_X = 5.0, 1.2, 4.8
 """Of the picture at 1440 x 900, in hundreds of pixels; the lanes are between the other two."""
 LANE_HEIGHT, BAND_HEIGHT, AXIS_HEIGHT, PEN = 0.32, 0.24, 0.42, 0.016

@@ -16,11 +16,9 @@ from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation
 from ibe_rl.view import palette as colours
 from ibe_rl.view import picture
-from ibe_rl.view.lanes import BAND_HEIGHT, LANE_HEIGHT, Lane, log_lanes, step_marks, x_of
+from ibe_rl.view.lanes import BAND_HEIGHT, IF_TOLD, IF_TOLD_PATHS, LANE_HEIGHT, Lane, log_lanes, step_marks, x_of
 
-IF_TOLD = "what_if"
-TOLD_PATHS = "scene/what_if"
-FADED = 0.55
+PATH_SHADE = 0.55
 """How much of its colour a path keeps that will not be flown."""
 LONGEST_NAME = 14
 """Characters beside a lane."""
@@ -66,7 +64,7 @@ class AnswersOfEpisode:
 
     def send(self) -> None:
         """Draw them from the time that is set on; what was there of an earlier episode goes."""
-        for entity in [IF_TOLD] if self.drawn is None else [TOLD_PATHS, IF_TOLD]:
+        for entity in [IF_TOLD] if self.drawn is None else [IF_TOLD_PATHS, IF_TOLD]:
             self.recording.log(entity, rr.Clear(recursive=True))
         asked = last_asked(self.said)
         names = next((list(one.what_if) for one in asked if one is not None), [])
@@ -81,9 +79,9 @@ class AnswersOfEpisode:
         rows = [step for step in picture.changes([id(one) for one in asked]) if asked[step] is not None]
         answers = [asked[step].what_if[name] for step in rows for name in names]  # type: ignore[union-attr]
         paths = picture.thinned(self.drawn(np.stack([one.trusted_path for one in answers])))
-        shades = np.tile((FADED * told_shades(self.task, names)).astype(np.uint8), (len(rows), 1))
+        shades = np.tile((PATH_SHADE * told_shades(self.task, names)).astype(np.uint8), (len(rows), 1))
         strips = rr.LineStrips2D.columns(strips=paths, colors=shades).partition([len(names)] * len(rows))
-        rr.send_columns(TOLD_PATHS, self.columns(rows), strips, recording=self.recording)
+        rr.send_columns(IF_TOLD_PATHS, self.columns(rows), strips, recording=self.recording)
 
     def _send_lanes(self, asked: Sequence[Explanation | None], names: Sequence[str]) -> None:
         lanes = [self._lane(asked, name) for name in names]

@@ -23,16 +23,16 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode
 from ibe_rl.vocabulary.fitting_words import fit_worded
-from ibe_rl.vocabulary.lateness import Delays
 from ibe_rl.vocabulary.refresh import Refresh, Spans
+from ibe_rl.vocabulary.settled_horizon import horizon_of
 from ibe_rl.vocabulary.training_episodes import (
     TrainingEpisodes,
     best_windows,
-    horizon_of,
     instructed_states,
     instructed_windows,
     read_training_episodes,
 )
+from ibe_rl.vocabulary.who_is_late import Delays
 
 
 def fit_mapping(

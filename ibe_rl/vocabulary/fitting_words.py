@@ -11,8 +11,7 @@ from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.settings import IBEConfig
-from ibe_rl.ibe.word_mapping import fit_words
-from ibe_rl.ibe.word_meaning import with_word_meanings
+from ibe_rl.ibe.word_mapping import fit_words, with_word_meanings
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 

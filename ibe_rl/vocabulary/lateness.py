@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +11,12 @@ from ibe_rl.config.settings import MappingConfig
 from ibe_rl.ibe.delay import Delay, find_delay
 from ibe_rl.instructors.taught import taught_episodes, taught_rows
 from ibe_rl.storage.log import TrajectoryLog
-from ibe_rl.types import Array, Episode
+from ibe_rl.types import Episode
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
-Delays = Mapping[str, Delay]
-"""How late each of those who instruct is, by ``TEACHER`` and ``INSTRUCTOR``; nobody who never said anything."""
-TEACHER, INSTRUCTOR = "person", "instructor"
-"""Who teaches in a browser, or taught in the session that is replayed; and whoever instructs all the others."""
-NEWEST_EPISODES = 300
+NEWEST_EPISODES = 400
 SAME_STEPS = 3
-"""A delay found anew that differs by no more leaves the earlier one as it is."""
+"""A delay found anew that differs by no more leaves the earlier one as it is, within the new interval."""
 
 
 def delays_of(log: TrajectoryLog, config: MappingConfig, last: Delays | None = None) -> dict[str, Delay]:
@@ -55,32 +52,11 @@ def _changed(last: Delay | None, found: Delay) -> Delay:
         return found
     if not found.known:
         return last
-    if abs(found.steps - last.steps) <= SAME_STEPS:
-        return replace(found, steps=last.steps)
-    overlap = found.low <= last.high and last.low <= found.high
-    return replace(found, steps=round((last.steps + found.steps) / 2)) if overlap else found
-
-
-def caught_up(episodes: Sequence[Episode], delay: Delay | None) -> list[Episode]:
-    """The same episodes with what was said at the steps that it was about; nothing at the last ones."""
-    if delay is None or not delay.steps:
-        return [*episodes]
-    return [
-        replace(one, instructions=_earlier(one.instructions, delay.steps), given=_earlier(one.given, delay.steps))
-        for one in episodes
-    ]
-
-
-def _earlier(column: Array, steps: int) -> Array:
-    """The rows ``(T, ...)`` so many steps earlier; zeros where there are none."""
-    moved = np.zeros_like(column)
-    moved[: max(0, len(column) - steps)] = column[steps:]
-    return moved
-
-
-def of_first(delays: Delays) -> Delay | None:
-    """The delay of the person if one teaches, else of whoever instructs; None if nobody has said anything."""
-    return delays.get(TEACHER) or delays.get(INSTRUCTOR)
+    near = abs(found.steps - last.steps) <= SAME_STEPS
+    if not found.steps or not (near or (found.low <= last.high and last.low <= found.high)):
+        return found
+    steps = last.steps if near else round((last.steps + found.steps) / 2)
+    return replace(found, steps=min(max(steps, found.low), found.high) if steps else 0)
 
 
 def in_words(who: str, delay: Delay) -> str:

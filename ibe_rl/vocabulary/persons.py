@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
-from ibe_rl.ibe.delay import Delay
+from ibe_rl.ibe.delay import Delay, caught_up
 from ibe_rl.ibe.delta import top_episodes
 from ibe_rl.instructors.taught import taught_episodes
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Array, Episode
-from ibe_rl.vocabulary.lateness import caught_up
 
 NEWEST_TAUGHT = 300
 """Taught episodes that are read, however many frames ago they were."""

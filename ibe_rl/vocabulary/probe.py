@@ -12,7 +12,7 @@ from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.types import Array, observe
-from ibe_rl.vocabulary.training_episodes import horizon_of
+from ibe_rl.vocabulary.settled_horizon import horizon_of
 
 PROBE_EPISODES, PROBE_WINDOWS = 300, 4_000
 PROBE_NUMBERS = 4_000_000

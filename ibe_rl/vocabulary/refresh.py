@@ -20,9 +20,9 @@ from ibe_rl.metrics.drift import VocabularyDrift
 from ibe_rl.metrics.verdict import Verdict, verdicts_of
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.task import Task
-from ibe_rl.vocabulary.lateness import Delays, of_first
 from ibe_rl.vocabulary.persons import PersonsShare
-from ibe_rl.vocabulary.training_episodes import horizon_of
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.who_is_late import Delays, of_first
 from ibe_rl.vocabulary.words import WordNotice
 
 Spans = Mapping[int, ClusterMapping]

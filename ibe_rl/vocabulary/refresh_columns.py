@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ibe_rl.metrics.quality import OF_THE_MOMENTS, SCORES
-from ibe_rl.vocabulary.lateness import of_first
 from ibe_rl.vocabulary.refresh import Change, Refresh
+from ibe_rl.vocabulary.who_is_late import of_first
 
 REFRESH_COLUMNS = (
     *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown", "ibe/listens", "ibe/delay_steps"),

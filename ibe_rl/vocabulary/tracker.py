@@ -27,10 +27,12 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError, Episode, Explanation, Policy
 from ibe_rl.vocabulary.fitting import check_mapping, fewer_clusters, learn_vocabulary
-from ibe_rl.vocabulary.lateness import Delays, delays_of
+from ibe_rl.vocabulary.lateness import delays_of
 from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_of, settled
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.training_episodes import find_steps, settled
+from ibe_rl.vocabulary.who_is_late import Delays
 from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig
+from ibe_rl.ibe.delay import caught_up
 from ibe_rl.ibe.delta import Windows, cut_windows, top_episodes
 from ibe_rl.ibe.horizon import find_horizon, instruction_lasts, leading_change
 from ibe_rl.ibe.space import TooLittleDataError, rule_axes
@@ -15,8 +16,9 @@ from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Episode
-from ibe_rl.vocabulary.lateness import INSTRUCTOR, TEACHER, Delays, caught_up, delays_of
+from ibe_rl.vocabulary.lateness import delays_of
 from ibe_rl.vocabulary.persons import PersonsShare, persons_episodes
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
 OTHER_EPISODES = 300
 """Most episodes outside the best that are read, for comparison and for their instructions."""
@@ -97,17 +99,6 @@ def _counted(ended_at: Array, frames: int, newest_frames: int | None) -> Array:
     if not len(counted):
         raise TooLittleDataError(f"no episode has ended in the newest {newest_frames:,} frames")
     return counted
-
-
-def horizon_of(config: MappingConfig) -> int:
-    """The n of a mapping, set or found.
-
-    Raises:
-        ValueError: if it has still to be found (``find_steps``).
-    """
-    if config.horizon_steps is None:
-        raise ValueError("mapping.horizon_steps=null: it has not been found yet")
-    return config.horizon_steps
 
 
 def settled(config: MappingConfig, found_steps: int) -> MappingConfig:

@@ -12,9 +12,9 @@ from by_hand import TASK, on_a_line
 from by_hand import WORDS as OF_THE_LIFT
 
 from ibe_rl.evaluation import what_if
-from ibe_rl.evaluation.rollouts import TakenMoment
+from ibe_rl.evaluation.moments import TakenMoment
 from ibe_rl.evaluation.tables import console, what_if_table
-from ibe_rl.evaluation.what_if import CANNOT_COPY, WhatIf, answer, ask_what_if, baseline_rows, judge_what_if, row_of
+from ibe_rl.evaluation.what_if import CANNOT_COPY, WhatIf, answer, ask_and_give, baseline_rows, judge_what_if, row_of
 from ibe_rl.explain.what_if import values_of
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe
@@ -73,7 +73,7 @@ def judged(
         def rollout(self, moments: Sequence[Moment], policy: Policy, horizon_steps: int) -> Prediction:
             return super().rollout(moments, foretold_by or policy, horizon_steps)
 
-    asked, held_out = (ask_what_if(taken(), policy, Foreseen(), world, VALUES, 3, 4) for _ in range(2))
+    asked, held_out = (ask_and_give(taken(), policy, Foreseen(), world, VALUES, 3, 4) for _ in range(2))
     weights = episode_weights(asked.episode, 50, 0)
     answers = answer(asked, LINE, [OF_THE_LIFT])
     rows = [row_of("ibe:lift", answers, answer(held_out, LINE, [OF_THE_LIFT]).calibrate(), weights)]
@@ -145,5 +145,5 @@ def test_the_report_fills_the_rows_of_its_explainers_at_its_horizon_only():
 def test_what_cannot_be_copied_is_not_judged(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(what_if, "stoppable", lambda _: None)
     run: Any = SimpleNamespace(make_env=lambda: None)
-    found = judge_what_if(run, SimpleNamespace(), Lifts(), {"ibe:lift": LINE})  # type: ignore[arg-type]
+    found = judge_what_if(run, SimpleNamespace(), Lifts(), {"ibe:lift": LINE}, lambda *_: [])  # type: ignore[arg-type]
     assert (found.report, found.note) == (None, CANNOT_COPY)

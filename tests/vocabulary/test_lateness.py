@@ -8,23 +8,17 @@ import numpy as np
 import pytest
 from by_hand import STEPS, TASK, add, config, obey, stay
 
-from ibe_rl.ibe.delay import Delay
+from ibe_rl.ibe.delay import Delay, caught_up
 from ibe_rl.instructors.taught import told_of
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.view.sentences import worth
 from ibe_rl.vocabulary import lateness as module
-from ibe_rl.vocabulary.lateness import (
-    INSTRUCTOR,
-    TEACHER,
-    caught_up,
-    delays_of,
-    in_words,
-    of_first,
-)
+from ibe_rl.vocabulary.lateness import delays_of, in_words
 from ibe_rl.vocabulary.refresh_columns import figures
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 from ibe_rl.vocabulary.training_episodes import read_training_episodes
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, of_first
 
 PERSON_SPEAKS, OTHERS = np.tile(np.array(told_of("person"), np.int32), (STEPS, 1)), np.zeros((STEPS, 3), np.int32)
 UNKNOWN = Delay(0, 0, 50, known=False)
@@ -83,8 +77,11 @@ def test_only_the_newest_are_heard(log: TrajectoryLog, heard: list[Sequence[Epis
         (None, Delay(20, 18, 22), 20),
         (UNKNOWN, Delay(20, 18, 22), 20),
         (Delay(20, 18, 22), Delay(23, 19, 25), 20),  # nearly the same: it stays
-        (Delay(20, 10, 26), Delay(26, 24, 28), 23),  # perhaps the same: half way
+        (Delay(20, 10, 26), Delay(26, 22, 28), 23),  # perhaps the same: half way
         (Delay(20, 18, 22), Delay(40, 38, 42), 40),  # another one for sure
+        (Delay(27, 26, 32), Delay(25, 24, 26), 26),  # nearly the same, as far as the log allows
+        (Delay(4, 3, 6), Delay(0, 0, 3), 0),
+        (Delay(0, 0, 1), Delay(3, 2, 4), 0),
         (Delay(20, 18, 22), UNKNOWN, 20),
         (UNKNOWN, UNKNOWN, 0),
     ],

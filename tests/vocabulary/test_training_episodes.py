@@ -11,10 +11,10 @@ from ibe_rl.ibe import TooLittleDataError
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.types import Episode
 from ibe_rl.vocabulary import training_episodes as module
+from ibe_rl.vocabulary.settled_horizon import horizon_of
 from ibe_rl.vocabulary.training_episodes import (
     best_windows,
     find_steps,
-    horizon_of,
     instructed_windows,
     read_training_episodes,
     settled,

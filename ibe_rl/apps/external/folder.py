@@ -28,7 +28,8 @@ from ibe_rl.types import ConfigError, Episode
 from ibe_rl.vocabulary.fitting import check_mapping, learn_vocabulary
 from ibe_rl.vocabulary.refresh import Refresh, save_refresh
 from ibe_rl.vocabulary.rule_reads import check_dimensions
-from ibe_rl.vocabulary.training_episodes import find_steps, horizon_line, horizon_of, settled
+from ibe_rl.vocabulary.settled_horizon import horizon_of
+from ibe_rl.vocabulary.training_episodes import find_steps, horizon_line, settled
 
 
 def external_run_config(

@@ -23,8 +23,8 @@ from ibe_rl.apps.study.stimuli import (
     check_until,
     cut_episodes,
     stimuli_of,
+    told_otherwise,
 )
-from ibe_rl.apps.study.told import told_otherwise
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import EnvConfig, ExplainConfig
 from ibe_rl.envs.make import make_env

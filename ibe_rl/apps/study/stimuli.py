@@ -6,7 +6,7 @@ A stimulus is one JSON file. What a person may not see before the answer is in i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -16,8 +16,10 @@ from ibe_rl.apps.paper.names import AT_CONTACT, AT_END
 from ibe_rl.apps.study.arms import Asked, Speaker, SpokenFrames, expectations, words_of_others
 from ibe_rl.apps.study.scenes import FORMAT, Scene, about_episode
 from ibe_rl.apps.study.settings import IBE, PLACEBIC, TRUE_FUTURE
+from ibe_rl.apps.study.told import ToldFrom
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.limits import nearest
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.delta import delta_states
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.ibe.word_meaning import expected_motion
@@ -119,6 +121,31 @@ def cut_episodes(
         found = cut_episode(seed, record_rollout(env, policy, instructor, seed), task, horizon_steps, until, frames)
         if found is not None:
             yield found
+
+
+def told_otherwise(
+    found: Iterator[CutEpisode], env: gymnasium.Env[Any, Any], task: Task, policy: Policy, instructor: Instructor
+) -> Iterator[CutEpisode]:
+    """Fly cut episodes again with the same seeds, told another value than before at the last frame that is seen.
+
+    What it is told is drawn by lot. Those that then end before the step that people are asked about are left out.
+    """
+    for one in found:
+        name, value = _another(one, task)
+        watched = record_rollout(env, policy, ToldFrom(instructor, one.last, value), one.seed)
+        if len(watched.episode) >= one.end:
+            yield replace(one, watched=watched, told=name)
+
+
+def _another(one: CutEpisode, task: Task) -> tuple[str, Array]:
+    """One of the values that it was not being told."""
+    before = one.watched.moments[one.last]
+    others = [
+        (name, value)
+        for name, value in values_of(task).items()
+        if not (before.given and np.array_equal(before.instruction, value))
+    ]
+    return others[np.random.default_rng(one.seed).integers(len(others))]
 
 
 def balanced_episodes(

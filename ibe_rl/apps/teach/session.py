@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
 from ibe_rl.instructors.taught import MARKED_BEFORE
-from ibe_rl.types import ConfigError
-from ibe_rl.words import Words
+from ibe_rl.words import WordError, Words
 
 ACCEPTED, WATCHING, REPEATED, PAST, UNKNOWN_VALUE = "accepted", "watching", "repeated", "past", "unknown value"
 """The result of a message; all but the first change nothing."""
@@ -196,7 +195,7 @@ class TeachingSession:
                 self.words.rename(message.slot, message.word)
             else:
                 self.words.add(message.word)
-        except ConfigError as error:
+        except WordError as error:
             return str(error)
         return ACCEPTED
 

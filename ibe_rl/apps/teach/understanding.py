@@ -20,8 +20,9 @@ from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
 from ibe_rl.types import CANNOT_TELL, Array, Episode
 from ibe_rl.view.palette import of_clusters
-from ibe_rl.vocabulary.lateness import TEACHER, Delays, in_words
+from ibe_rl.vocabulary.lateness import in_words
 from ibe_rl.vocabulary.refresh import Refresh
+from ibe_rl.vocabulary.who_is_late import TEACHER, Delays
 from ibe_rl.vocabulary.words import MEANS_NOTHING
 
 FEW_WINDOWS = 50

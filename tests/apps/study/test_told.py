@@ -12,11 +12,11 @@ import pytest
 from lifts import HORIZON, LIFT, ride, speaker
 from processes import ROOT
 
-from ibe_rl.apps.study import told
+from ibe_rl.apps.study import stimuli
 from ibe_rl.apps.study.episode_file import read_episode
 from ibe_rl.apps.study.make import make
-from ibe_rl.apps.study.stimuli import CutEpisode
-from ibe_rl.apps.study.told import ToldFrom, told_otherwise
+from ibe_rl.apps.study.stimuli import CutEpisode, told_otherwise
+from ibe_rl.apps.study.told import ToldFrom
 from ibe_rl.instructors.silent import Silent
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Moment, Policy, Prediction, columns_of
@@ -65,7 +65,7 @@ def test_it_is_told_another_value_than_before_and_flown_again(monkeypatch: pytes
         again.append((seed, told[6]))
         return ride(range(12))
 
-    monkeypatch.setattr(told, "record_rollout", fly)
+    monkeypatch.setattr(stimuli, "record_rollout", fly)
     before = [cut(seed, ride(np.zeros(20))) for seed in range(40)]
     found = [*told_otherwise(iter(before), Any, LIFT, lambda _: np.zeros(1), Silent(1))]
     assert [one.seed for one in found] == [*range(40)]
@@ -79,7 +79,7 @@ def test_it_is_told_another_value_than_before_and_flown_again(monkeypatch: pytes
 
 
 def test_what_then_ends_too_soon_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(told, "record_rollout", lambda *_: ride(range(6 + HORIZON)))
+    monkeypatch.setattr(stimuli, "record_rollout", lambda *_: ride(range(6 + HORIZON)))
     assert not [*told_otherwise(iter([cut(1, ride(np.zeros(20)))]), Any, LIFT, lambda _: np.zeros(1), Silent(1))]
 
 
