@@ -169,8 +169,8 @@ class TrajectoryLog:
 
     def told(self, rows: Iterable[int]) -> list[Array]:
         """What the column ``told`` has of the episodes at positions ``rows`` of ``index``, ``(T, n)`` each."""
-        every, column = list(self._kept), self._columns[TOLD_COLUMN]
-        return [np.array(column[start : start + steps]) for start, _, steps, *_ in map(every.__getitem__, rows)]
+        kept = [self._kept[row] for row in rows]  # none in a log that has no such column
+        return [np.array(self._columns[TOLD_COLUMN][start : start + steps]) for start, _, steps, *_ in kept]
 
     def told_first(self) -> Array:
         """The same of the first step of each episode, ``(E, TOLD_SIZE)``; zeros where no person teaches."""

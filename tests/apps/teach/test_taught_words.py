@@ -128,8 +128,9 @@ def test_a_run_that_goes_on_keeps_its_words(lesson: tuple[Path, set[str], set[st
     folder = tmp_path / "run"
     shutil.copytree(lesson[0], folder)
     before = json.loads((folder / "summary.json").read_text())["frames"]
-    asked = ("instructor.wait_for_teacher=false", "instructor.speed=null", f"stop_after_frames={before + 256}")
-    call("train", f"resume={folder}", *asked)
+    settings = folder / ".hydra" / "config.yaml"
+    settings.write_text(settings.read_text().replace("wait_for_teacher: true", "wait_for_teacher: false"))
+    call("train", f"resume={folder}", f"stop_after_frames={before + 256}")
     assert json.loads((folder / "summary.json").read_text())["frames"] == before + 256
     assert [one["word"] for one in json.loads((folder / "words.json").read_text())] == list(FOREIGN)
     log = TrajectoryLog.open(folder / TRAJECTORIES)
