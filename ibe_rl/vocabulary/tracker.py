@@ -32,7 +32,7 @@ from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.settled_horizon import horizon_of
 from ibe_rl.vocabulary.training_episodes import find_steps, settled
-from ibe_rl.vocabulary.who_is_late import Delays
+from ibe_rl.vocabulary.who_is_late import TEACHER, Delays
 from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200
@@ -40,6 +40,8 @@ JUDGED_EPISODES = 200
 OTHER_HORIZON = 1.5
 """Factor by which a horizon found in the log must differ from the previous one to replace it."""
 SCORED_EPISODES, SCORED_EVERY_STEPS = 200, 4
+HEARD_AGAIN = 2
+"""Factor by which episodes must grow until delays are searched again, without a person: a search takes a second."""
 
 
 class VocabularyTracker:
@@ -94,9 +96,10 @@ class VocabularyTracker:
         return horizon_of(self._config)
 
     def _hear(self, log: TrajectoryLog) -> None:
-        """Find how late everybody is, once for the same episodes."""
-        if self._heard_until != log.episodes_ended:
-            self.delays, self._heard_until = delays_of(log, self._config, self.delays), log.episodes_ended
+        """Find how late everybody is: with a person at each refresh, else whenever the episodes have doubled."""
+        ended, of_person = log.episodes_ended, TEACHER in self.delays
+        if ended >= (self._heard_until + 1 if of_person or not self.delays else HEARD_AGAIN * self._heard_until):
+            self.delays, self._heard_until = delays_of(log, self._config, self.delays), ended
 
     def refresh(self, log: TrajectoryLog, policy: Policy, reactions: Reactions | None = None) -> Refresh:
         """Relearn the vocabulary from the current log and compare it with the previous one.
@@ -170,11 +173,14 @@ class VocabularyTracker:
             "judged": [list(one) for one in self._judged],
             "notes": list(self.notes),
             "delays": {who: asdict(delay) for who, delay in self.delays.items()},
+            "heard_until": self._heard_until,
             **arrays,
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """The inverse of ``state_dict``."""
+        self.delays = {who: Delay(**values) for who, values in state.get("delays", {}).items()}
+        self._heard_until = int(state.get("heard_until", -1))
         if state["mapping"] is None:
             return
         self.mapping = ClusterMapping.from_dict(state["mapping"])
@@ -183,7 +189,6 @@ class VocabularyTracker:
         self.calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
         self._learnt_at, self._next_id = state["learnt_at"], state["next_id"]
         self.notes = [str(line) for line in state.get("notes", ())]
-        self.delays = {who: Delay(**values) for who, values in state.get("delays", {}).items()}
         self._judged.extend((features, true) for features, true in state["judged"])
         self.probe = Probe(state["delta"], state["observations"])
         self._actions = state["actions"]

@@ -139,3 +139,27 @@ def test_delays_in_words():
     assert in_words(INSTRUCTOR, Delay(1, 1, 1)) == "the instructor is about 1 step behind"
     assert in_words(TEACHER, Delay(0, 0, 2)) == "you are not late"
     assert in_words(TEACHER, UNKNOWN) == "how late you are cannot be told"
+
+
+def test_it_is_searched_at_each_refresh_for_a_person_and_else_when_episodes_have_doubled(
+    log: TrajectoryLog, heard: list[Sequence[Episode]]
+):
+    program, person = (VocabularyTracker(config(), TASK, seed=0) for _ in range(2))
+    searched = []
+    for number in range(1, 9):
+        add(log, float(number), 1.0)
+        before = len(heard)
+        program._hear(log)
+        searched += [number] * (len(heard) > before)
+    assert searched == [1, 2, 4, 8]
+    person.delays = {TEACHER: Delay(3, 2, 4)}
+    for _ in range(2):
+        add(log, 9.0, 1.0, told=PERSON_SPEAKS)
+        before = len(heard)
+        person._hear(log)
+        assert len(heard) > before
+    taken_up = VocabularyTracker(config(), TASK, seed=0)
+    taken_up.load_state_dict(program.state_dict())
+    before = len(heard)
+    taken_up._hear(log)
+    assert len(heard) == before
