@@ -37,7 +37,7 @@ from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.fitting import check_mapping
 from ibe_rl.vocabulary.tracker import check_refreshing
 
-NEEDED = {"recorded": ["instructor.recording=a_run"]}
+NEEDED = {"recorded": ["instructor.recording=a_run"], "habits": ["instructor.run=a_run"]}
 """What a choice cannot do without."""
 SWEPT = {"horizon": "horizon_steps", "clusters": "n_clusters", "mappings": "mapping", "agents": "agent"}
 """What a sweep varies, where it is not called just so."""

@@ -26,7 +26,7 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rollouts import EPISODES_AT_ONCE, SEEDS_EACH, seeds_for
 from ibe_rl.evaluation.run_predictor import PROCESSES
 from ibe_rl.evaluation.runs import kept_policies
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import TrainedRun, instructed_by
 from ibe_rl.ibe import IBEConfig
 from ibe_rl.instructors import make_instructor, speaks, stand_in
 from ibe_rl.runtime.pool import ProcessPool
@@ -232,4 +232,5 @@ def report_protocol(context: ReportContext) -> dict[str, Any]:
         "clusterings": config.clusterings,
         "shuffles": config.shuffles,
         "resamples": config.resamples,
+        **({} if (by := instructed_by(run)) is None else {"instructed_by": by}),
     }
