@@ -175,9 +175,11 @@ def test_growth_is_from_the_same_run_and_draw_without_flaws():
     np.testing.assert_allclose(found["9"], [0.3, -0.1])  # what taught nothing, before or after, is left out
     assert growth(records, "wrong", "own")["1"].tolist() == [2]
     assert [len(values) for values in growth(records, "late", "paper").values()] == [0, 0]
+    for one, steps in zip([one for one in records if one["point"] == "9"], (8, 20, 9), strict=False):
+        one |= {"late": 9, "delay": {"known": True, "steps": steps}}
     assert flaws_table(records)[2:] == [
-        "| late | 9 | +0.100 [-0.100, +0.300], 1 taught nothing | -, 4 taught nothing |",
-        "| wrong | 1 | +2.000 [+2.000, +2.000] | -, 1 taught nothing |",
+        "| late | 9 | +0.100 [-0.100, +0.300], 1 taught nothing | -, 4 taught nothing | 8 to 20 | 2 of 4 |",
+        "| wrong | 1 | +2.000 [+2.000, +2.000] | -, 1 taught nothing | - | 0 of 1 |",
     ]
 
 
@@ -186,7 +188,8 @@ def test_what_was_trained_stands_beside_what_was_predicted():
         {"seed": 1, "name": "late", "trained": 0.25, "corrupted": None},
         {"seed": 0, "name": "late", "trained": 0.125, "corrupted": 0.5},
     ]
-    assert anew_table(records)[2:] == ["| late | 0 | 0.125 | 0.500 |", "| late | 1 | 0.250 | - |"]
+    records[1]["delay"] = {"known": True, "steps": 25, "low": 22, "high": 27}
+    assert anew_table(records)[2:] == ["| late | 0 | 0.125 | 0.500 | 25 (22 to 27) |", "| late | 1 | 0.250 | - | - |"]
 
 
 def run(*success: float) -> list[dict[str, float]]:

@@ -28,7 +28,7 @@ from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
-from ibe_rl.types import ExpressionMapping, Policy, Predictor
+from ibe_rl.types import ExpressionMapping, Policy
 
 SHOWN = ("baseline:paper", "baseline:present_velocity", "baseline:state_regressor", "baseline:predicted_change")
 """Explainers shown with the evaluated one in tables and figures over the horizons."""
@@ -52,8 +52,8 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
-        spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
-        what_if = told_otherwise_in_copies(run, cfg, predictor, spoken) if cfg.what_if else WhatIf()
+    spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
+    what_if = told_otherwise_in_copies(run, cfg, spoken) if cfg.what_if else WhatIf()
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
     own = run.horizon_steps
     observers, rows = add_observers(judged, learnt, moments, held_out, run, cfg, ours)
@@ -207,15 +207,19 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
 
 
 def told_otherwise_in_copies(
-    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, vocabularies: Mapping[str, ExpressionMapping]
+    run: TrainedRun, cfg: ExplainConfig, vocabularies: Mapping[str, ExpressionMapping]
 ) -> WhatIf:
-    """Whether what it says it would do if it were told something else comes true, in several vocabularies."""
+    """Whether what it says it would do if it were told something else comes true, in several vocabularies.
+
+    Its predictor is its own, so that its numbers depend on nothing that was rolled out before.
+    """
     plan, processes = Plan(cfg.evaluate.what_if_stride_steps, 1, (run.horizon_steps,)), cfg.predictor.processes
 
     def take(purpose: str, episodes: int) -> Sequence[TakenMoment]:
         return take_moments(run, run.policy, seeds_for(purpose, cfg.evaluate.seed, episodes), plan)
 
-    return judge_what_if(run, cfg, predictor, vocabularies, take, processes_for(processes, run.policy))
+    with shared_predictor(run, cfg) as predictor:
+        return judge_what_if(run, cfg, predictor, vocabularies, take, processes_for(processes, run.policy))
 
 
 def print_what_if(what_if: WhatIf) -> None:

@@ -121,11 +121,11 @@ def print_narration(
     whose = f"Policy of frame {run.policy_frame:,}, vocabulary of frame {run.mapping_frame:,}."
     if isinstance(run.config.agent, ExternalPolicyConfig):
         whose = f"Agent: {run.config.agent.made_from}; vocabulary from {run.mapping_frame:,} steps."
-    console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}")
     if said[0].what_if:
         console.print()
         console.print(answers_table(said, run.task.phrases))
-        console.print(listening_line(said))
+        console.print(listening_line(said) + "\n")
+    console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}")
     if not all(span.trusted for one in said for span in one.all_spans):
         console.print(f"{NOT_TRUSTED}: the predictor does not trust a path that long.")
 

@@ -154,7 +154,7 @@ def test_the_composed_defaults_are_those_of_the_dataclasses():
     for group, kind in [choice for choice in CHOICES if choice[0] in ROOMS and choice[1] not in NEEDED]:
         config = getattr(composed("train", f"{group}={kind}"), group)
         assert replace(config) == settings_of(group, kind)(kind=kind)
-    assert composed("train", "mapping=paper").mapping == IBEConfig(horizon_steps=60)  # of the lander
+    assert composed("train", "mapping=paper").mapping == IBEConfig(horizon_steps=60, delay_steps=0)  # of the lander
     assert cfg.predictor == PredictorConfig()
     assert cfg.viewer == ViewerConfig()
     for item in fields(TrainConfig):
