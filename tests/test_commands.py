@@ -33,6 +33,9 @@ ELSEWHERE = {
     "train.py env=highway": "envs/test_highway.py::test_it_trains_and_explains",
     "train.py env=car_racing": "envs/test_car_racing.py::test_it_trains_on_images_and_explains",
     "train.py instructor=human": "apps/teach/test_taught_session.py::test_every_step_says_what_the_page_had_sent",
+    "train.py instructor=human instructor.words=[left,hold,right]": (
+        "apps/teach/test_taught_words.py::test_the_agent_calls_a_movement_what_its_teacher_calls_it"
+    ),
     "train.py instructor=recorded instructor.recording=RUN stop_after_frames=FRAMES": (
         "training/test_resume.py::test_a_recorded_session_is_trained_anew"
     ),
