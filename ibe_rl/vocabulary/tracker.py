@@ -19,6 +19,7 @@ from ibe_rl.ibe.delta import Windows, cut_windows
 from ibe_rl.ibe.identity import keep_identity
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Reactions
+from ibe_rl.instructors.taught import taught_rows
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import policy_drift, vocabulary_drift
 from ibe_rl.metrics.quality import mean_scores, number_scores, phrase_accuracy, phrase_hits
@@ -32,7 +33,7 @@ from ibe_rl.vocabulary.probe import Probe, draw_probe
 from ibe_rl.vocabulary.refresh import Change, Refresh, Spans, save_refresh
 from ibe_rl.vocabulary.settled_horizon import horizon_of
 from ibe_rl.vocabulary.training_episodes import find_steps, settled
-from ibe_rl.vocabulary.who_is_late import TEACHER, Delays
+from ibe_rl.vocabulary.who_is_late import Delays
 from ibe_rl.vocabulary.word_notices import notices_of
 
 JUDGED_EPISODES = 200
@@ -97,7 +98,7 @@ class VocabularyTracker:
 
     def _hear(self, log: TrajectoryLog) -> None:
         """Find how late everybody is: with a person at each refresh, else whenever the episodes have doubled."""
-        ended, of_person = log.episodes_ended, TEACHER in self.delays
+        ended, of_person = log.episodes_ended, len(taught_rows(log)) > 0
         if ended >= (self._heard_until + 1 if of_person or not self.delays else HEARD_AGAIN * self._heard_until):
             self.delays, self._heard_until = delays_of(log, self._config, self.delays), ended
 

@@ -152,14 +152,16 @@ def test_it_is_searched_at_each_refresh_for_a_person_and_else_when_episodes_have
         program._hear(log)
         searched += [number] * (len(heard) > before)
     assert searched == [1, 2, 4, 8]
-    person.delays = {TEACHER: Delay(3, 2, 4)}
-    for _ in range(2):
-        add(log, 9.0, 1.0, told=PERSON_SPEAKS)
-        before = len(heard)
-        person._hear(log)
-        assert len(heard) > before
     taken_up = VocabularyTracker(config(), TASK, seed=0)
     taken_up.load_state_dict(program.state_dict())
     before = len(heard)
     taken_up._hear(log)
     assert len(heard) == before
+    person._hear(log)  # before anybody teaches
+    assert set(person.delays) == {INSTRUCTOR}
+    for _ in range(2):
+        add(log, 9.0, 1.0, told=PERSON_SPEAKS)
+        before = len(heard)
+        person._hear(log)
+        assert len(heard) > before
+    assert TEACHER in person.delays
