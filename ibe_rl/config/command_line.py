@@ -52,7 +52,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
     def main(composed: Any) -> None:
         nonlocal started
         try:
-            values = OmegaConf.to_object(_with_what_a_run_keeps(composed))
+            values = _complete(_with_what_a_run_keeps(composed))
             check_config(values)
             started = True
             with threadpool_limits(1):  # more threads are slower when processes share the cores
@@ -95,7 +95,7 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
     try:
         with settings_at_hand():
             arguments = as_hydra_reads(overrides, name, resumed_choices(overrides, CONFIGS))
-            values = OmegaConf.to_object(hydra.compose(name, arguments))
+            values = _complete(hydra.compose(name, arguments))
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(one_line(error)) from None
     except (AssertionError, ValueError, MarkedYAMLError) as error:
@@ -104,6 +104,13 @@ def composed(name: str, overrides: Sequence[str]) -> Any:
         raise ConfigError(one_line(error)) from None
     check_config(values)
     return values
+
+
+def _complete(composed: Any) -> Any:
+    """The settings as dataclasses; refuses those without a default that were not given."""
+    if absent := sorted(OmegaConf.missing_keys(composed)):
+        raise ConfigError(f"{absent[0]}: not given; allowed is {absent[0]}=VALUE, it has no default")
+    return OmegaConf.to_object(composed)
 
 
 def named_settings() -> set[str]:

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from ibe_rl.config.arguments import quoted
-from ibe_rl.config.command_line import command_on, output_folder, run_name, run_script
+from ibe_rl.config.command_line import command_on, composed, output_folder, run_name, run_script
 from ibe_rl.runtime.import_string import import_from_here
 from ibe_rl.runtime.printed import for_shell
+from ibe_rl.types import ConfigError
 
 pytestmark = pytest.mark.slow
 
@@ -130,6 +131,15 @@ def test_a_config_file_that_is_no_yaml_is_refused_in_one_line(
     with pytest.raises(SystemExit) as ended:
         names(monkeypatch, "--config-dir", str(tmp_path), "env=mine", f"run_dir={tmp_path}")
     assert re.fullmatch(refusal, str(ended.value))
+
+
+@pytest.mark.parametrize(("kind", "key"), [("habits", "instructor.run"), ("recorded", "instructor.recording")])
+def test_a_setting_without_a_default_is_asked_for_by_name(monkeypatch: pytest.MonkeyPatch, kind: str, key: str) -> None:
+    refusal = f"error: {key}: not given; allowed is {key}=VALUE, it has no default"
+    with pytest.raises(SystemExit, match=refusal):
+        names(monkeypatch, f"instructor={kind}")
+    with pytest.raises(ConfigError, match=refusal.removeprefix("error: ")):
+        composed("train", [f"instructor={kind}"])
 
 
 def test_what_is_refused_is_printed_without_control_characters(monkeypatch: pytest.MonkeyPatch) -> None:
