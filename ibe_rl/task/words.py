@@ -14,7 +14,7 @@ from typing import Any, Self, overload
 
 import numpy as np
 
-MOST_WORDS, LONGEST_WORD = 12, 40
+MOST_WORDS, LONGEST_WORD, MOST_PHRASES = 12, 40, 30
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,13 @@ class Word:
         word: as it is said and shown.
         added_at_frame: training frames when it was added; 0: from the start.
         renamed_from: its earlier names, the oldest first.
+        phrases: other texts that say it, the newest ``MOST_PHRASES``.
     """
 
     word: str
     added_at_frame: int = 0
     renamed_from: tuple[str, ...] = ()
+    phrases: tuple[str, ...] = ()
 
 
 class Words(Sequence[Phrases]):
@@ -123,8 +125,9 @@ class Words(Sequence[Phrases]):
         return self._entries[slot].word if slot < len(self._entries) else FREE_SLOT
 
     def slot_of(self, text: str) -> int | None:
-        """The slot of a word; None if there is no such word."""
-        return next((slot for slot, name in enumerate(self.names) if alike(name) == alike(text)), None)
+        """The slot of a word, or of the word that a phrase says; None if there is neither."""
+        by_phrase = (slot for slot, one in enumerate(self._entries) if _among(text, one.phrases))
+        return next((slot for slot, name in enumerate(self.names) if _among(text, [name])), next(by_phrase, None))
 
     def one_hot(self, slot: int) -> np.ndarray:
         """The instruction ``(d,)`` that gives the word of a slot."""
@@ -138,8 +141,27 @@ class Words(Sequence[Phrases]):
         """
         if len(self._entries) >= self.slots:
             raise WordError(f"word {text!r}: all {self.slots} places are taken; allowed is to rename one of them")
-        self._entries.append(Word(self._free(text), frame))
+        word = self._free(text)
+        self._no_phrase_of_any(word)
+        self._entries.append(Word(word, frame))
         return len(self._entries) - 1
+
+    def count_as(self, slot: int, text: str) -> None:
+        """Let a text be another way to say the word of a slot, and of no other word any more.
+
+        Raises:
+            WordError: if it is no text, or a word itself.
+        """
+        phrase = clean(text)
+        if _among(phrase, self.names):
+            raise WordError(f"phrase {phrase!r}: it is a word itself; allowed is a text that is none")
+        self._no_phrase_of_any(phrase)
+        old = self._entries[slot]
+        self._entries[slot] = replace(old, phrases=(*old.phrases, phrase)[-MOST_PHRASES:])
+
+    def _no_phrase_of_any(self, text: str) -> None:
+        kept = [tuple(one for one in each.phrases if alike(one) != alike(text)) for each in self._entries]
+        self._entries = [replace(each, phrases=left) for each, left in zip(self._entries, kept, strict=True)]
 
     def rename(self, slot: int, text: str) -> None:
         """Give a word another name; what has been learnt of it stays.
@@ -150,19 +172,20 @@ class Words(Sequence[Phrases]):
         old = self._entries[slot]
         new = self._free(text, but=slot)
         if new != old.word:
-            self._entries[slot] = replace(old, word=new, renamed_from=(*old.renamed_from, old.word))
+            self._no_phrase_of_any(new)
+            named = replace(self._entries[slot], word=new, renamed_from=(*old.renamed_from, old.word))
+            self._entries[slot] = named
 
     def to_dicts(self) -> list[dict[str, Any]]:
         """For JSON: a dict a word."""
-        names = ("word", "added_at_frame", "renamed_from")
+        names = ("word", "added_at_frame", "renamed_from", "phrases")
         return [{name: getattr(one, name) for name in names} for one in self._entries]
 
     @classmethod
     def from_dicts(cls, values: Any, slots: int | None = None) -> Self:
         """The inverse of ``to_dicts``; raises ValueError if the values are no words."""
         try:
-            words = [Word(one["word"], int(one["added_at_frame"]), (*map(str, one["renamed_from"]),)) for one in values]
-            return cls(words, slots)
+            return cls([_word_from(one) for one in values], slots)
         except (KeyError, TypeError) as error:
             raise ValueError(f"no list of words ({type(error).__name__}: {error})") from None
 
@@ -172,8 +195,7 @@ class Words(Sequence[Phrases]):
 
     def _free(self, text: str, but: int | None = None) -> str:
         word = clean(text)
-        at = self.slot_of(word)
-        if at is not None and at != but:
+        if _among(word, [name for slot, name in enumerate(self.names) if slot != but]):
             raise WordError(f"word {word!r}: it is there already; allowed are words that differ")
         return word
 
@@ -217,6 +239,15 @@ def clean(text: str) -> str:
     if len(word) > LONGEST_WORD:
         raise WordError(f"word {word[:20]!r}...: {len(word)} characters; allowed are 1 to {LONGEST_WORD}")
     return word
+
+
+def _word_from(values: Any) -> Word:
+    earlier, phrases = (tuple(map(str, values.get(name, ()))) for name in ("renamed_from", "phrases"))
+    return Word(values["word"], int(values["added_at_frame"]), earlier, phrases)
+
+
+def _among(text: str, texts: Iterable[str]) -> bool:
+    return alike(text) in map(alike, texts)
 
 
 def alike(text: str) -> str:

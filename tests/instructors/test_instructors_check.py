@@ -1,5 +1,6 @@
 """What no instructor can work with is refused before anything is made."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.mixed import OTHER_KINDS
 from ibe_rl.instructors.recorded import LessonWriter, RecordedConfig, RecordedEpisode
 from ibe_rl.storage.run_folder import LESSON
+from ibe_rl.task.words import Words
 from ibe_rl.types import ConfigError
 
 ONE_GAME = CollectConfig(processes=1, envs_per_process=2)
@@ -42,6 +44,17 @@ def test_a_person_says_one_number(config: InstructorConfig):
 @pytest.mark.parametrize("others", OTHER_KINDS)
 def test_a_person_can_be_beside_anybody(others: str):
     check_instructor(HumanConfig(others=others), ONE_GAME, TASK)
+
+
+def test_phrases_are_grouped_where_there_are_words_and_a_model(monkeypatch: pytest.MonkeyPatch):
+    grouping = HumanConfig(group_phrases=True)
+    with pytest.raises(ConfigError, match=r"^instructor\.group_phrases=true: allowed beside instructor\.words"):
+        check_instructor(grouping, ONE_GAME, TASK)
+    in_words = replace(TASK, phrases=Words(["left", "hold", "right"]))
+    check_instructor(grouping, ONE_GAME, in_words)
+    monkeypatch.setitem(sys.modules, "wordllama", None)
+    with pytest.raises(ConfigError, match=r"needs wordllama; install the extra ibe_rl\[phrases\]"):
+        check_instructor(grouping, ONE_GAME, in_words)
 
 
 def test_a_recording_has_to_be_there_and_whole(tmp_path: Path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ibe_rl.task.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, Word, WordError, Words, clean
+from ibe_rl.task.words import FREE_SLOT, LONGEST_WORD, MOST_PHRASES, MOST_WORDS, Word, WordError, Words, clean
 
 
 def test_words_of_any_script_keep_their_slots():
@@ -23,6 +23,34 @@ def test_a_new_name_may_differ_in_letters_only():
     words.rename(0, "LEFT")
     words.rename(0, "LEFT")
     assert words.entries[0] == Word("LEFT", 0, ("left",))
+
+
+def test_a_phrase_says_one_word_and_is_none():
+    words = Words(["left", "right"], 4)
+    words.count_as(0, " go  left")
+    words.count_as(1, "starboard")
+    assert (words.slot_of("Go left"), words.slot_of("starboard")) == (0, 1)
+    words.count_as(1, "GO LEFT")
+    assert [one.phrases for one in words.entries] == [(), ("starboard", "GO LEFT")]
+    assert Words.from_dicts(words.to_dicts(), 4).entries == words.entries
+    words.rename(1, "starboard")
+    assert words.entries[1] == Word("starboard", 0, ("right",), ("GO LEFT",))
+    assert words.add("go left") == 2
+    assert [one.phrases for one in words.entries] == [(), (), ()]
+    with pytest.raises(WordError, match=r"^phrase 'LEFT': it is a word itself; allowed is a text that is none"):
+        words.count_as(1, "LEFT")
+
+
+def test_the_newest_phrases_are_kept():
+    words = Words(["left"])
+    for number in range(MOST_PHRASES + 2):
+        words.count_as(0, f"phrase {number}")
+    assert (words.entries[0].phrases[0], len(words.entries[0].phrases)) == ("phrase 2", MOST_PHRASES)
+
+
+def test_words_of_an_older_run_have_no_phrases():
+    older = [{"word": "left", "added_at_frame": 0, "renamed_from": []}]
+    assert Words.from_dicts(older).entries == (Word("left"),)
 
 
 def test_one_word_alone_is_said_or_not():

@@ -71,6 +71,7 @@ class Classroom(Listener):
             port=port,
             hold_steps=config.hold_steps,
             speed=config.speed,
+            group_phrases=config.group_phrases,
             address=self._link.address,
             make_agent=make_agent,
             make_predictor=make_predictor,

@@ -14,7 +14,8 @@ from ibe_rl.apps.teach.clock import Clock
 from ibe_rl.apps.teach.lesson import Lesson, Stage
 from ibe_rl.apps.teach.link import Address, GameEnd
 from ibe_rl.apps.teach.live_explainer import LiveExplainer
-from ibe_rl.apps.teach.server import Server
+from ibe_rl.apps.teach.phrase_groups import load_nearest
+from ibe_rl.apps.teach.server import Server, words_fields
 from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.apps.teach.summary_page import write_lesson_page
 from ibe_rl.envs.wrappers import task_of
@@ -37,6 +38,7 @@ class LessonPlan:
         port: port that the page is served on.
         hold_steps: see ``HumanConfig``.
         speed: see ``HumanConfig``.
+        group_phrases: see ``HumanConfig``.
         address: where the trainer listens.
         make_agent: makes an agent whose ``greedy`` takes the trainer's weights.
         make_predictor: makes a predictor with environments of its own.
@@ -48,6 +50,7 @@ class LessonPlan:
     port: int
     hold_steps: int | None
     speed: float | None
+    group_phrases: bool
     address: Address
     make_agent: Callable[[], Agent]
     make_predictor: Callable[[], Any]
@@ -61,14 +64,15 @@ class LessonPlan:
         task = task_of(stage)
         if task.words is not None and (named := words_of(self.record.parent, len(task.words))):
             task.words.become(named)  # of a run that goes on
-        desk = TeachingSession(values, self.hold_steps, self.speed, task.words)
+        nearest = load_nearest() if self.group_phrases else None
+        desk = TeachingSession(values, self.hold_steps, self.speed, task.words, nearest)
         server = Server(desk, self.host, self.port)
         clock = Clock(desk, float(stage.metadata.get("render_fps") or STEPS_PER_SECOND))
         speaker = LiveExplainer(self.make_agent().greedy, self.make_predictor(), task)
         lesson = Lesson(stage, desk, server, speaker, clock, LessonWriter(self.record))
         server.post("about", {**self.about, "values": list(values)})
         if task.words is not None:
-            server.post("words", {"words": list(task.words.names), "most": len(task.words)})
+            server.post("words", words_fields(task.words))
         self._listen(lesson, desk, server, speaker, clock)
         return lesson
 

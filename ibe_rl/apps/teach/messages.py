@@ -78,7 +78,22 @@ class Name:
     word: str
 
 
-Message = Press | Release | Pause | Speed | HandOver | Sit | Wrong | Name
+@dataclass(frozen=True)
+class Typed:
+    """The person typed a text that is neither a word nor a phrase yet."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class CountAs:
+    """The person says of a typed text whose word it says; the first free slot: it is a word of its own."""
+
+    text: str
+    slot: int
+
+
+Message = Press | Release | Pause | Speed | HandOver | Sit | Wrong | Name | Typed | CountAs
 
 
 def parse(text: str | bytes) -> Message:
@@ -145,4 +160,6 @@ KINDS: dict[str, tuple[Callable[..., Message], dict[str, Callable[[str, Any], An
     "sit": (Sit, {}),
     "wrong": (Wrong, {"episode": _count, "step": _count}),
     "name": (Name, {"slot": _count, "word": _text}),
+    "typed": (Typed, {"text": _text}),
+    "counts as": (CountAs, {"text": _text, "slot": _count}),
 }

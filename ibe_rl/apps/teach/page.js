@@ -84,7 +84,8 @@ const say = {
       say.saying = value;
       say.episode = episode;
     }
-    for (const button of at("values").children) button.classList.toggle("on", value !== null && button.dataset.value === String(value));
+    const shown = value === null ? null : String(wordSaidBy(value));
+    for (const button of at("values").children) button.classList.toggle("on", button.dataset.value === shown);
   },
   again() {
     say.saying = null;
@@ -144,7 +145,7 @@ at("speed").onchange = () => {
 
 function enable() {
   const instructs = Boolean(now.seat && now.seat.instructs);
-  const fields = [at("typed"), ...at("names").children];
+  const fields = [at("typed"), ...at("names").children, ...at("phrases").querySelectorAll("select")];
   for (const part of [at("pause"), at("speed"), at("oracle"), ...at("values").children, ...fields]) part.disabled = !instructs;
   if (now.about && now.about.oracle === false) at("oracle").disabled = true;
 }

@@ -24,8 +24,20 @@ from typing import Any
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-from ibe_rl.apps.teach.messages import MAX_BYTES, BadMessageError, HandOver, Name, Pause, Sit, Speed, parse
+from ibe_rl.apps.teach.messages import (
+    MAX_BYTES,
+    BadMessageError,
+    CountAs,
+    HandOver,
+    Name,
+    Pause,
+    Sit,
+    Speed,
+    Typed,
+    parse,
+)
 from ibe_rl.apps.teach.session import ACCEPTED, TeachingSession
+from ibe_rl.task.words import Words
 
 LESSON_PATH = "/lesson"
 PAGES = {
@@ -204,7 +216,7 @@ class Server:
             self._seats()
         elif isinstance(message, Pause | Speed | HandOver):
             self._controls()
-        elif isinstance(message, Name):
+        elif isinstance(message, Name | Typed | CountAs):
             self._words()
 
     async def _send(self, connection: web.WebSocketResponse, page: int) -> tuple[int, str]:
@@ -237,12 +249,20 @@ class Server:
     def _words(self) -> None:
         """Tell every page, and whoever else has to know, what the words are called."""
         assert self._desk.words is not None  # a page has named one of them
-        words = list(self._desk.words.names)
-        self._spread("words", json.dumps({"kind": "words", "words": words, "most": len(self._desk.words)}))
+        self._spread("words", json.dumps({"kind": "words", **words_fields(self._desk.words)}))
         self.renamed()
 
     def _controls(self) -> None:
         self._spread("controls", json.dumps({"kind": "controls", **asdict(self._desk.controls)}))
+
+
+def words_fields(words: Words) -> dict[str, Any]:
+    """What a page has to know of the words: their names, the phrases that say each, and how many there can be."""
+    return {
+        "words": list(words.names),
+        "phrases": [list(one.phrases) for one in words.entries],
+        "most": len(words),
+    }
 
 
 async def _part(request: web.Request) -> web.Response:

@@ -9,7 +9,20 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
+from ibe_rl.apps.teach.messages import (
+    CountAs,
+    HandOver,
+    Message,
+    Name,
+    Pause,
+    Press,
+    Release,
+    Sit,
+    Speed,
+    Typed,
+    Wrong,
+)
+from ibe_rl.apps.teach.phrase_groups import Nearest
 from ibe_rl.instructors.taught import MARKED_BEFORE
 from ibe_rl.task.words import WordError, Words
 
@@ -57,16 +70,23 @@ class TeachingSession:
         hold_steps: how long an instruction lasts after its release, within the episode; None until its end.
         speed: initial speed.
         words: the possible instructions, where these are words; a page may rename them and add some.
+        nearest: finds the word that a typed text says; None: each text is a word.
 
     Attributes:
         changed: condition notified whenever the pace may have changed.
     """
 
     def __init__(
-        self, values: Sequence[float], hold_steps: int | None, speed: float | None, words: Words | None = None
+        self,
+        values: Sequence[float],
+        hold_steps: int | None,
+        speed: float | None,
+        words: Words | None = None,
+        nearest: Nearest | None = None,
     ):
         self.changed = threading.Condition()
         self._values, self._hold_steps, self.words = tuple(values), hold_steps, words
+        self._nearest: Nearest = nearest or (lambda _text, _words: None)
         self._controls = Controls(paused=False, speed=speed, oracle=False)
         self._present: dict[int, int] = {}  # each page and the number of its newest press or release
         self._chair: int | None = None
@@ -129,8 +149,8 @@ class TeachingSession:
                 return self._set_instruction(page, message)
             if isinstance(message, Wrong):
                 return self._mark(message)
-            if isinstance(message, Name):
-                return self._name(message)
+            if isinstance(message, Name | Typed | CountAs):
+                return self._change_words(message)
             self._control(message)
             return ACCEPTED
 
@@ -187,17 +207,30 @@ class TeachingSession:
             return self.words.slot_of(said) if isinstance(said, str) else None
         return said if not isinstance(said, str) and said in self._values else None
 
-    def _name(self, message: Name) -> str:
+    def _change_words(self, message: Name | Typed | CountAs) -> str:
         if self.words is None:
             return "instructions are numbers here, and have no names"
         try:
-            if message.slot < len(self.words.names):
-                self.words.rename(message.slot, message.word)
+            if isinstance(message, Name):
+                self._name(self.words, message)
             else:
-                self.words.add(message.word)
+                near = message.slot if isinstance(message, CountAs) else self._nearest(message.text, self.words)
+                self._count(self.words, message.text, near)
         except WordError as error:
             return str(error)
         return ACCEPTED
+
+    def _name(self, words: Words, message: Name) -> None:
+        if message.slot < len(words.names):
+            words.rename(message.slot, message.word)
+        else:
+            words.add(message.word)
+
+    def _count(self, words: Words, text: str, slot: int | None) -> None:
+        if slot is None or slot >= len(words.names):
+            words.add(text)
+        else:
+            words.count_as(slot, text)
 
     def _mark(self, message: Wrong) -> str:
         if not self._episode - MARKED_BEFORE <= message.episode <= self._episode:

@@ -46,7 +46,36 @@ function makeNames() {
   enable();
 }
 
-// A typed word is said for a moment; one that is not there yet is added.
+// ---- typed texts: one that is not known yet becomes a phrase of the most similar word, or a word of its own
+
+const alike = (one, other) => one.normalize("NFKC").toLowerCase() === other.normalize("NFKC").toLowerCase();
+
+function wordSaidBy(value) {
+  if (!now.words || now.words.words.includes(value)) return value;
+  const slot = now.words.phrases.findIndex((phrases) => phrases.some((phrase) => alike(phrase, value)));
+  return slot < 0 ? value : now.words.words[slot];
+}
+
+// Each phrase with the word that it says, to be corrected.
+function makePhrases() {
+  const words = now.words.words;
+  const rows = now.words.phrases.flatMap((phrases, slot) => phrases.map((phrase) => phraseRow(phrase, slot, words)));
+  at("phrases").hidden = !rows.length;
+  at("phrases").replaceChildren(...rows);
+}
+
+function phraseRow(phrase, slot, words) {
+  const choice = document.createElement("select");
+  choice.setAttribute("aria-label", `${phrase} says`);
+  choice.append(...words.map((word, other) => new Option(word, other)), new Option("a word of its own", words.length));
+  choice.value = slot;
+  choice.addEventListener("change", () => send({ kind: "counts as", text: phrase, slot: Number(choice.value) }));
+  const row = document.createElement("li");
+  row.append(Object.assign(document.createElement("bdi"), { textContent: phrase }), " says ", choice);
+  return row;
+}
+
+// A typed text is said for a moment.
 const TYPED_HOLDS_MS = 1000;
 let typedCount = 0;
 
@@ -55,9 +84,8 @@ at("typing").addEventListener("submit", (event) => {
   const text = at("typed").value.normalize("NFC").trim().replace(/\s+/g, " ");
   if (!text) return;
   at("typed").value = "";
-  const alike = (word) => word.normalize("NFKC").toLowerCase() === text.normalize("NFKC").toLowerCase();
-  const known = choices().find(alike);
-  if (known === undefined) send({ kind: "name", slot: choices().length, word: text });
+  const known = [...choices(), ...now.words.phrases.flat()].find((one) => alike(one, text));
+  if (known === undefined) send({ kind: "typed", text });
   const source = `typed ${(typedCount += 1)}`;
   say.press(source, known === undefined ? text : known);
   setTimeout(() => say.release(source), TYPED_HOLDS_MS);
@@ -86,10 +114,14 @@ let outcomeAt = -OUTCOME_SHOWN_MS;
 
 Object.assign(hear, {
   words(message) {
+    const before = wordSaidBy(say.saying);
     now.words = message;
-    for (const one of [...held]) if (!message.words.includes(one.value)) say.release(one.source); // renamed
+    for (const one of [...held]) if (!message.words.includes(wordSaidBy(one.value))) say.release(one.source); // renamed
     makeButtons();
+    makePhrases();
     makeNames();
+    if (wordSaidBy(say.saying) !== before) say.again(); // what is held says another word now
+    say.now();
   },
   outcome(message) {
     if (performance.now() - outcomeAt < OUTCOME_SHOWN_MS) return;
@@ -114,7 +146,9 @@ Object.assign(hear, {
     now.refused = message;
     const trivial = ["past", "repeated", "watching"].includes(message.why);
     at("refused").textContent = trivial ? "" : message.why;
-    if (now.words) makeNames();
+    if (!now.words) return;
+    makePhrases();
+    makeNames();
   },
 });
 

@@ -15,6 +15,7 @@ from view_data import eventually
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from ibe_rl.apps.teach.phrase_groups import Nearest
 from ibe_rl.apps.teach.server import Server
 from ibe_rl.apps.teach.session import TeachingSession
 from ibe_rl.runtime.ports import HOST, free_port
@@ -26,8 +27,8 @@ VALUES = (-1.0, 0.0, 1.0)
 class Room:
     """A desk with the server before it."""
 
-    def __init__(self, words: Words | None = None) -> None:
-        self.desk = TeachingSession(VALUES, hold_steps=0, speed=1.0, words=words)
+    def __init__(self, words: Words | None = None, nearest: Nearest | None = None) -> None:
+        self.desk = TeachingSession(VALUES, hold_steps=0, speed=1.0, words=words, nearest=nearest)
         self.port = free_port(0, 0)
         self.server = Server(self.desk, HOST, self.port)
 
@@ -56,8 +57,8 @@ class Room:
 
 
 @contextmanager
-def open_room(words: Words | None = None) -> Iterator[Room]:
-    room = Room(words)
+def open_room(words: Words | None = None, nearest: Nearest | None = None) -> Iterator[Room]:
+    room = Room(words, nearest)
     try:
         yield room
     finally:

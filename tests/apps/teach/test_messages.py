@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from ibe_rl.apps.teach.messages import (
     MAX_BYTES,
     BadMessageError,
+    CountAs,
     HandOver,
     Message,
     Name,
@@ -18,6 +19,7 @@ from ibe_rl.apps.teach.messages import (
     Release,
     Sit,
     Speed,
+    Typed,
     Wrong,
     parse,
 )
@@ -34,6 +36,8 @@ MEANT: list[tuple[dict[str, Any], Message]] = [
     ({"kind": "press", "sequence": 3, "episode": 2, "value": "يمين"}, Press(3, 2, "يمين")),
     ({"kind": "wrong", "episode": 2, "step": 30}, Wrong(2, 30)),
     ({"kind": "name", "slot": 1, "word": "links"}, Name(1, "links")),
+    ({"kind": "typed", "text": "nach links"}, Typed("nach links")),
+    ({"kind": "counts as", "text": "nach links", "slot": 0}, CountAs("nach links", 0)),
 ]
 BAD = [
     ("", "not JSON"),
@@ -41,7 +45,10 @@ BAD = [
     ("[" * 500, "not JSON"),
     ("[]", "no kind"),
     ("null", "no kind"),
-    ('{"kind": "fly"}', "no kind of message; allowed are press, release, pause, speed, oracle, sit, wrong, name"),
+    (
+        '{"kind": "fly"}',
+        "no kind of message; allowed are press, release, pause, speed, oracle, sit, wrong, name, typed, ",
+    ),
     ('{"kind": ["press"]}', "no kind"),
     ('{"kind": "pause"}', "a Pause has on in it"),
     ('{"kind": "sit", "on": true}', "a Sit has nothing in it"),
@@ -65,8 +72,8 @@ ANYTHING = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
     max_leaves=6,
 )
-NAMES = st.sampled_from(["kind", "sequence", "episode", "value", "on", "times", "step", "slot", "word"])
-KINDS = st.sampled_from(["press", "release", "pause", "speed", "oracle", "sit", "wrong", "name"])
+NAMES = st.sampled_from(["kind", "sequence", "episode", "value", "on", "times", "step", "slot", "word", "text"])
+KINDS = st.sampled_from(["press", "release", "pause", "speed", "oracle", "sit", "wrong", "name", "typed", "counts as"])
 
 
 @pytest.mark.parametrize(("fields", "message"), MEANT)

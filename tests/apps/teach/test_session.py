@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ibe_rl.apps.teach.messages import HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Wrong
+from ibe_rl.apps.teach.messages import CountAs, HandOver, Message, Name, Pause, Press, Release, Sit, Speed, Typed, Wrong
 from ibe_rl.apps.teach.session import (
     ACCEPTED,
     HELD,
@@ -194,8 +194,33 @@ def test_a_word_is_said_by_its_name_and_keeps_its_slot_when_it_is_renamed():
     assert at.words.names == ("links", "derecha", "faster")
 
 
+def test_a_typed_text_says_the_most_similar_word_until_it_is_corrected():
+    at = TeachingSession((), 0, 1.0, Words(["left", "right"], 3), lambda text, _: 0 if "left" in text else None)
+    at.join(ANN)
+    at.begin(0)
+    assert at.hear(ANN, Typed("more left")) == at.hear(ANN, Press(1, 0, "More left")) == ACCEPTED
+    assert taken(at, 1) == [0]
+    assert at.hear(ANN, CountAs("more left", 1)) == at.hear(ANN, Press(2, 0, "more left")) == ACCEPTED
+    assert taken(at, 1) == [1]
+    assert at.hear(ANN, CountAs("more left", 2)) == at.hear(ANN, Press(3, 0, "more left")) == ACCEPTED
+    assert taken(at, 1) == [2]
+    assert at.words is not None
+    assert [one.phrases for one in at.words.entries] == [()] * 3
+    assert at.hear(ANN, Typed("up")).startswith("word 'up': all 3 places are taken")
+    assert at.hear(ANN, CountAs("right", 0)).startswith("phrase 'right': it is a word itself")
+
+
+def test_without_groups_a_typed_text_is_a_word():
+    at = TeachingSession((), 0, 1.0, Words(["left"], 3))
+    at.join(ANN)
+    assert at.hear(ANN, Typed("go left")) == ACCEPTED
+    assert at.words is not None
+    assert at.words.names == ("left", "go left")
+
+
 def test_numbers_have_no_names():
     at = desk()
+    assert at.hear(ANN, Typed("left")) == "instructions are numbers here, and have no names"
     assert at.hear(ANN, Name(0, "left")) == "instructions are numbers here, and have no names"
     assert at.hear(ANN, Press(1, 0, "left")) == UNKNOWN_VALUE
 

@@ -24,6 +24,7 @@ SWAPPED, FOREIGN = ("right", "hold", "left"), ("по-лево", "hold", "يمي�
 """What the teacher calls a movement to the left, hardly any, and one to the right; and later."""
 SETTINGS = (
     *("instructor.words=[right,hold,left]", "instructor.max_words=4", "instructor.speed=6"),
+    "instructor.group_phrases=true",
     *("mapping.horizon_steps=20", "mapping.spans_steps=[]", "mapping.top_fraction=1.0", "first_refresh_episodes=30"),
     *("refresh_every_frames=1000", "total_frames=1_000_000"),
 )
@@ -72,6 +73,9 @@ def lesson(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, set[str], se
         page.evaluate("() => document.getElementById('wrong').click()")
         marked = len(taught_so_far(folder))
         before = set(page.evaluate("lesson.heard"))
+        page.fill("#typed", "hold it")
+        page.keyboard.press("Enter")
+        until(page, "lesson.now.words.phrases[1].length === 1")
         page.click("#naming summary")
         for slot, word in enumerate(FOREIGN):
             page.fill(f"#names input:nth-child({slot + 1})", word)
@@ -111,6 +115,7 @@ def test_the_words_and_the_mark_are_logged(lesson: tuple[Path, set[str], set[str
     words = json.loads((folder / "words.json").read_text())
     assert [one["word"] for one in words] == list(FOREIGN)
     assert words[0]["renamed_from"] == ["right"]
+    assert [one["phrases"] for one in words] == [[], ["hold it"], []]
     recorded = read_lesson(folder / LESSON, 4)
     said = {word for one in recorded for word in one.words}
     assert {*SWAPPED, *FOREIGN[::2]} <= said

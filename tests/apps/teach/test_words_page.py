@@ -12,6 +12,7 @@ from pages import until
 from playwright.sync_api import Browser, Page
 
 from ibe_rl.apps.teach.messages import Wrong
+from ibe_rl.apps.teach.server import words_fields
 from ibe_rl.apps.teach.session import Said
 from ibe_rl.task.words import Words
 
@@ -39,14 +40,14 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def room() -> Iterator[Room]:
-    with open_room(Words(["links", "halt", "יָמִינָה"], 12)) as made:
+    with open_room(Words(["links", "halt", "יָמִינָה"], 12), lambda text, _: 0 if "links" in text else None) as made:
         yield made
 
 
 @pytest.fixture
 def page(browser: Browser, room: Room) -> Iterator[Page]:
     room.server.post("about", {**ABOUT, "values": VALUES, "others_instructed_by": "habits", "live_view": None})
-    room.server.post("words", {"words": list(room.desk.words.names), "most": 12})
+    room.server.post("words", words_fields(room.desk.words))
     room.server.post("scene", {"episode": 0, "size": [600, 400], "background": []})
     opened = browser.new_page(viewport={"width": 1280, "height": 720})
     opened.goto(f"http://{HOST}:{room.port}/")
@@ -127,6 +128,24 @@ def test_a_typed_text_is_a_word(page: Page, room: Room):
     assert room.desk.words.names[3] == "etwas langsamer"
 
 
+def test_a_typed_text_that_says_a_word_is_shown_and_can_be_corrected(page: Page, room: Room):
+    page.fill("#typed", "mehr nach links")
+    page.keyboard.press("Enter")
+    says(room, 0)
+    assert page.locator("#values button.on").get_attribute("data-value") == "links"
+    page.click("#naming summary")
+    assert page.inner_text("#phrases li bdi") == "mehr nach links"
+    page.select_option("#phrases select", label="halt")
+    until(page, "lesson.now.words.phrases[1].length === 1")
+    page.fill("#typed", "Mehr nach links")
+    page.keyboard.press("Enter")
+    says(room, 1)
+    page.select_option("#phrases select", label="a word of its own")
+    until(page, "document.querySelectorAll('#values button').length === 4")
+    assert page.locator("#phrases").is_hidden()
+    assert room.desk.words.names[3] == "mehr nach links"
+
+
 def test_what_became_of_an_explanation_and_that_it_was_wrong(page: Page, room: Room):
     room.server.post("outcome", {"episode": 0, "step": 3, "said": "links", "went": "halt", "came_true": False})
     until(page, "lesson.now.outcome !== null")
@@ -183,7 +202,7 @@ def test_the_lesson_in_sum(page: Page, room: Room):
 def test_it_fits_with_twelve_words(page: Page, room: Room, width: int):
     page.set_viewport_size({"width": width, "height": 720})
     words = [*room.desk.words.names, *(f"word number {one}" for one in range(4, 13))]
-    room.server.post("words", {"words": words, "most": 12})
+    room.server.post("words", words_fields(Words(words)))
     room.server.post("understood", {"text": "I understand 'links'. " * 8})
     until(page, "document.querySelectorAll('#values button').length === 12")
     until(page, f"document.documentElement.scrollWidth <= {width}")
