@@ -14,7 +14,7 @@ from typing import Any, Self, overload
 
 import numpy as np
 
-MOST_WORDS, LONGEST_WORD, MOST_PHRASES = 12, 40, 30
+MOST_WORDS, LONGEST_WORD, PHRASES_KEPT = 12, 40, 30
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Word:
         word: as it is said and shown.
         added_at_frame: training frames when it was added; 0: from the start.
         renamed_from: its earlier names, the oldest first.
-        phrases: other texts that say it, the newest ``MOST_PHRASES``.
+        phrases: other texts that say it, the newest ``PHRASES_KEPT``.
     """
 
     word: str
@@ -157,7 +157,7 @@ class Words(Sequence[Phrases]):
             raise WordError(f"phrase {phrase!r}: it is a word itself; allowed is a text that is none")
         self._no_phrase_of_any(phrase)
         old = self._entries[slot]
-        self._entries[slot] = replace(old, phrases=(*old.phrases, phrase)[-MOST_PHRASES:])
+        self._entries[slot] = replace(old, phrases=(*old.phrases, phrase)[-PHRASES_KEPT:])
 
     def _no_phrase_of_any(self, text: str) -> None:
         kept = [tuple(one for one in each.phrases if alike(one) != alike(text)) for each in self._entries]

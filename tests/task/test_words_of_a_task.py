@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ibe_rl.task.words import FREE_SLOT, LONGEST_WORD, MOST_PHRASES, MOST_WORDS, Word, WordError, Words, clean
+from ibe_rl.task.words import FREE_SLOT, LONGEST_WORD, MOST_WORDS, PHRASES_KEPT, Word, WordError, Words, clean
 
 
 def test_words_of_any_script_keep_their_slots():
@@ -43,9 +43,9 @@ def test_a_phrase_says_one_word_and_is_none():
 
 def test_the_newest_phrases_are_kept():
     words = Words(["left"])
-    for number in range(MOST_PHRASES + 2):
+    for number in range(PHRASES_KEPT + 2):
         words.count_as(0, f"phrase {number}")
-    assert (words.entries[0].phrases[0], len(words.entries[0].phrases)) == ("phrase 2", MOST_PHRASES)
+    assert (words.entries[0].phrases[0], len(words.entries[0].phrases)) == ("phrase 2", PHRASES_KEPT)
 
 
 def test_words_of_an_older_run_have_no_phrases():
