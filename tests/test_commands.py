@@ -36,7 +36,7 @@ ELSEWHERE = {
     "train.py instructor=human instructor.words=[left,hold,right]": (
         "apps/teach/test_taught_words.py::test_the_agent_calls_a_movement_what_its_teacher_calls_it"
     ),
-    "train.py instructor=human instructor.words=[left,hold,right] instructor.max_words=8 instructor.group_phrases=true": (
+    "train.py instructor=human instructor.words=[left,hold,right] instructor.group_phrases=true": (
         "apps/teach/test_taught_words.py::test_the_words_and_the_mark_are_logged"
     ),
     "train.py instructor=recorded instructor.recording=RUN stop_after_frames=FRAMES": (
