@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,8 @@ class Page:
     """One page.
 
     Attributes:
-        name: unique in the schedule, such as ``trial/ibe/3``; answers are kept under it.
+        name: unique in the schedule, such as ``trial/1/3``; answers are kept under it. It is seen by people, so it
+            does not name the arm.
         kind: what it shows.
         block: of a trial: ``PRACTICE``, an arm, or ``TRANSFER``; of a scale its name.
         arm: whose explanations a trial or an example shows; ``NONE`` for none.
@@ -73,17 +73,15 @@ def pages_of(settings: StudySettings, arms: Order, episodes: int, number: int) -
         for place in range(trials.practice)
     ]
     rest = np.roll(np.arange(trials.practice, needed), -number * trials.each_arm)
-    for block, arm, seen in zip([*arms, TRANSFER], [*arms, NONE], np.split(rest, np.cumsum(sizes)[:-1]), strict=True):
-        pages += _block(block, arm, random.permutation(seen).tolist())
+    blocks = [*((str(number), arm, arm) for number, arm in enumerate(arms, start=1)), (TRANSFER, TRANSFER, NONE)]
+    for (called, block, arm), seen in zip(blocks, np.split(rest, np.cumsum(sizes)[:-1]), strict=True):
+        pages += [
+            Page(f"{TRIAL}/{called}/{place}", TRIAL, block, arm, episode)
+            for place, episode in enumerate(random.permutation(seen).tolist(), start=1)
+        ]
     _put_in(pages, settings.trials.attention_checks, random)
     pages += [Page(f"{SCALE}/{name}", SCALE, name) for name in settings.scales]
     return [*pages, Page(COMMENT, COMMENT), Page(DEBRIEFING, DEBRIEFING)]
-
-
-def _block(block: str, arm: str, episodes: Sequence[int]) -> list[Page]:
-    return [
-        Page(f"{TRIAL}/{block}/{place}", TRIAL, block, arm, episode) for place, episode in enumerate(episodes, start=1)
-    ]
 
 
 def _put_in(pages: list[Page], checks: int, random: np.random.Generator) -> None:

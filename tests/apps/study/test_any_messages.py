@@ -28,9 +28,7 @@ JSON = st.recursive(
 )
 FIELDS = st.fixed_dictionaries(
     {
-        "page": st.sampled_from(
-            ["consent", "instructions", "trial/ibe/1", "trial/none/2", "debriefing", "attention/1"]
-        ),
+        "page": st.sampled_from(["consent", "instructions", "trial/1/1", "trial/2/2", "debriefing", "attention/1"]),
         "attempt": st.integers(-1, 3),
         "value": st.dictionaries(
             st.sampled_from(["at", "choice", "choices", "agrees", "confidence"]), JSON, max_size=3

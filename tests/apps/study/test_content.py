@@ -13,7 +13,7 @@ from ibe_rl.apps.study.content import about, content_of, feedback_on
 from ibe_rl.apps.study.folder import Study, open_study
 from ibe_rl.apps.study.schedule import Page, pages_of
 
-TRIAL = Page("trial/ibe/1", "trial", "ibe", "ibe", 1)
+TRIAL = Page("trial/1/1", "trial", "ibe", "ibe", 1)
 PRACTICE = Page("trial/practice/1", "trial", "practice", "ibe", 0)
 
 

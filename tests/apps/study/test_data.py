@@ -26,12 +26,12 @@ def episode_of(study: Study, one, page: str) -> int:
 
 def test_a_trial_is_a_row(study: Study) -> None:
     one = person(1, "ibe")
-    truth = study.stimuli[episode_of(study, one, "trial/ibe/2")]["truth"]["at"]
+    truth = study.stimuli[episode_of(study, one, "trial/1/2")]["truth"]["at"]
     answers = [
         said("trial/practice/1", at=0.5, confidence=10),
-        said("trial/ibe/1", at=0.5, confidence=20, took_ms=1000),
+        said("trial/1/1", at=0.5, confidence=20, took_ms=1000),
         said("attention/1", choice=1),
-        said("trial/ibe/2", at=truth + 0.25, confidence=90, took_ms=3000),
+        said("trial/1/2", at=truth + 0.25, confidence=90, took_ms=3000),
     ]
     data = tables_of(study, [(one, answers)])
     assert list(data.trials.columns) == list(TRIALS)
@@ -74,15 +74,15 @@ def test_choices_have_no_error(tmp_path: Path) -> None:
     trials = {"task": "next_words", "practice": 0, "each_arm": 2, "attention_checks": 0}
     study = open_study(write_study(tmp_path / "study", trials=trials))
     one = person(1, "none")
-    truth = study.stimuli[episode_of(study, one, "trial/none/1")]["truth"]["choice"]
-    [row] = tables_of(study, [(one, [said("trial/none/1", choice=truth, confidence=5)])]).trials.to_dict("records")
+    truth = study.stimuli[episode_of(study, one, "trial/1/1")]["truth"]["choice"]
+    [row] = tables_of(study, [(one, [said("trial/1/1", choice=truth, confidence=5)])]).trials.to_dict("records")
     assert (row["answer"], row["truth"], row["correct"], row["loss"]) == (truth, truth, 1, 0)
     assert np.isnan(row["error"])
 
 
 def test_a_failed_check_is_counted(study: Study) -> None:
     one = person(1, "none")
-    data = tables_of(study, [(one, [said("attention/1", choice=0), said("trial/none/1", at=0.5, confidence=1)])])
+    data = tables_of(study, [(one, [said("attention/1", choice=0), said("trial/1/1", at=0.5, confidence=1)])])
     assert data.people["failed_checks"].tolist() == [1]
     assert data.trials["attention_ok"].tolist() == [0]
 

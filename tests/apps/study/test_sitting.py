@@ -101,7 +101,7 @@ def test_an_answer_that_comes_twice_counts_once(desk: Desk) -> None:
     [
         ("debriefing", 1, {}),
         ("instructions", 2, {}),
-        ("trial/ibe/1", 1, {"at": 0.5, "confidence": 50}),
+        ("trial/1/1", 1, {"at": 0.5, "confidence": 50}),
         ("nothing", 1, {}),
         ("comprehension", 1, {"choices": [2]}),
         ("comprehension", 1, {"choices": [True]}),

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from ibe_rl.apps.study.messages import MAX_ANSWER_BYTES, BadAnswerError, parse_answer
 
-WHOLE = {"page": "trial/ibe/1", "attempt": 1, "value": {"at": 0.5}, "took_ms": 1200, "hidden_ms": 0}
+WHOLE = {"page": "trial/1/1", "attempt": 1, "value": {"at": 0.5}, "took_ms": 1200, "hidden_ms": 0}
 
 
 def test_an_answer_is_read() -> None:
     answer = parse_answer(json.dumps(WHOLE))
-    assert (answer.page, answer.attempt, answer.value, answer.took_ms) == ("trial/ibe/1", 1, {"at": 0.5}, 1200)
+    assert (answer.page, answer.attempt, answer.value, answer.took_ms) == ("trial/1/1", 1, {"at": 0.5}, 1200)
 
 
 @pytest.mark.parametrize(

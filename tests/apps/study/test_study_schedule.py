@@ -25,7 +25,7 @@ def test_the_way_through() -> None:
     pages = pages_of(settings, ("ibe",), 4, number=0)
     assert [page.name for page in pages] == [
         *("consent", "demographics", "instructions", "comprehension", "trial/practice/1"),
-        *("trial/ibe/1", "trial/ibe/2", "trial/transfer/1", "scale/satisfaction", "scale/trust", "comment"),
+        *("trial/1/1", "trial/1/2", "trial/transfer/1", "scale/satisfaction", "scale/trust", "comment"),
         "debriefing",
     ]
     shown = {page.name: (page.arm, page.episode) for page in trials(pages)}
@@ -70,7 +70,7 @@ def test_attention_is_checked_between_trials_that_count(checks: int) -> None:
     names = [pages[index].name for index in at]
     assert names == [f"attention/{number}" for number in range(1, len(at) + 1)]
     for index in at:
-        assert pages[index + 1].name.startswith("trial/ibe")
+        assert pages[index + 1].name.startswith("trial/1")
 
 
 def test_the_instructions_show_words_where_there_are_any_and_practice_goes_through_the_arms() -> None:
