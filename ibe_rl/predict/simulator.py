@@ -122,8 +122,9 @@ class _EnvCopies:
         They sit in reference cycles, and gc does not see the engine's native memory. Without an explicit collection a
         training grows by 1 MB per refresh.
         """
-        self._copies = []
-        gc.collect()
+        if self._copies:
+            self._copies = []
+            gc.collect()
 
     def roll(self, part: _Part, policy: Policy, horizon_steps: int) -> Array:
         """Paths ``(N, H + 1, S)``; seed None repeats the original's noise."""
