@@ -15,9 +15,8 @@ from gymnasium.envs.box2d import lunar_lander as game
 
 from benchmarks.plan import ROOT
 from ibe_rl.collect.rollout import record_rollout
-from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.runs import load_run
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import TrainedRun, explainer_state
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import phrase
 from ibe_rl.instructors import make_instructor, stand_in

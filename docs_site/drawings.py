@@ -17,10 +17,9 @@ import torch
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.command_line import composed
 from ibe_rl.config.settings import ExplainConfig
-from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.runs import open_trained
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import TrainedRun, explainer_state
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import cut_windows, phrase
 from ibe_rl.instructors import make_instructor

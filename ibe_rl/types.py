@@ -24,7 +24,7 @@ class ConfigError(ValueError):
 
 
 def observe(percept: Array, instruction: Array, given: Array) -> Array:
-    """Join the parts of the policy's observation, in the order used everywhere.
+    """Join the parts of the policy's observation.
 
     Args:
         percept: ``(..., P)`` what the agent perceives of the environment, mostly its state.
@@ -46,8 +46,7 @@ def read_only(array: Array, shape: tuple[int | None, ...], name: str) -> Array:
     array = np.asarray(array)
     if array.ndim != len(shape) or not all(n in (None, m) for n, m in zip(shape, array.shape, strict=True)):
         raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
-    view = array.view()
-    view.flags.writeable = False
+    (view := array.view()).flags.writeable = False
     return view
 
 
@@ -123,8 +122,7 @@ class Moment:
         snapshot: what the environment needs to continue from here, or None; opaque to all others.
         percept: ``(P,)``; None where it is the state.
         memory: what a policy with a memory remembers here, before it acts; None at the beginning, and for all others.
-        twin: index in the same roll-out of the moment that this one repeats with another instruction, which holds to
-            the end; both have the same chance events. None: it stands for itself.
+        twin: index in the roll-out of the moment that this one repeats, told something else, with the same chance.
     """
 
     state: Array
@@ -159,8 +157,7 @@ class Explanation:
         cluster: id of the cluster of the predicted change, stable across refreshes.
         delta_state: ``(S,)`` predicted change of the state.
         horizon_steps: in steps of the environment.
-        confidence: in [0, 1]; the probability of a correct phrase once calibrated, before that ``agreement`` times
-            ``purity``.
+        confidence: the probability of a correct phrase once calibrated, before that ``agreement`` times ``purity``.
         path: ``(H + 1, S)`` predicted states, the current one first; repeats the last one after an end.
         futures: ``(F, S)`` predicted changes of all sampled futures, ``delta_state`` one of them.
         agreement: share of these with the same phrase and a path trusted to the horizon.
@@ -173,6 +170,9 @@ class Explanation:
         in_words: whether the expression is shares of words, in [0, 1], and no numbers.
         what_if: what it would do if it were told each of these values for ``horizon_steps``, by name; empty: not asked.
         listens: spread of these answers: 0, it does the same whatever it is told; 1, it obeys. None: not asked.
+        later_futures: ``(L, S)`` as ``futures``, over windows that begin a few steps later.
+        trusted_share: of the futures, to the horizon.
+        of_the_moment: the phrase of this moment alone, where an earlier one still holds; None: it is ``phrase``.
     """
 
     expression: Array
@@ -193,6 +193,9 @@ class Explanation:
     in_words: bool = False
     what_if: Mapping[str, Explanation] = field(default_factory=dict)
     listens: float | None = None
+    later_futures: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    trusted_share: float = 1.0
+    of_the_moment: str | None = None
 
     @property
     def trusted(self) -> bool:
@@ -202,15 +205,14 @@ class Explanation:
     @property
     def trusted_path(self) -> Array:
         """The path ``(H + 1, S)``, repeating the last trusted state from there on."""
-        last = len(self.path) - 1 if self.trusted_steps is None else self.trusted_steps
+        last = len(self.path) if self.trusted_steps is None else self.trusted_steps
         return self.path[np.minimum(np.arange(len(self.path)), last)]
 
     @property
     def said(self) -> str:
         """The phrase, or that the agent does not know or cannot tell."""
-        if not self.meant:
-            return CANNOT_TELL
-        return self.phrase if self.known else DOES_NOT_KNOW
+        told = self.phrase if self.known else DOES_NOT_KNOW
+        return told if self.meant else CANNOT_TELL
 
     @property
     def all_spans(self) -> list[Explanation]:
@@ -220,9 +222,9 @@ class Explanation:
     def in_time(self, shortened: Callable[[str], str] = str) -> str:
         """The phrases of all spans by rising horizon, without repetition."""
         parts: list[tuple[int, str]] = []
-        for one in self.all_spans:
-            if not parts or parts[-1][1] != shortened(one.said):
-                parts.append((one.horizon_steps, shortened(one.said)))
+        for steps, said in ((one.horizon_steps, shortened(one.said)) for one in self.all_spans):
+            if not parts or parts[-1][1] != said:
+                parts.append((steps, said))
         if len(parts) <= 2:
             return parts[0][1] if len(parts) == 1 else f"now {parts[0][1]}, later {parts[1][1]}"
         return ", ".join(f"within {steps} steps {said}" for steps, said in parts)
@@ -273,8 +275,7 @@ class Prediction:
     Attributes:
         paths: ``(N, H + 1, S)`` predicted states, the current one first; one that ends early repeats its last state.
         trusted_steps: ``(N,)`` steps, at most ``H``, for which the predictor trusts each path.
-        uncertainty: ``(N,)`` expected error of the last states, relative to the spread of the changes of the state:
-            0 is exact, about 1 uninformative.
+        uncertainty: ``(N,)`` expected error of the last states in spreads of changes: 0 is exact, 1 tells nothing.
     """
 
     paths: Array
@@ -289,8 +290,7 @@ class Prediction:
     @classmethod
     def exact(cls, paths: Array) -> Prediction:
         """The prediction of a predictor that is certain of its paths ``(N, H + 1, S)``."""
-        count, horizon_steps = len(paths), paths.shape[1] - 1
-        return cls(paths, np.full(count, horizon_steps), np.zeros(count, np.float32))
+        return cls(paths, np.full(len(paths), paths.shape[1] - 1), np.zeros(len(paths), np.float32))
 
 
 class Predictor(Protocol):

@@ -23,6 +23,7 @@ from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for, take_mo
 from ibe_rl.evaluation.rows import Judged, OwnScores
 from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.step_by_step import judge_spoken
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
@@ -52,6 +53,8 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
+        some = min(cfg.evaluate.spoken_episodes, cfg.evaluate.episodes)
+        aloud = judge_spoken(run, cfg, predictor, seeds_for("judged", cfg.evaluate.seed, some))
     spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
     what_if = told_otherwise_in_copies(run, cfg, spoken) if cfg.what_if else WhatIf()
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
@@ -66,6 +69,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         "confidence": confidence_of(judged[own], ours),
         "changing_policy": ages,
         "what_if": what_if.report,
+        "spoken": aloud,
     }
     calibration = report.calibration_report(judged[own], ours, run.mapping_frame) | what_if.calibration_json
     folder = run.folder / EVALUATION
@@ -204,6 +208,8 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
     tables.print_observers(observers, rows)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
+    if quality["spoken"]:
+        console.print(tables.spoken_table(quality["spoken"]))
 
 
 def told_otherwise_in_copies(

@@ -15,19 +15,20 @@ from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.evaluation.advice import advice, lines_of, text_of
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.told_otherwise import answers_table, listening_line
-from ibe_rl.evaluation.trained_run import TrainedRun, instructed_by
-from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import Asking, values_of
+from ibe_rl.evaluation.trained_run import TrainedRun, explainer_state, instructed_by
+from ibe_rl.explain.explainer import explain
+from ibe_rl.explain.steady import say_steadily
 from ibe_rl.ibe.meaning_lines import meaning_lines
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.quality import episode_scores, outcomes, phrase_accuracy, phrase_hits
+from ibe_rl.metrics.stability import FLICKER_STEPS, stability
 from ibe_rl.metrics.verdict import NOT_MEASURED, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, ConfigError, Explanation
 from ibe_rl.view.clip import FRAMES_PER_S, Clip
 from ibe_rl.view.clip_file import check_clip, write_clip
-from ibe_rl.view.spoken import FLICKER_STEPS, NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
+from ibe_rl.view.spoken import NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
 from ibe_rl.view.wording import span_name
 
 FIRST_ROWS, MOST_ROWS = 30, 40
@@ -77,32 +78,16 @@ def clip_of(run: TrainedRun, watched: RecordedRollout, said: Sequence[Explanatio
     return path
 
 
-def explainer_state(
-    run: TrainedRun, futures: int = 1, min_confidence: float = 0.0, what_if: bool = False
-) -> ExplainerState:
-    """The explainer of a run: its vocabulary, calibration and settings."""
-    return ExplainerState(
-        mapping=run.mapping,
-        horizon_steps=run.horizon_steps,
-        words=run.task.phrases,
-        spans=run.spans,
-        futures=futures,
-        calibration=run.calibration,
-        min_confidence=min_confidence,
-        what_if=Asking(values_of(run.task), calibration=run.what_if_calibration) if what_if else None,
-    )
-
-
 def explain_rollout(
     run: TrainedRun, cfg: ExplainConfig, every_steps: int = 1
 ) -> tuple[RecordedRollout, list[Explanation]]:
-    """Roll out one episode, then explain each of its steps, or every so many."""
+    """Roll out one episode, then explain each of its steps, or every so many, as they are spoken."""
     instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence, cfg.what_if)
     with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
         said = explain(watched.moments[::every_steps], run.policy, predictor, explainer)
-    return watched, said
+    return watched, say_steadily(said, explainer, every_steps)
 
 
 def print_narration(
@@ -153,7 +138,8 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
         return "It gave no explanation"
     at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
     about = f"of the {span_name(run.horizon_steps)} went as predicted"
-    return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}"
+    changes = stability([one.said for one in said])["phrase_changes_per_100"]
+    return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}; {changes:.1f} changes in 100 steps"
 
 
 def _print_table(

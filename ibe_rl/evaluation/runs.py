@@ -22,7 +22,7 @@ from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.confidence import Calibration

@@ -42,6 +42,8 @@ WHAT_IF_COLUMNS = {
     "listens": "listens",
 }
 """Metric of an answer to its column heading."""
+SPOKEN_ROWS = {"spoken": "as it speaks", "moment": "each moment alone", "real": "what came true"}
+"""Rows of the table of explanations step by step."""
 OBSERVER_DIFFERENCES = ("minus_no_explanation", "minus_paper")
 
 
@@ -156,6 +158,19 @@ def what_if_table(report: dict[str, Any]) -> Table:
         ours = row["explainer"].startswith("ibe:")
         cells = [_cell(row.get(metric), True) for metric in WHAT_IF_COLUMNS]
         table.add_row(_name(row), *cells, style="bold" if ours else None)
+    return table
+
+
+def spoken_table(report: dict[str, Any]) -> Table:
+    """Does it hold still? What is spoken, what each moment alone says, and what came true."""
+    title = f"Step by step: {report['episodes']} of the episodes, {report['steps']:,} steps"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_edge=False)
+    for column in ("phrase", "came true", "changes in 100 steps", "undone", "steps late", "ECE"):
+        table.add_column(column, justify="left" if column == "phrase" else "right", no_wrap=True)
+    for row in report["rows"]:
+        late = "-" if row["lag_steps"] is None else f"{row['lag_steps']:g}"
+        cells = [_cell(row[metric], True) for metric in ("came_true", "phrase_changes_per_100", "flicker")]
+        table.add_row(SPOKEN_ROWS[row["explainer"]], *cells, late, _cell(row.get("ece"), True))
     return table
 
 

@@ -11,6 +11,8 @@ import gymnasium
 
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.make import make_env
+from ibe_rl.explain.phrasing import Asking, ExplainerState
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.instructors import make_instructor, named_instructor, stand_in
@@ -62,6 +64,22 @@ class TrainedRun:
     def make_env(self) -> gymnasium.Env[Any, Any]:
         """A new environment as in the run."""
         return make_env(self.config.env)
+
+
+def explainer_state(
+    run: TrainedRun, futures: int = 1, min_confidence: float = 0.0, what_if: bool = False
+) -> ExplainerState:
+    """The explainer of a run: its vocabulary, calibration and settings."""
+    return ExplainerState(
+        mapping=run.mapping,
+        horizon_steps=run.horizon_steps,
+        words=run.task.phrases,
+        spans=run.spans,
+        futures=futures,
+        calibration=run.calibration,
+        min_confidence=min_confidence,
+        what_if=Asking(values_of(run.task), calibration=run.what_if_calibration) if what_if else None,
+    )
 
 
 def instructed_by(run: TrainedRun) -> str | None:

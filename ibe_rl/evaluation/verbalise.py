@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibe_rl.evaluation.moments import Moments, Spoken
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.ibe.word_meaning import top_words
 from ibe_rl.metrics.confidence import Calibration

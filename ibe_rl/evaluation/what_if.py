@@ -21,7 +21,7 @@ from ibe_rl.evaluation.moments import FUTURES_AT_ONCE, TakenMoment
 from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rows import WHAT_IF, estimate_json
 from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, majority_phrases
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, majority_phrases
 from ibe_rl.explain.what_if import Values, listening, told_twins, values_of
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean

@@ -6,13 +6,12 @@ The answers are explanations of twins of the moment's futures, which are told on
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from ibe_rl.ibe.vocabulary import phrase
-from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation, Moment
 
@@ -20,32 +19,6 @@ Values = Mapping[str, Array]
 """Values ``(d,)`` that could be said, by name."""
 MOST_VALUES = 12
 """Of all combinations of several numbers; where there are more, each number is asked alone, the others 0."""
-
-
-@dataclass(frozen=True)
-class Asking:
-    """What else the agent is told at the moments that it explains.
-
-    Attributes:
-        values: that could be said.
-        every: only at every so many of the moments.
-        futures: of each answer, at most as many as of the explanation; None: as many.
-        calibration: of the confidence in the answers; None: not fitted.
-    """
-
-    values: Values
-    every: int = 1
-    futures: int | None = None
-    calibration: Calibration | None = None
-
-    def rows(self, moments: int, futures: int) -> list[int]:
-        """Which futures have twins, of ``moments`` with so many ``futures`` each."""
-        asked = self.futures_of(futures)
-        return [first + row for first in range(0, moments * futures, self.every * futures) for row in range(asked)]
-
-    def futures_of(self, futures: int) -> int:
-        """The number of futures of an answer where an explanation has ``futures``."""
-        return min(self.futures or futures, futures)
 
 
 def values_of(task: Task) -> dict[str, Array]:

@@ -11,12 +11,13 @@ from torchrl import timeit
 from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.envs.errors import GateError
-from ibe_rl.explain.explainer import ExplainerState
-from ibe_rl.explain.what_if import Asking, values_of
+from ibe_rl.explain.phrasing import Asking, ExplainerState
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.meaning import Reactions
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.instructors import speaks
 from ibe_rl.metrics.quality import outcomes
+from ibe_rl.metrics.stability import stability
 from ibe_rl.predict import asks_policy, is_learnt
 from ibe_rl.runtime.printed import raised
 from ibe_rl.storage.checkpoint import PREDICTOR, as_tensors, save_policy
@@ -128,13 +129,18 @@ def judge_and_tell(
         came_true=row["ibe/came_true"],
     )
     run.tell.refreshed(event)
-    return row | listening_row(said) | measured(run, event)
+    return row | listening_row(said) | stability_row(said) | measured(run, event)
 
 
 def listening_row(said: Sequence[Explanation]) -> dict[str, float]:
     """How much the agent listens, on the average of an episode; empty if it was not asked."""
     asked = [one.listens for one in said if one.listens is not None]
     return {"ibe/listens": float(np.mean(asked))} if asked else {}
+
+
+def stability_row(said: Sequence[Explanation]) -> dict[str, float]:
+    """How still what is said holds in an episode."""
+    return {f"ibe/{name}": value for name, value in stability([one.phrase for one in said]).items()}
 
 
 def measured(run: Run, event: Refreshed) -> dict[str, float]:

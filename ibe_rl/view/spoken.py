@@ -10,12 +10,11 @@ import numpy as np
 
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.quality import phrase_accuracy
+from ibe_rl.metrics.stability import FLICKER_STEPS
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Explanation, Moment
 from ibe_rl.view.wording import SILENCE, literal, shortener, span_name
 
-FLICKER_STEPS = 5
-"""A change of words that is undone within so many steps is none."""
 NOT_TRUSTED = "(?)"
 TITLES = ("steps", "instruction", "expression", "confidence", "as predicted")
 

@@ -8,6 +8,7 @@ from ibe_rl.vocabulary.who_is_late import of_first
 
 REFRESH_COLUMNS = (
     *("ibe/came_true", "ibe/came_true_stale", "ibe/unknown", "ibe/listens", "ibe/delay_steps"),
+    *("ibe/phrase_changes_per_100", "ibe/flicker"),
     *("ibe/episodes", "ibe/windows", "ibe/survived", "ibe/vanished", "ibe/emerged"),
     *("ibe/vocabulary_drift", "ibe/expression_moved", "ibe/cluster_agreement", "ibe/policy_drift", "ibe/staleness"),
     *(f"ibe/{name}" for name in SCORES),

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.config.settings import MappingConfig, TrainConfig
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, confidence_features, phrase_hits_in
-from ibe_rl.explain.what_if import Asking
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, Asking, ExplainerState, confidence_features
+from ibe_rl.explain.steady import said_in
 from ibe_rl.ibe.delay import Delay
 from ibe_rl.ibe.delta import Windows, cut_windows
 from ibe_rl.ibe.identity import keep_identity
@@ -236,8 +236,10 @@ class VocabularyTracker:
         self._learn_confidence(new, true)
         row = {"ibe/came_true": phrase_accuracy(true), "ibe/unknown": float(np.mean([not one.known for one in new]))}
         if refresh.change is not None:
-            stale = phrase_hits_in(refresh.change.last, episode, said, self._task.phrases)
-            row["ibe/came_true_stale"] = phrase_accuracy(stale[::every_steps])
+            before = ExplainerState(refresh.change.last, said[0].horizon_steps, self._task.phrases)
+            stale = said_in(before, said, every_steps)
+            true = phrase_hits(episode, stale, before.mapping, self._task.phrases)
+            row["ibe/came_true_stale"] = phrase_accuracy(true[::every_steps])
         return row
 
     def _learn_confidence(self, new: Sequence[Explanation], true: Array) -> None:

@@ -10,9 +10,9 @@ from processes import SMALL, call
 
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.config.settings import InstructorConfig
-from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.run_predictor import predictor_of
 from ibe_rl.evaluation.runs import load_run
+from ibe_rl.evaluation.trained_run import explainer_state
 from ibe_rl.explain.explainer import explain
 from ibe_rl.ibe import phrases_of
 from ibe_rl.instructors import make_instructor

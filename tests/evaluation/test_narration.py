@@ -17,7 +17,7 @@ from ibe_rl.config.settings import InstructorConfig, TrainConfig
 from ibe_rl.evaluation import narration
 from ibe_rl.evaluation.narration import clip_of, print_narration
 from ibe_rl.evaluation.trained_run import TrainedRun
-from ibe_rl.explain.explainer import ExplainerState, put_in_words
+from ibe_rl.explain.phrasing import ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.runtime.console import PlainConsole

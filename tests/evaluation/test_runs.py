@@ -28,8 +28,8 @@ from ibe_rl.config.settings import (
 )
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.evaluation import runs
-from ibe_rl.evaluation.narration import explainer_state
 from ibe_rl.evaluation.runs import load_run, open_trained
+from ibe_rl.evaluation.trained_run import explainer_state
 from ibe_rl.ibe import ClusterMapping, IBEConfig, Reactions
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.storage.checkpoint import save_policy

@@ -10,7 +10,7 @@ from by_hand import TASK, on_a_line
 from by_hand import WORDS as OF_THE_LIFT
 
 from ibe_rl.evaluation.told_otherwise import MOST_ANSWERS, answers_table, listening_line
-from ibe_rl.explain.explainer import ExplainerState, put_in_words
+from ibe_rl.explain.phrasing import ExplainerState, put_in_words
 from ibe_rl.explain.what_if import values_of, with_answers
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.types import Array, Explanation

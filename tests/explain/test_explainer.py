@@ -8,19 +8,21 @@ import pytest
 from by_hand import WORDS as OF_THE_LIFT
 from by_hand import on_a_line
 
-from ibe_rl.explain.explainer import (
+from ibe_rl.explain.explainer import explain
+from ibe_rl.explain.phrasing import (
+    AHEAD_STEPS,
     CONFIDENCE_FEATURES,
     ExplainerState,
     confidence_features,
-    explain,
     hold,
     majority_phrases,
     put_in_words,
 )
+from ibe_rl.explain.steady import LEAD, MEMORY_STEPS, say_steadily
 from ibe_rl.ibe.space import along
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
-from ibe_rl.types import DOES_NOT_KNOW, Array, Moment, Policy, Prediction
+from ibe_rl.types import DOES_NOT_KNOW, Array, Explanation, Moment, Policy, Prediction
 
 WORDS = [Phrases("still", "{degree}down", "{degree}up", ((0.1, "a little "), (0.5, "")))]
 
@@ -60,6 +62,7 @@ class Tenths:
         return np.abs(delta[:, 0]) / 10
 
 
+LATEST = max(AHEAD_STEPS)
 TENTHS = ExplainerState(Tenths(), 4, WORDS)
 
 
@@ -70,7 +73,7 @@ def moments(*speeds: float) -> list[Moment]:
 def test_the_change_over_the_horizon_is_put_into_words():
     predictor = Straight()
     said = explain(moments(2, -0.25, 0), stay, predictor, TENTHS)
-    assert predictor.calls == [(3, stay, 4)]  # all together
+    assert predictor.calls == [(3, stay, 4 + LATEST)]  # all together
     assert [one.phrase for one in said] == ["up", "a little down", "still"]
     assert [one.expression.tolist() for one in said] == [[0.8], [-0.1], [0.0]]
     assert [one.delta_state.tolist() for one in said] == [[8, 0], [-1, 0], [0, 0]]
@@ -182,7 +185,7 @@ def test_as_many_futures_are_sampled_of_each_moment_as_asked_for():
     predictor, mapping = Gusts(), replace(on_a_line([-4, 0, 4]), space=along(np.eye(2)[:, :1]))
     state = ExplainerState(mapping, 4, [OF_THE_LIFT], futures=3)
     said = explain(moments(1, -3), stay, predictor, state)
-    assert predictor.calls == [(6, stay, 4)]
+    assert predictor.calls == [(6, stay, 4 + LATEST)]
     assert [one.futures[:, 0].tolist() for one in said] == [[4, 16, -28], [-12, 0, -44]]
     assert [(one.phrase, one.agreement) for one in said] == [(UP, 2 / 3), (DOWN, 2 / 3)]
     alone = explain(moments(1, -3), stay, Straight(), replace(state, futures=1))
@@ -195,12 +198,12 @@ SPANS = {8: replace(LINE, ids=np.array([10, 11, 12])), 2: LINE}
 def test_all_spans_of_time_come_from_one_roll_out():
     predictor = Straight()
     [one] = explain(moments(2), stay, predictor, replace(TENTHS, spans={8: Tenths(), 2: Tenths()}))
-    assert predictor.calls == [(1, stay, 8)]
+    assert predictor.calls == [(1, stay, 8 + LATEST)]
     assert one.path[:, 0].tolist() == [100, 102, 104, 106, 108]
     assert [(each.horizon_steps, each.delta_state[0], len(each.path)) for each in one.spans] == [(2, 4, 3), (8, 16, 9)]
     assert [each.path[-1, 0] for each in one.spans] == [104, 116]
     [short] = explain(moments(2), stay, predictor, replace(TENTHS, spans={2: Tenths()}))
-    assert predictor.calls[1:] == [(1, stay, 4)]  # no further than anything is said of
+    assert predictor.calls[1:] == [(1, stay, 4 + LATEST)]  # no further than anything is said of
     assert [each.horizon_steps for each in short.spans] == [2]
 
 
@@ -272,3 +275,61 @@ def test_what_the_predictor_does_not_stand_by_is_marked_and_lowers_the_confidenc
     [sure] = explain(moments(2), stay, Straight(), state)
     assert (sure.trusted_steps, sure.trusted, sure.agreement) == (4, True, 1)
     np.testing.assert_array_equal(sure.trusted_path, sure.path)
+
+
+def spoken(*futures: Sequence[float], every_steps: int = 1, state: ExplainerState = LIFT) -> list[Explanation]:
+    """What is said of moments with these futures, one after the other."""
+    return say_steadily(put_in_words(ahead(*futures), state), state, every_steps)
+
+
+def test_windows_that_begin_later_vote_too():
+    path = np.array([0, 0, 0, 0, 0, 4, 4, 12, 16], float)
+    [one] = put_in_words(path[None, None, :, None], LIFT)
+    assert AHEAD_STEPS == (0, 2, 4)
+    assert one.later_futures[:, 0].tolist() == [4, 16]
+    assert one.phrase == STAY  # of the window that begins now
+    [aloud] = say_steadily([one], LIFT)
+    assert (aloud.phrase, aloud.of_the_moment, aloud.agreement) == (UP, STAY, pytest.approx(2 / 3))
+
+
+def test_a_change_that_is_undone_at_once_is_not_said():
+    said = spoken([4, 4, 4], [4, 4, 4], [-4, -4, 4], [4, 4, 4])
+    assert [one.phrase for one in said] == [UP] * 4
+    assert [one.of_the_moment for one in said] == [None, None, DOWN, None]
+    assert said[2].agreement == pytest.approx((1 + 1 + 1 / 3) / 3)
+    assert (said[2].delta_state.tolist(), said[2].expression.tolist(), said[2].cluster) == ([4], [1], 7)  # its own
+    assert said[2].futures[:, 0].tolist() == [-4, -4, 4]
+
+
+def test_a_change_that_lasts_is_said_once_it_leads():
+    said = spoken(*[[4, 4, 4]] * 5, *[[-4, -4, -4]] * 5)
+    assert [one.phrase for one in said] == [UP] * 7 + [DOWN] * 3
+    late = said[6]  # no future of this moment is called so any more
+    assert (late.delta_state.tolist(), late.agreement, late.of_the_moment) == ([4], pytest.approx(3 / 5), DOWN)
+
+
+def test_a_lead_that_is_too_small_changes_nothing():
+    assert 1 / 21 < LEAD < 1 / 7
+    assert [one.phrase for one in spoken([0] * 7, [0, 0, 0, 4, 4, 4, 4], every_steps=5)] == [STAY, UP]
+    assert [one.phrase for one in spoken([0] * 21, [0] * 10 + [4] * 11, every_steps=5)] == [STAY, STAY]
+
+
+def test_what_is_longer_ago_is_forgotten():
+    said = spoken([4, 4, 4], [-4, -4, -4], every_steps=MEMORY_STEPS + 1)
+    assert [(one.phrase, one.agreement) for one in said] == [(UP, 1), (DOWN, 1)]
+
+
+def test_the_confidence_is_that_in_what_is_spoken():
+    state = replace(LIFT, min_confidence=0.75)
+    said = spoken([4, 4, 4], [-4, -4, 4], state=state)
+    assert said[1].phrase == UP
+    assert said[1].confidence == pytest.approx(2 / 3)  # a purity of 1
+    assert [one.known for one in said] == [True, False]
+
+
+def test_each_span_holds_for_itself():
+    state = ExplainerState(LINE, 4, [OF_THE_LIFT], {2: LINE})
+    said = say_steadily(put_in_words(ahead([8], [-8], [8]), state), state)
+    assert [one.phrase for one in said] == [UP, UP, UP]
+    assert [one.spans[0].phrase for one in said] == [UP, UP, UP]
+    assert [one.spans[0].of_the_moment for one in said] == [None, DOWN, None]

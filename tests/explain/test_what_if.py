@@ -8,8 +8,9 @@ import pytest
 from by_hand import TASK, on_a_line
 from by_hand import WORDS as OF_THE_LIFT
 
-from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import MOST_VALUES, Asking, in_a_sentence, listening, told_twins, values_of, whatever
+from ibe_rl.explain.explainer import explain
+from ibe_rl.explain.phrasing import Asking, ExplainerState
+from ibe_rl.explain.what_if import MOST_VALUES, in_a_sentence, listening, told_twins, values_of, whatever
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array, Moment, Policy, Prediction, columns_of, observe

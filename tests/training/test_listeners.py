@@ -18,7 +18,7 @@ from ibe_rl.apps.loggers.run_logger import RunLogger
 from ibe_rl.apps.loggers.tensorboard import Tensorboard
 from ibe_rl.apps.loggers.wandb import Wandb
 from ibe_rl.apps.teach.classroom import Classroom
-from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.phrasing import ExplainerState
 from ibe_rl.training.build import LiveView
 from ibe_rl.training.listeners import Checkpoints, Listeners, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress

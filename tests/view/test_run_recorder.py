@@ -10,7 +10,7 @@ from processes import assert_whole
 from rerun.chunk import RrdReader
 from view_data import TASK, filmed, refreshed
 
-from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.phrasing import ExplainerState
 from ibe_rl.view import run_recorder
 from ibe_rl.view.recording_file import earlier, set_back
 from ibe_rl.view.run_recorder import RunRecorder

@@ -3,8 +3,9 @@
 import numpy as np
 from view_data import HORIZON_STEPS, explain, flights, refreshed
 
+from ibe_rl.metrics.stability import FLICKER_STEPS
 from ibe_rl.view import spoken
-from ibe_rl.view.spoken import FLICKER_STEPS, without_flicker
+from ibe_rl.view.spoken import without_flicker
 
 
 def told(told: str, *words: str) -> list[tuple[str, ...]]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from by_hand import TASK, WORDS, config, obey, on_a_line, plain, stay
 
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, ExplainerState, put_in_words
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, ExplainerState, put_in_words
 from ibe_rl.ibe import ClusterMapping, ClusterTransition, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.metrics.drift import VocabularyDrift
@@ -68,7 +68,7 @@ def judge(refresh: Refresh, ways: Sequence[float | Sequence[float]], every_steps
 
 UP, STILL, DOWN = 1.0, 0.0, -1.0
 RIGHT = [UP] * 6 + [STILL] * 2
-HALF = [UP] * 4 + [STILL] * 4
+NEVER_UP = [STILL] * 8
 
 
 def columns(came_true: float, stale: float | None = None) -> dict[str, float]:
@@ -85,9 +85,9 @@ def test_a_first_vocabulary_is_judged_alone(log: TrajectoryLog):
 def test_what_was_said_is_judged_in_both_vocabularies(log: TrajectoryLog):
     """To the one before, up and still were the same: whatever is predicted of the two comes true."""
     refresh = refreshed(log, says(-1, 0, 1), says(-1, 1, 1))
-    assert judge(refresh, HALF) == columns(0.75, stale=1)
+    assert judge(refresh, NEVER_UP) == columns(0.25, stale=1)
     refresh = refreshed(log, says(-1, 1, 1), says(-1, 0, 1))
-    assert judge(refresh, HALF) == columns(1, stale=0.75)
+    assert judge(refresh, NEVER_UP) == columns(1, stale=0.25)
 
 
 def test_the_vocabulary_before_would_have_voted_too(log: TrajectoryLog):
@@ -98,7 +98,7 @@ def test_the_vocabulary_before_would_have_voted_too(log: TrajectoryLog):
 
 def test_the_vocabulary_that_stands_is_judged(log: TrajectoryLog):
     refresh = refreshed(log, says(-1, 1, 1), says(-1, 0, 1), taken=False)
-    assert judge(refresh, HALF) == columns(0.75, stale=0.75)
+    assert judge(refresh, NEVER_UP) == columns(0.25, stale=0.25)
 
 
 def test_what_was_newly_said_counts(log: TrajectoryLog):

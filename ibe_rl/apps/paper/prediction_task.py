@@ -27,7 +27,7 @@ from ibe_rl.apps.paper.names import (
 from ibe_rl.collect.rollout import record_rollout
 from ibe_rl.evaluation.controls import Flipped
 from ibe_rl.evaluation.moments import SEEN_STEPS
-from ibe_rl.explain.explainer import majority_phrases
+from ibe_rl.explain.phrasing import majority_phrases
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import Estimate, episode_weights, estimate, weighted_mean
 from ibe_rl.metrics.effect import paired_p

@@ -11,7 +11,8 @@ import numpy as np
 from ibe_rl.apps.study.scenes import Scene
 from ibe_rl.apps.study.settings import IBE, NONE, PAPER
 from ibe_rl.evaluation.trained_run import TrainedRun
-from ibe_rl.explain.explainer import ExplainerState, put_in_words
+from ibe_rl.explain.phrasing import AHEAD_STEPS, ExplainerState, put_in_words
+from ibe_rl.explain.steady import say_steadily
 from ibe_rl.explain.what_if import told_twins, values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.vocabulary import phrases_of
@@ -75,17 +76,18 @@ class Speaker:
     futures: int
     min_confidence: float
 
-    def say(self, moments: Sequence[Moment], if_told: str = "") -> dict[str, SpokenFrames]:
+    def say(self, moments: Sequence[Moment], if_told: str = "", every_steps: int = 1) -> dict[str, SpokenFrames]:
         """What it says at some moments, by arm.
 
         Args:
             moments: of one episode.
             if_told: what it would do if it were told this value; empty: what it will do.
+            every_steps: from one moment to the next.
         """
         run, shape = self.run, (len(moments), self.futures)
         futures = [moment for moment in moments for _ in range(self.futures)]
         twins = told_twins(futures, {if_told: values_of(run.task)[if_told]}) if if_told else []
-        predicted = self.predictor.rollout([*futures, *twins], run.policy, run.horizon_steps)
+        predicted = self.predictor.rollout([*futures, *twins], run.policy, run.horizon_steps + max(AHEAD_STEPS))
         paths, trusted = predicted.paths[-len(futures) :], predicted.trusted_steps[-len(futures) :]
         paths = paths.reshape(*shape, *paths.shape[1:])
         words, steps = run.task.phrases, run.horizon_steps
@@ -94,6 +96,7 @@ class Speaker:
         if self.paper is not None:
             states[PAPER] = ExplainerState(self.paper, steps, words, {}, self.futures)
         said = {arm: put_in_words(paths, state, trusted.reshape(shape)) for arm, state in states.items()}
+        said[IBE] = say_steadily(said[IBE], states[IBE], every_steps)
         return {arm: _spoken(said[arm], states[arm].mapping, run.task) for arm in states}
 
     def really(self, deltas: Array) -> SpokenFrames:

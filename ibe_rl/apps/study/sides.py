@@ -52,7 +52,7 @@ def record_side(speaker: Speaker, seed: int) -> Recording:
     shown = max(2, len(watched.episode) - run.horizon_steps)
     steps = range(0, min(shown, len(watched.episode)), -(-shown // MOST_FRAMES))
     asked = [*steps][::HELD_FRAMES]
-    spoken = speaker.say([watched.moments[step] for step in asked])
+    spoken = speaker.say([watched.moments[step] for step in asked], every_steps=steps.step * HELD_FRAMES)
     true = speaker.really(delta_states(watched.episode.states, run.horizon_steps, "clamp")[asked])
     said = {**spoken, TRUE_FUTURE: true}
     hits = {arm: float(np.mean(np.array(words.phrases) == true.phrases)) for arm, words in said.items()}

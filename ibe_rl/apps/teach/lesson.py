@@ -186,7 +186,9 @@ class Lesson:
         if self._speaker.due():
             instruction, given = self._last()
             moment = Moment(state.copy(), instruction, bool(given), self._snapshot(), self._stage.percept)
-            self._speaker.ask(moment, partial(self._explained, self._episode, len(self._said), moment.state))
+            step = len(self._said)
+            hear = partial(self._explained, self._episode, step, moment.state)
+            self._speaker.ask(moment, hear, self._episode, step)
 
     def _explained(self, episode: int, step: int, state: Array, said: Explanation) -> None:
         """Post an explanation; runs in the explainer's thread."""

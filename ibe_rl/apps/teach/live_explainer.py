@@ -13,8 +13,10 @@ from typing import Any
 import torch
 
 from ibe_rl.agents import GreedyPolicy
-from ibe_rl.explain.explainer import ExplainerState, explain
-from ibe_rl.explain.what_if import Asking, values_of, whatever
+from ibe_rl.explain.explainer import explain
+from ibe_rl.explain.phrasing import Asking, ExplainerState
+from ibe_rl.explain.steady import SteadySpeaker
+from ibe_rl.explain.what_if import values_of, whatever
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation, Moment, Predictor
 
@@ -53,6 +55,7 @@ class LiveExplainer:
         self._lock = threading.Lock()
         self._weights: Weights | None = None
         self._explainer: ExplainerState | None = None
+        self._aloud: tuple[int, ExplainerState, SteadySpeaker] | None = None
         self._spoke_at = -every_s
         self._thread, self._speaking = ThreadPoolExecutor(1, "speaker"), Future[None]()
         self._speaking.set_result(None)
@@ -79,21 +82,23 @@ class LiveExplainer:
         self._speaking.result()  # raises what went wrong
         return self._clock() - self._spoke_at >= self._every_s
 
-    def ask(self, moment: Moment, hear: Callable[[Explanation], None]) -> None:
+    def ask(self, moment: Moment, hear: Callable[[Explanation], None], episode: int = 0, step: int = 0) -> None:
         """Explain a moment, when due, in a thread of its own, so that the environment is not held up.
 
         Args:
             moment: to explain.
             hear: called with the explanation, in that thread.
+            episode: of the moment.
+            step: of the moment.
         """
-        self._speaking = self._thread.submit(lambda: hear(self.say(moment)))
+        self._speaking = self._thread.submit(lambda: hear(self.say(moment, episode, step)))
 
     def wait(self) -> None:
         """Return when the pending explanation is done."""
         self._speaking.result()
 
-    def say(self, moment: Moment) -> Explanation:
-        """Explain a moment; only once there is a vocabulary."""
+    def say(self, moment: Moment, episode: int = 0, step: int = 0) -> Explanation:
+        """Explain a moment of an episode; only once there is a vocabulary."""
         with self._lock:
             weights, self._weights, explainer = self._weights, None, self._explainer
         assert explainer is not None
@@ -104,9 +109,17 @@ class LiveExplainer:
             what_if = Asking(values_of(self._task), futures=1) if asks else None
             explainer = replace(explainer, words=self._task.phrases, what_if=what_if)
         [said] = explain([moment], self._policy, self._predictor, explainer)
+        said = self._speaker(episode, explainer).say(said, step)
         self._said += 1
         self._spoke_at = self._clock()
         return said
+
+    def _speaker(self, episode: int, explainer: ExplainerState) -> SteadySpeaker:
+        """The one of this episode and vocabulary."""
+        known = self._aloud
+        if known is None or known[0] != episode or known[1].mapping is not explainer.mapping:
+            known = self._aloud = episode, explainer, SteadySpeaker(explainer)
+        return known[2]
 
 
 def explanation_fields(said: Explanation, task: Task) -> dict[str, Any]:

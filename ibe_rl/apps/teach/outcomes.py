@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.phrasing import ExplainerState
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.phrasing import ExplainerState
 from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import sayable

@@ -10,7 +10,7 @@ from view_data import TASK, filmed, refreshed
 
 from ibe_rl.agents.dqn import DQNConfig
 from ibe_rl.config.settings import TrainConfig
-from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.phrasing import ExplainerState
 from ibe_rl.training.listeners import Listeners
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 

@@ -26,7 +26,7 @@ from ibe_rl.config.settings import PredictorConfig
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.lander_task import X
 from ibe_rl.envs.make import make_gym
-from ibe_rl.explain.explainer import ExplainerState
+from ibe_rl.explain.phrasing import ExplainerState
 from ibe_rl.ibe import ClusterMapping
 from ibe_rl.instructors.human import HumanConfig
 from ibe_rl.instructors.recorded import LessonWriter

@@ -12,8 +12,9 @@ from on_stage import HORIZON_STEPS, explainer_state, greedy, make_lander, speaks
 
 from ibe_rl.apps.teach.live_explainer import explanation_fields, weights_of, what_if_fields
 from ibe_rl.envs import LANDER_TASK
-from ibe_rl.explain.explainer import CONFIDENCE_FEATURES, explain
-from ibe_rl.explain.what_if import Asking, values_of
+from ibe_rl.explain.explainer import explain
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, Asking
+from ibe_rl.explain.what_if import values_of
 from ibe_rl.ibe import ClusterMapping, Meaning
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict.simulator import Simulator

@@ -9,7 +9,7 @@ from on_stage import HORIZON_STEPS, explainer_state
 from ibe_rl.apps.teach.outcomes import MOST_FILMS, Outcomes
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.envs.lander_task import X
-from ibe_rl.explain.explainer import put_in_words
+from ibe_rl.explain.phrasing import put_in_words
 from ibe_rl.types import Array, Explanation
 
 EXPLAINER, SCENE = explainer_state(), {"size": [600, 400], "background": []}
