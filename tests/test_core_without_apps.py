@@ -14,7 +14,13 @@ pytestmark = pytest.mark.slow
 
 PARTS = ("ibe_rl", "configs", "demo", "explain.py", "train.py")
 FEW = ["evaluate.episodes=3", "evaluate.calibration_episodes=2", "evaluate.changing_episodes=0", "evaluate.shuffles=1"]
-FEW += ["evaluate.resamples=20", "evaluate.stride_steps=40", "evaluate.horizons_steps=[20]", "predictor.processes=1"]
+FEW += [
+    "evaluate.spoken_episodes=1",
+    "evaluate.resamples=20",
+    "evaluate.stride_steps=40",
+    "evaluate.horizons_steps=[20]",
+    "predictor.processes=1",
+]
 
 
 GONE = """raise ModuleNotFoundError("No module named 'ibe_rl.apps'")"""

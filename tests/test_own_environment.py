@@ -13,7 +13,13 @@ from ibe_rl.config.settings import TaskConfig
 
 DOC = (ROOT / "docs" / "OWN_ENVIRONMENT.md").read_text()
 FEWER = ["viewer=file", "collect.envs_per_process=16", "explain_every_steps=25", "total_frames=4000"]
-EASIER = ["evaluate.episodes=3", "evaluate.calibration_episodes=3", "evaluate.shuffles=1", "evaluate.resamples=20"]
+EASIER = [
+    "evaluate.spoken_episodes=0",
+    "evaluate.episodes=3",
+    "evaluate.calibration_episodes=3",
+    "evaluate.shuffles=1",
+    "evaluate.resamples=20",
+]
 EASIER += [
     "predictor.processes=1",
     "evaluate.horizons_steps=[20]",

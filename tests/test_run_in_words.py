@@ -48,7 +48,13 @@ def test_the_folder_holds_the_words(run: Path):
 
 
 def test_it_is_judged_by_where_its_words_lead(run: Path):
-    few = ["evaluate.episodes=3", "evaluate.calibration_episodes=3", "evaluate.shuffles=1", "evaluate.resamples=20"]
+    few = [
+        "evaluate.spoken_episodes=1",
+        "evaluate.episodes=3",
+        "evaluate.calibration_episodes=3",
+        "evaluate.shuffles=1",
+        "evaluate.resamples=20",
+    ]
     once = ["evaluate.changing_episodes=0", "evaluate.horizons_steps=[20]", "predictor.futures=1"]
     call("explain", f"run={run}", "task=evaluate", *few, *once)
     quality = json.loads((run / "evaluation" / "quality.json").read_text())

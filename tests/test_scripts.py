@@ -516,6 +516,7 @@ def test_a_run_without_a_vocabulary_is_not_judged(task: str, run: Path, tmp_path
 
 FEW = [
     *("evaluate.episodes=6", "evaluate.calibration_episodes=4", "evaluate.changing_episodes=3", "evaluate.shuffles=3"),
+    "evaluate.spoken_episodes=1",
     *("predictor.futures=2", "evaluate.resamples=40", "predictor.processes=1", "evaluate.horizons_steps=[20,40]"),
 ]
 
@@ -541,6 +542,7 @@ def test_what_the_agent_says_is_judged(judged: Path) -> None:
         assert names["baseline:constant"]["motion_auc"]["value"] in (0.5, None)
     assert {row["policy_frame"] for row in quality["changing_policy"]} == {3072, 6144}
     assert any(each["best_cheap"] for each in quality["paired"])
+    assert (quality["spoken"]["episodes"], len(quality["spoken"]["rows"])) == (1, 3)
     with (judged / "evaluation" / "moments.csv").open() as stream:
         assert len(list(csv.DictReader(stream))) == protocol["moments"]
     assert {path.name for path in (judged / "evaluation").iterdir()} == {

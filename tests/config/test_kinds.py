@@ -96,6 +96,7 @@ def test_it_goes_on_with_them(trained: Path):
 
 def test_mappings_are_compared_with_it_and_by_its_metric(trained: Path, capsys: pytest.CaptureFixture[str]):
     few = ["evaluate.episodes=2", "evaluate.calibration_episodes=2", "evaluate.resamples=20", "predictor.futures=1"]
+    few += ["evaluate.spoken_episodes=0"]
     call("explain", *mine(f"run={trained}", "task=compare", "compare.mappings=[mine]", *few))
     rows = read_json(trained / "evaluation" / "compare.json")["rows"]
     assert "ibe:mine" in {row["explainer"] for row in rows}

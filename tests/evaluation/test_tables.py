@@ -15,6 +15,7 @@ from ibe_rl.evaluation.tables import (
     observers_table,
     paired_table,
     quality_table,
+    spoken_table,
 )
 
 SOME = {"value": -0.98765, "low": -0.99999, "high": -0.91234}
@@ -96,3 +97,23 @@ def test_who_helps_the_observer_most_comes_first():
 
 def test_the_console_is_wide_enough_without_a_terminal():
     assert console().width >= TABLE_WIDTH
+
+
+def test_the_table_step_by_step_fits_and_says_what_was_not_measured():
+    row = {"came_true": SOME, "phrase_changes_per_100": SOME, "flicker": {"value": None, "low": None, "high": None}}
+    report = {
+        "episodes": 10,
+        "steps": 2_950,
+        "rows": [
+            {**row, "explainer": "spoken", "lag_steps": 2.5, "ece": SOME},
+            {**row, "explainer": "moment", "lag_steps": None},
+            {**row, "explainer": "real", "lag_steps": 0.0},
+        ],
+    }
+    lines = printed(spoken_table(report)).splitlines()
+    assert lines[0].strip() == "Step by step: 10 of the episodes, 2,950 steps"
+    told = [line.split() for line in lines if "-.988" in line]
+    assert told[0][:3] == ["as", "it", "speaks"]
+    assert "2.5" in told[0]
+    assert (told[1][-1], told[2][-1]) == ("-", "0")
+    assert not any("…" in line for line in lines)

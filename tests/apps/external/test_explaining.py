@@ -28,7 +28,13 @@ from ibe_rl.types import ConfigError
 from ibe_rl.vocabulary.reactions import ASKED_AT
 
 QUICK = ["mapping.horizon_steps=20", "mapping.spans_steps=[10]", "predictor.futures=1", "viewer=off"]
-JUDGED = ["evaluate.episodes=3", "evaluate.calibration_episodes=2", "evaluate.stride_steps=40", "evaluate.shuffles=1"]
+JUDGED = [
+    "evaluate.spoken_episodes=0",
+    "evaluate.episodes=3",
+    "evaluate.calibration_episodes=2",
+    "evaluate.stride_steps=40",
+    "evaluate.shuffles=1",
+]
 JUDGED += ["evaluate.resamples=20", "evaluate.horizons_steps=[20]", "predictor.processes=1"]
 
 
