@@ -22,7 +22,7 @@ The path of a transition from the engine to rerun, below ibe_rl/ (checked by tes
     vocabulary/tracker.py   refresh         the new vocabulary is compared with the previous one
     collect/rollout.py      record_rollout  the greedy policy rolls out an episode
     predict/simulator.py    rollout         its future is simulated from moments of that episode
-    explain/explainer.py    explain_episode the vocabulary expresses these futures in words
+    explain/explainer.py    narrate         the vocabulary expresses these futures in words
     view/run_recorder.py    refreshed       rerun displays them
 """
 
@@ -38,7 +38,7 @@ from ibe_rl.collect.rollout import EVALUATION_SEED, play, record_rollout
 from ibe_rl.config.command_line import is_sweep, run_script
 from ibe_rl.config.settings import ExplainConfig, TrainConfig
 from ibe_rl.evaluation.runs import open_trained
-from ibe_rl.explain.explainer import explain_episode
+from ibe_rl.explain.explainer import narrate
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.training.build import build
 from ibe_rl.training.progress import closing_table, how_to_open
@@ -83,7 +83,7 @@ def refresh_and_explain(run: Run) -> dict[str, float]:
     with timeit("explain"):
         rollout = record_rollout(run.env, policy, run.instructor, WATCH_SEED + run.counts.tried)
         explainer = run.vocabulary.explainer_state(cfg.predictor.futures, cfg.min_confidence, asking_of(cfg, run.task))
-        said = explain_episode(rollout.moments, policy, run.predictor, explainer, cfg.explain_every_steps)
+        said = narrate(rollout.moments, policy, run.predictor, explainer, cfg.explain_every_steps)
     return judge_and_tell(run, refresh, rollout, said, explainer)  # words → rerun
 
 

@@ -110,6 +110,8 @@ def print_narration(
         console.print()
         console.print(answers_table(said, run.task.phrases))
         console.print(listening_line(said) + "\n")
+    changes = stability([one.said for one in said])["phrase_changes_per_100"]
+    console.print(f"What it says changes {changes:.1f} times in 100 steps.")
     console.print(f"{_closing(run, said, true)}; {in_one_line(verdicts)}. {whose}")
     if not all(span.trusted for one in said for span in one.all_spans):
         console.print(f"{NOT_TRUSTED}: the predictor does not trust a path that long.")
@@ -138,8 +140,7 @@ def _closing(run: TrainedRun, said: Sequence[Explanation], true: Array) -> str:
         return "It gave no explanation"
     at = "" if spoken.all() else f" (at {spoken.mean():.0%} of the moments)"
     about = f"of the {span_name(run.horizon_steps)} went as predicted"
-    changes = stability([one.said for one in said])["phrase_changes_per_100"]
-    return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}; {changes:.1f} changes in 100 steps"
+    return f"{phrase_accuracy(true[spoken]):.0%} of its explanations{at} {about}"
 
 
 def _print_table(

@@ -45,7 +45,7 @@ def _by_moment(
     return paths.reshape(-1, futures, *paths.shape[1:]), explainer, trusted_steps.reshape(-1, futures)
 
 
-def explain_episode(
+def narrate(
     moments: Sequence[Moment], policy: Policy, predictor: Predictor, explainer: ExplainerState, every_steps: int = 1
 ) -> list[Explanation]:
     """Explain an episode as it is spoken: one of so many moments, and each explanation holds until the next.

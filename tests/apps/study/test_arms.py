@@ -24,7 +24,7 @@ def test_it_speaks_in_its_own_words_and_in_the_papers() -> None:
 
 
 def test_it_says_that_it_does_not_know_and_the_papers_agent_never_does() -> None:
-    said = speaker().say(ride([29, 31, 31]).moments)
+    said = speaker().say(ride([29, 31, 31]).moments, every_steps=9)
     assert said["ibe"] == SpokenFrames((1.0, 0.0), ("going up", DOES_NOT_KNOW), (True, False))
     assert said["paper"].known == (True, True)
 
