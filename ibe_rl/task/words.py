@@ -106,7 +106,8 @@ class Words(Sequence[Phrases]):
             raise WordError(f"instructor.max_words={slots}: allowed are {len(given)} (its words) to {MOST_WORDS}")
         for one in given:
             try:
-                self._entries.append(replace(one, word=self._free(one.word)))
+                phrases = tuple(map(clean, one.phrases[-PHRASES_KEPT:]))
+                self._entries.append(replace(one, word=self._free(one.word), phrases=phrases))
             except WordError as error:
                 raise WordError(f"instructor.words: {error}") from None
 
@@ -242,8 +243,8 @@ def clean(text: str) -> str:
 
 
 def _word_from(values: Any) -> Word:
-    earlier, phrases = (tuple(map(str, values.get(name, ()))) for name in ("renamed_from", "phrases"))
-    return Word(values["word"], int(values["added_at_frame"]), earlier, phrases)
+    earlier, phrases = values["renamed_from"], values.get("phrases", ())  # older runs have no phrases
+    return Word(values["word"], int(values["added_at_frame"]), tuple(map(str, earlier)), tuple(map(str, phrases)))
 
 
 def _among(text: str, texts: Iterable[str]) -> bool:

@@ -48,6 +48,11 @@ def test_the_newest_phrases_are_kept():
     assert (words.entries[0].phrases[0], len(words.entries[0].phrases)) == ("phrase 2", PHRASES_KEPT)
 
 
+def test_a_phrase_that_cannot_be_shown_is_refused():
+    with pytest.raises(WordError, match="cannot be shown"):
+        Words([Word("left", phrases=("go\x07",))])
+
+
 def test_words_of_an_older_run_have_no_phrases():
     older = [{"word": "left", "added_at_frame": 0, "renamed_from": []}]
     assert Words.from_dicts(older).entries == (Word("left"),)
