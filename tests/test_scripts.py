@@ -551,7 +551,7 @@ def test_what_the_agent_says_is_judged(judged: Path) -> None:
     calibration = load_run(judged).calibration
     assert calibration is not None
     told = json.loads((judged / "evaluation" / "calibration.json").read_text())
-    assert calibration.to_dict() == told["calibration"]  # what the agent speaks with from now on
+    assert calibration.to_dict() == told["spoken"]  # what the agent speaks with from now on
     assert {path.name for path in (judged / "figures").iterdir()} == {
         *("quality.png", "confidence.png", "horizons.png", "changing_policy.png")
     }

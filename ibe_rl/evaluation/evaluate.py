@@ -24,7 +24,7 @@ from ibe_rl.evaluation.rows import Judged, OwnScores
 from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.step_by_step import judge_spoken
-from ibe_rl.evaluation.trained_run import TrainedRun
+from ibe_rl.evaluation.trained_run import SPOKEN_CALIBRATION, TrainedRun
 from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
@@ -53,8 +53,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
         ages = changing_policy(rollouts) if cfg.evaluate.changing_episodes else []
-        some = min(cfg.evaluate.spoken_episodes, cfg.evaluate.episodes)
-        aloud = judge_spoken(run, cfg, predictor, seeds_for("judged", cfg.evaluate.seed, some))
+        aloud, of_spoken = judge_spoken(run, cfg, predictor, *step_by_step_seeds(cfg))
     spoken = {name: learnt[run.horizon_steps].vocabularies[name] for name in (ours, "baseline:paper")}
     what_if = told_otherwise_in_copies(run, cfg, spoken) if cfg.what_if else WhatIf()
     judged = judge_all(learnt, moments.judged(), held_out, run, cfg, own_metrics.score)
@@ -72,6 +71,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
         "spoken": aloud,
     }
     calibration = report.calibration_report(judged[own], ours, run.mapping_frame) | what_if.calibration_json
+    calibration |= {SPOKEN_CALIBRATION: of_spoken.to_dict()} if of_spoken else {}
     folder = run.folder / EVALUATION
     write_json(folder / "quality.json", quality)
     write_json(folder / "observers.json", observers)
@@ -82,6 +82,15 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     print_what_if(what_if)
     drawn = figures.draw_all(run.folder / FIGURES, quality, calibration, ours, beside)
     print_files(folder, drawn)
+
+
+def step_by_step_seeds(cfg: ExplainConfig) -> tuple[range, range]:
+    """Of the first judged and held-out episodes, which are also explained at every step."""
+    config, most = cfg.evaluate, cfg.evaluate.spoken_episodes
+    return (
+        seeds_for("judged", config.seed, min(most, config.episodes)),
+        seeds_for("held_out", config.seed, min(most, config.calibration_episodes)),
+    )
 
 
 def learn_all(

@@ -21,7 +21,7 @@ from ibe_rl.config.saved import load_config
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, TrainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.envs.wrappers import task_of
-from ibe_rl.evaluation.trained_run import WHAT_IF_CALIBRATION, TrainedRun
+from ibe_rl.evaluation.trained_run import SPOKEN_CALIBRATION, WHAT_IF_CALIBRATION, TrainedRun
 from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
@@ -123,7 +123,8 @@ def load_run(
     for steps, mapping in {**saved.spans, saved.horizon_steps: saved.mapping}.items():
         _check_vocabulary(folder, steps, mapping, task)
     judged = _judged_calibrations(folder, saved)
-    calibration, of_answers = judged.get("calibration", saved.calibration), judged.get(WHAT_IF_CALIBRATION)
+    calibration = judged.get(SPOKEN_CALIBRATION, judged.get("calibration", saved.calibration))
+    of_answers = judged.get(WHAT_IF_CALIBRATION)
     for found in (calibration, of_answers):
         if found is not None and found.names != CONFIDENCE_FEATURES:
             known = ", ".join(CONFIDENCE_FEATURES)
@@ -192,8 +193,8 @@ def _judged_calibrations(folder: Path, saved: Saved) -> dict[str, Calibration]:
     try:
         saved_json = read_json(path)
         mine = (saved_json["mapping_frame"], saved_json["horizon_steps"]) == (saved.frame, saved.horizon_steps)
-        of_answers = {WHAT_IF_CALIBRATION} & {*saved_json}  # missing in files of earlier versions
-        return {name: Calibration.from_dict(saved_json[name]) for name in ("calibration", *of_answers) if mine}
+        further = {WHAT_IF_CALIBRATION, SPOKEN_CALIBRATION} & {*saved_json}  # missing in files of earlier versions
+        return {name: Calibration.from_dict(saved_json[name]) for name in ("calibration", *further) if mine}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: not a readable calibration ({error})") from None
 

@@ -13,10 +13,11 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.rows import estimate_json
 from ibe_rl.evaluation.trained_run import TrainedRun, explainer_state
 from ibe_rl.explain.explainer import explain
+from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, confidence_features
 from ibe_rl.explain.steady import say_steadily
 from ibe_rl.instructors import make_instructor, stand_in
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
-from ibe_rl.metrics.confidence import ece
+from ibe_rl.metrics.confidence import Calibration, ece
 from ibe_rl.metrics.quality import realised_phrases
 from ibe_rl.metrics.stability import changes_of, lags_steps
 from ibe_rl.types import Array, Explanation, Predictor
@@ -26,22 +27,34 @@ Aloud = tuple[Sequence[Explanation], Sequence[str]]
 """The explanations of an episode as they are spoken, and the phrases that came true."""
 
 
-def judge_spoken(run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, seeds: Sequence[int]) -> dict[str, Any]:
-    """Explain episodes of these seeds at every step; returns the part ``spoken`` of quality.json, empty without any.
+def judge_spoken(
+    run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, seeds: Sequence[int], held_out: Sequence[int]
+) -> tuple[dict[str, Any], Calibration | None]:
+    """Explain whole episodes at every step.
 
-    Its ``rows`` are what is spoken, what each moment alone says, and what came true.
+    Args:
+        run: the agent.
+        cfg: its ``predictor.futures``, and the resamples.
+        predictor: of the futures.
+        seeds: of the episodes to judge.
+        held_out: of those to calibrate the confidence in what is spoken on.
+
+    Returns:
+        the part ``spoken`` of quality.json, whose ``rows`` are what is spoken, what each moment alone says, and what
+        came true; and the calibration. Nothing without seeds.
     """
-    if not seeds:
-        return {}
+    if not seeds or not held_out:
+        return {}, None
     spoken = _speak(run, cfg, predictor, seeds)
+    calibration = _calibrate(_speak(run, cfg, predictor, held_out))
     numbers = np.repeat(np.arange(len(seeds)), [len(real) for _, real in spoken])
     weights = episode_weights(numbers, cfg.evaluate.resamples, cfg.evaluate.seed)
     said = [[one.phrase for one in each] for each, _ in spoken]
     alone = [[one.of_the_moment or one.phrase for one in each] for each, _ in spoken]
     real = [phrases for _, phrases in spoken]
     rows = [_row(name, each, real, weights) for name, each in (("spoken", said), ("moment", alone), ("real", real))]
-    rows[0]["ece"] = estimate_json(_ece(spoken, weights))
-    return {"episodes": len(seeds), "steps": len(numbers), "rows": rows}
+    rows[0]["ece"] = estimate_json(_ece(spoken, calibration, weights))
+    return {"episodes": len(seeds), "steps": len(numbers), "rows": rows}, calibration
 
 
 def _speak(run: TrainedRun, cfg: ExplainConfig, predictor: Predictor, seeds: Sequence[int]) -> list[Aloud]:
@@ -74,9 +87,21 @@ def _row(name: str, phrases: Sequence[Sequence[str]], real: Sequence[Sequence[st
     }
 
 
-def _ece(spoken: Sequence[Aloud], weights: Array) -> Array:
+def _calibrate(spoken: Sequence[Aloud]) -> Calibration:
+    features, true, meant = _outcomes(spoken)
+    counted = meant if meant.any() else np.ones(len(meant), bool)
+    return Calibration.fit(features[counted], true[counted], CONFIDENCE_FEATURES)
+
+
+def _ece(spoken: Sequence[Aloud], calibration: Calibration, weights: Array) -> Array:
     """Of the confidence in what is spoken, where the meaning of the word is known."""
+    features, true, meant = _outcomes(spoken)
+    return ece(calibration.probability(features), true, weights * meant)
+
+
+def _outcomes(spoken: Sequence[Aloud]) -> tuple[Array, Array, Array]:
+    """Features ``(T, 2)`` of all explanations, whether each came true, and whether its word has a known meaning."""
     said = [one for each, _ in spoken for one in each]
-    true = np.array([one.phrase for one in said]) == np.array([phrase for _, real in spoken for phrase in real])
-    confidence, meant = (np.array([getattr(one, name) for one in said]) for name in ("confidence", "meant"))
-    return ece(confidence, true, weights * meant)
+    real = [phrase for _, phrases in spoken for phrase in phrases]
+    true = np.array([one.phrase == phrase for one, phrase in zip(said, real, strict=True)])
+    return confidence_features(said), true, np.array([one.meant for one in said])

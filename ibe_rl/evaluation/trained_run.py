@@ -22,8 +22,8 @@ from ibe_rl.storage.run_folder import TRAJECTORIES
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Policy
 
-WHAT_IF_CALIBRATION = "what_if"
-"""Key in calibration.json."""
+WHAT_IF_CALIBRATION, SPOKEN_CALIBRATION = "what_if", "spoken"
+"""Keys in calibration.json: of answers, and of what is spoken step by step."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class TrainedRun:
         mapping_frame: training frames when it was learnt.
         horizon_steps: n, the horizon of the vocabulary.
         spans: the vocabularies of other time spans, by their horizon in steps.
-        calibration: of the confidence: from ``task=evaluate`` if this vocabulary was evaluated, else from the last
-            refresh; None at the first refresh.
+        calibration: of the confidence in what is spoken: from ``task=evaluate`` if this vocabulary was evaluated, else
+            from the last refresh; None at the first refresh.
         reactions: of the agent to other instructions, as of that refresh; None if not measured.
         scores_of_numbers: see ``metrics.quality.number_scores``, of the refresh; empty if it has none.
         what_if_calibration: of the confidence in answers to what it would do; None before ``task=evaluate``.

@@ -19,7 +19,7 @@ from ibe_rl.metrics.stability import stability
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(900_000, 900_003)
+SEEDS, HELD_OUT = range(900_000, 900_003), range(910_000, 910_002)
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +35,11 @@ def cfg() -> ExplainConfig:
 
 def test_what_is_spoken_holds_still_and_comes_true(run: TrainedRun, cfg: ExplainConfig):
     with predictor_of(run, cfg.predictor, seed=0) as predictor:
-        report = judge_spoken(run, cfg, predictor, SEEDS)
-        assert judge_spoken(run, cfg, predictor, range(0)) == {}
+        report, calibration = judge_spoken(run, cfg, predictor, SEEDS, HELD_OUT)
+        assert judge_spoken(run, cfg, predictor, range(0), HELD_OUT) == ({}, None)
+    assert calibration is not None
+    probability = calibration.probability(np.array([[0.4, 0.8], [1.0, 0.8]]))
+    assert probability[0] < probability[1]
     rows = {row["explainer"]: row for row in report["rows"]}
     assert [*rows] == ["spoken", "moment", "real"]
     episodes = play([run.make_env()], run.policy, make_instructor(run.config.instructor, run.task), SEEDS)
@@ -55,10 +58,8 @@ def test_what_is_spoken_holds_still_and_comes_true(run: TrainedRun, cfg: Explain
 
 
 def test_the_same_seeds_give_the_same_numbers(run: TrainedRun, cfg: ExplainConfig):
-    each = []
+    few, each = replace(cfg, predictor=replace(cfg.predictor, futures=2)), []
     for _ in range(2):
-        with predictor_of(run, replace(cfg.predictor, futures=2), seed=0) as predictor:
-            each.append(
-                judge_spoken(run, replace(cfg, predictor=replace(cfg.predictor, futures=2)), predictor, SEEDS[:1])
-            )
+        with predictor_of(run, few.predictor, seed=0) as predictor:
+            each.append(judge_spoken(run, few, predictor, SEEDS[:1], HELD_OUT[:1])[0])
     assert each[0] == each[1]
