@@ -25,8 +25,9 @@ class SteadySpeaker:
     """Says the explanations of one episode, in the order of its steps.
 
     Each future of a moment votes for the phrase of its change, over the windows that begin at ``AHEAD_STEPS``, less
-    where the predictor distrusts it. The phrase with most of the votes of the last steps is said. ``agreement`` is its
-    share of them. The expression is that of a future with this phrase, or else the last one with it.
+    where the predictor distrusts it. The phrase with most of the votes of the last steps is said, a new one only if
+    this moment votes for it. ``agreement`` is its share of them. The expression is that of a future with this phrase,
+    or else the last one with it.
 
     Args:
         explainer: that made the explanations.
@@ -59,8 +60,9 @@ class _Voice:
 
     def say(self, one: Explanation, step: int) -> Explanation:
         votes = self._votes(one, step)
-        phrase = max(votes, key=lambda each: (votes[each], each == one.phrase))
         before = self._last.phrase if self._last is not None else None
+        possible = [each for each in votes if each == before or each in self._heard[-1][1]]
+        phrase = max(possible, key=lambda each: (votes[each], each == one.phrase))
         if before in votes and votes[phrase] <= votes[before] + LEAD:
             phrase = before
         self._last = self._with(one, phrase, votes[phrase])

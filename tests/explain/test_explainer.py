@@ -314,6 +314,14 @@ def test_a_lead_that_is_too_small_changes_nothing():
     assert [one.phrase for one in spoken([0] * 21, [0] * 10 + [4] * 11, every_steps=5)] == [STAY, STAY]
 
 
+def test_a_new_phrase_is_one_of_this_moment():
+    """Up has most votes in the end, of moments before this one, but was never said."""
+    mostly_up = [4] * 6 + [0] * 3
+    said = spoken([0] * 9, *[mostly_up] * 4, [-4] * 9)
+    assert [one.phrase for one in said] == [STAY] * 6
+    assert said[-1].of_the_moment == DOWN
+
+
 def test_what_is_longer_ago_is_forgotten():
     said = spoken([4, 4, 4], [-4, -4, -4], every_steps=MEMORY_STEPS + 1)
     assert [(one.phrase, one.agreement) for one in said] == [(UP, 1), (DOWN, 1)]
