@@ -158,7 +158,7 @@ def test_metrics_and_the_files_of_the_refreshes_tell_the_same(run: Path) -> None
     columns = set(REFRESH_COLUMNS) - {*of_the_episode, "ibe/phrase_changes_per_100", "ibe/flicker"}
     first, *later = refreshes(run)
     assert {name for name in columns if table[first["frame"]][name]} <= {
-        *("ibe/episodes", "ibe/windows", *(f"ibe/{name}" for name in SCORES))
+        *("ibe/episodes", "ibe/windows", "ibe/delay_steps", *(f"ibe/{name}" for name in SCORES))
     }
     for refresh in later:
         row = table[refresh["frame"]]
