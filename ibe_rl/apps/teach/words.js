@@ -51,7 +51,7 @@ function makeNames() {
 const alike = (one, other) => one.normalize("NFKC").toLowerCase() === other.normalize("NFKC").toLowerCase();
 
 function wordSaidBy(value) {
-  if (!now.words || now.words.words.includes(value)) return value;
+  if (value === null || !now.words || now.words.words.includes(value)) return value;
   const slot = now.words.phrases.findIndex((phrases) => phrases.some((phrase) => alike(phrase, value)));
   return slot < 0 ? value : now.words.words[slot];
 }
@@ -146,7 +146,7 @@ Object.assign(hear, {
     now.refused = message;
     const trivial = ["past", "repeated", "watching"].includes(message.why);
     at("refused").textContent = trivial ? "" : message.why;
-    if (!now.words) return;
+    if (trivial || !now.words) return; // nothing is written over while somebody types
     makePhrases();
     makeNames();
   },
