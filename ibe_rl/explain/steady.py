@@ -56,6 +56,7 @@ class _Voice:
     def __init__(self, explainer: ExplainerState):
         self._explainer = explainer
         self._heard: deque[tuple[int, Mapping[str, float]]] = deque()
+        self._sure: deque[tuple[int, float]] = deque()
         self._last: Explanation | None = None
 
     def say(self, one: Explanation, step: int) -> Explanation:
@@ -65,14 +66,20 @@ class _Voice:
         phrase = max(possible, key=lambda each: (votes[each], each == one.phrase))
         if before in votes and votes[phrase] <= votes[before] + LEAD:
             phrase = before
-        self._last = self._with(one, phrase, votes[phrase])
+        self._last = self._known(self._with(one, phrase, votes[phrase]), step)
         return self._last
+
+    def _known(self, said: Explanation, step: int) -> Explanation:
+        """Whether it is sure enough, on the average of the same steps: a moment of doubt is not worth a word."""
+        self._sure.append((step, said.confidence))
+        _forget(self._sure, step)
+        mean = np.mean([confidence for _, confidence in self._sure])
+        return replace(said, known=said.meant and bool(mean >= self._explainer.min_confidence))
 
     def _votes(self, one: Explanation, step: int) -> dict[str, float]:
         """Mean votes of this and the last steps, by phrase."""
         self._heard.append((step, self._votes_of(one)))
-        while self._heard[0][0] < step - MEMORY_STEPS:
-            self._heard.popleft()
+        _forget(self._heard, step)
         phrases = dict.fromkeys(phrase for _, votes in self._heard for phrase in votes)
         return {each: float(np.mean([votes.get(each, 0.0) for _, votes in self._heard])) for each in phrases}
 
@@ -91,8 +98,7 @@ class _Voice:
         features = np.array([[agreement, said.purity]])
         probability = features.prod() if calibration is None else calibration.probability(features)[0]
         confidence = float(probability) if meant else 0.0
-        known = meant and confidence >= self._explainer.min_confidence
-        return replace(said, phrase=phrase, agreement=agreement, confidence=confidence, meant=meant, known=known)
+        return replace(said, phrase=phrase, agreement=agreement, confidence=confidence, meant=meant)
 
     def _changed(self, one: Explanation, phrase: str) -> dict[str, Any]:
         """The fields of a future of this moment that has the phrase, or of the last explanation that had it."""
@@ -111,6 +117,11 @@ class _Voice:
             "cluster": int(mapping.ids[mapping.cluster(found)[0]]),
             "purity": float(mapping.confidence(found)[0]),
         }
+
+
+def _forget(heard: deque[tuple[int, Any]], step: int) -> None:
+    while heard[0][0] < step - MEMORY_STEPS:
+        heard.popleft()
 
 
 def say_steadily(said: Sequence[Explanation], explainer: ExplainerState, every_steps: int = 1) -> list[Explanation]:
