@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -29,9 +31,22 @@ def nearest_word(text: str, words: Words, embed: Embed) -> int | None:
     return known[best][0] if similarities[best] >= LEAST_SIMILARITY else None
 
 
+@contextmanager
+def _logging_as_it_is() -> Iterator[None]:
+    """Take back what an import does to the root logger: wordllama lets it print what all libraries report."""
+    root = logging.getLogger()
+    level, handlers = root.level, [*root.handlers]
+    try:
+        yield
+    finally:
+        root.setLevel(level)
+        root.handlers[:] = handlers
+
+
 def load_nearest() -> Nearest:
     """Load the embedding model, which its package brings along."""
-    import wordllama  # an extra
+    with _logging_as_it_is():
+        import wordllama  # an extra
 
     # 0.4.0 looks for its tokenizer in another folder than the one that it is installed in
     model = wordllama.WordLlama.load(cache_dir=Path(wordllama.__file__).parent, disable_download=True)

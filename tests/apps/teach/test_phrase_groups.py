@@ -1,5 +1,7 @@
 """Which word a typed text says: by hand, and with the model of the extra."""
 
+import subprocess
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -45,3 +47,11 @@ def test_the_model_knows_what_says_the_same(text: str, word: str | None):
     words = Words(["left", "hold", "right", "izquierda", "derecha"])
     found = load_nearest()(text, words)
     assert (None if found is None else words.names[found]) == word
+
+
+def test_the_model_leaves_what_is_logged_as_it_is():
+    """In a process of its own, where it was never imported."""
+    program = "import logging; from ibe_rl.apps.teach.phrase_groups import load_nearest; before = logging.root.level; "
+    program += "load_nearest(); print(logging.root.level == before, logging.root.handlers)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "True []\n"
