@@ -18,10 +18,12 @@ from tensordict.nn import TensorDictModuleBase
 
 from ibe_rl.agents.actions import make_actions
 from ibe_rl.agents.encoder import has_images
+from ibe_rl.agents.equivariant import MirroredSpaces
 from ibe_rl.agents.networks import GreedyPolicy
 from ibe_rl.config.kinds import implementation, made
 from ibe_rl.config.settings import AgentConfig
 from ibe_rl.task import NUMBERS, Part
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import ConfigError
 
 MOST_UNITS = 100_000
@@ -33,7 +35,8 @@ class Agent(Protocol):
 
     A kind of agent is such a class. Its constructor takes its settings, the observation size O, the action space, the
     total number of frames, the indices of the observation that are hidden from it, and optionally ``parts``, what the
-    leading numbers of the observation are (``ibe_rl.task.Part``); without it images are refused. Class attributes:
+    leading numbers of the observation are (``ibe_rl.task.Part``); without it images are refused; and optionally
+    ``mirror``, what a mirror image does to observations and actions (``MirroredSpaces``). Class attributes:
     ``settings``, a dataclass derived from ``AgentConfig``, and optionally ``check(settings, actions)``, which raises
     ``ConfigError``.
     """
@@ -65,6 +68,7 @@ def make_agent(
     total_frames: int,
     state_names: Sequence[str] = (),
     parts: Sequence[Part] = (),
+    mirror: Mirror | None = None,
 ) -> Agent:
     """Make the agent of the kind that ``config`` names.
 
@@ -75,6 +79,7 @@ def make_agent(
         total_frames: length of the training.
         state_names: names of the state dimensions, for ``config.ignores``.
         parts: of the percept; none where the observation begins with the state.
+        mirror: that the environment declares; used with ``config.mirror``.
 
     Raises:
         ConfigError: if the kind is unknown, cannot take such actions, or is to ignore an unknown dimension.
@@ -83,7 +88,9 @@ def make_agent(
     check_agent(config, state_names, parts)
     ignored = [list(state_names).index(name) for name in config.ignores]
     parts = parts or ([Part("", NUMBERS, (len(state_names),))] if state_names else [])
-    more = {"parts": parts} if _takes_parts(config) else {}
+    more: dict[str, Any] = {"parts": parts} if takes(config, "parts") else {}
+    if config.mirror and mirror:
+        more["mirror"] = MirroredSpaces(mirror.of_observations(state_names), mirror.of_actions())
     agent: Agent = made("agent", config, observation_size, actions, total_frames, ignored, **more)
     return agent
 
@@ -104,15 +111,16 @@ def check_agent(config: AgentConfig, state_names: Sequence[str], parts: Sequence
     for name in config.ignores:
         if name not in state_names:
             raise ConfigError(f"agent.ignores={name}: allowed are {', '.join(state_names)}")
-    if has_images(parts) and not _takes_parts(config):
+    if has_images(parts) and not takes(config, "parts"):
         raise ConfigError(
             f"agent={config.kind}: its constructor takes no parts, so it cannot tell an image from numbers; allowed "
             "are observations without images"
         )
 
 
-def _takes_parts(config: AgentConfig) -> bool:
-    return "parts" in signature(implementation("agent", config.kind)).parameters
+def takes(config: AgentConfig, argument: str) -> bool:
+    """Whether the constructor of the agent's kind takes this argument."""
+    return argument in signature(implementation("agent", config.kind)).parameters
 
 
 def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
@@ -127,4 +135,4 @@ def check_actions(config: AgentConfig, actions: gymnasium.Space[Any]) -> None:
         checks(config, actions)
 
 
-__all__ = ["Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent"]
+__all__ = ["Agent", "GreedyPolicy", "check_actions", "check_agent", "make_agent", "takes"]

@@ -18,6 +18,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from ibe_rl.agents.actions import Categorical, discrete
 from ibe_rl.agents.encoder import Packing, has_images
+from ibe_rl.agents.equivariant import MirroredSpaces
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
@@ -116,6 +117,7 @@ class DQN:
         total_frames: frames after which the learning rate reaches 0 and epsilon its end.
         ignored: indices of the observation that are hidden from it.
         parts: of the leading numbers of an observation.
+        mirror: the mirror image that its network is equivariant under; None: none.
 
     Attributes:
         policy: explores; run by the collector.
@@ -132,16 +134,17 @@ class DQN:
         total_frames: int,
         ignored: Sequence[int] = (),
         parts: Sequence[Part] = (),
+        mirror: MirroredSpaces | None = None,
     ):
         self.check(config, actions)
         assert isinstance(actions, gymnasium.spaces.Discrete)
         self._config, self._total_frames, self._frames = config, total_frames, 0
         n_actions, self._start = int(actions.n), int(actions.start)
-        self._standardiser = Standardiser(observation_size, parts, config.standardise_observations)
+        self._standardiser = Standardiser(observation_size, parts, config.standardise_observations, mirror)
         self._rewards = RewardStandardiser(config.standardise_rewards, config.gamma)
         self._packing = Packing(observation_size, parts) if has_images(parts) else None
         reads: dict[str, Any] = {"ignored": ignored, "parts": parts, "standardiser": self._standardiser}
-        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, 1.0, **reads)
+        network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, 1.0, mirror=mirror, **reads)
         self._network, self._epsilon = network, 1.0
         self.policy = EpsilonGreedyPolicy(deepcopy(network), n_actions, self._start)
         self.greedy = GreedyPolicy(network, config.average_share, Categorical(n_actions, self._start).mode)

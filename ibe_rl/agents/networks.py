@@ -14,6 +14,7 @@ from torchrl.modules import MLP
 
 from ibe_rl.agents.actions import Mode, best
 from ibe_rl.agents.encoder import Encoder, encoded_size, has_images
+from ibe_rl.agents.equivariant import MirroredSpaces, make_equivariant
 from ibe_rl.task import Part
 from ibe_rl.types import Array
 
@@ -43,6 +44,7 @@ def make_network(
     ignored: Sequence[int] = (),
     parts: Sequence[Part] = (),
     standardiser: nn.Module | None = None,
+    mirror: MirroredSpaces | None = None,
 ) -> nn.Sequential:
     """An MLP with orthogonal weights.
 
@@ -55,6 +57,7 @@ def make_network(
         ignored: inputs that are masked.
         parts: of the leading inputs; images are encoded first.
         standardiser: the first step; None: none.
+        mirror: what it is made equivariant under; None: nothing.
     """
     first: dict[str, nn.Module] = {} if standardiser is None else {"standardise": standardiser}
     if has_images(parts):
@@ -64,6 +67,8 @@ def make_network(
     for layer in layers:
         nn.init.orthogonal_(layer.weight, last_gain if layer is layers[-1] else 2**0.5)
         nn.init.zeros_(layer.bias)
+    if mirror:
+        make_equivariant(network, *mirror)
     steps = {"0": InputMask(inputs, ignored), "1": network} if ignored else dict(network.named_children())
     return nn.Sequential(OrderedDict(first | steps))
 

@@ -21,6 +21,7 @@ from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
 from ibe_rl.agents.actions import Actions, make_actions
+from ibe_rl.agents.equivariant import MirroredSpaces
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
@@ -107,6 +108,7 @@ class PPO:
         total_frames: frames after which learning rate and entropy bonus reach 0.
         ignored: indices of the observation that are hidden from it.
         parts: of the leading numbers of an observation.
+        mirror: the mirror image that its networks are equivariant under; None: none.
 
     Attributes:
         policy: explores; run by the collector.
@@ -123,15 +125,19 @@ class PPO:
         total_frames: int,
         ignored: Sequence[int] = (),
         parts: Sequence[Part] = (),
+        mirror: MirroredSpaces | None = None,
     ):
         self._config, self._total_frames, self._frames = config, total_frames, 0
-        self._standardiser = Standardiser(observation_size, parts, config.standardise_observations)
+        self._standardiser = Standardiser(observation_size, parts, config.standardise_observations, mirror)
         self._rewards = RewardStandardiser(config.standardise_rewards, config.gamma)
         self._actions = make_actions(actions, config.first_std)
         reads: dict[str, Any] = {"ignored": ignored, "parts": parts, "standardiser": self._standardiser}
-        network = make_network(observation_size, config.hidden, self._actions.outputs, nn.ReLU, 0.01, **reads)
+        network = make_network(
+            observation_size, config.hidden, self._actions.outputs, nn.ReLU, 0.01, mirror=mirror, **reads
+        )
         self._actor = self._actions.finish(network)
-        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, 1.0, **reads)
+        of_value = mirror and mirror.of_value()
+        self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, 1.0, mirror=of_value, **reads)
         self.policy = SamplingPolicy(deepcopy(self._actor), self._actions)
         self.greedy = GreedyPolicy(self._actor, config.average_share, self._actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from ibe_rl.agents.equivariant import MirroredSpaces
 from ibe_rl.task import FLAGS, IMAGE, Part
 
 LARGEST, SMALLEST = 30.0, 0.01
@@ -31,6 +32,7 @@ class Standardiser(nn.Module):
         inputs: ``O``.
         parts: of the leading inputs.
         wanted: None: the first batch decides (see ``LARGEST``).
+        mirror: observations are measured with their mirror images; None: alone.
 
     Attributes:
         on: whether it standardises.
@@ -44,8 +46,9 @@ class Standardiser(nn.Module):
     shift: Tensor
     scale: Tensor
 
-    def __init__(self, inputs: int, parts: Sequence[Part], wanted: bool | None):
+    def __init__(self, inputs: int, parts: Sequence[Part], wanted: bool | None, mirror: MirroredSpaces | None = None):
         super().__init__()
+        self._mirror = mirror
         self._wanted, self._images = wanted, any(part.kind == IMAGE for part in parts)
         self._groups, self._units = _groups(parts)
         buffers = {
@@ -75,6 +78,8 @@ class Standardiser(nn.Module):
         first = not self.decided
         if not len(self._units) or not (first or self.on):
             return False
+        if self._mirror:
+            observations = self._mirror.with_images(observations)
         rows = observations.flatten(0, -2)[:, : len(self._groups)]
         rows = rows[:: max(1, rows.numel() // NUMBERS_AT_ONCE)].double()
         mean, var = self._measured(rows)

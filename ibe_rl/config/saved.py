@@ -78,9 +78,10 @@ def load_config(path: Path, schema: type, env: EnvConfig | None = None, trusted:
 
 
 def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
-    """Update names from older versions: the package ``envs`` was called ``env``."""
+    """Update what older versions saved: the package ``envs`` was called ``env``, no agent knew a mirror image."""
     task = saved["env"].get("task") or {}
     old = {name: value for name, value in task.items() if isinstance(value, str) and value.startswith("ibe_rl.env.")}
+    saved["agent"].setdefault("mirror", False)
     task |= {name: f"ibe_rl.envs.{value.removeprefix('ibe_rl.env.')}" for name, value in old.items()}
     return saved
 

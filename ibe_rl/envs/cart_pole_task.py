@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ibe_rl.task import Phrases, Task
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array
 
 TARGET_X: dict[str, float] = {"left": -1.2, "center": 0.0, "right": 1.2}
@@ -82,4 +83,5 @@ CART_POLE_TASK = Task(
     goal_offset=cart_pole_goal_offset,
     scene_path=cart_pole_scene_path,
     scene_size=(SCENE_WIDTH, SCENE_HEIGHT),
+    mirror=Mirror(flipped=("x", "vx", "angle", "angular_velocity", "target_x"), actions=(1, 0)),
 )

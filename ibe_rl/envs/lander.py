@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,7 @@ from ibe_rl.envs.lander_task import FLAG_DISTANCE, HEIGHT, LANDER_TASK, PAD_X, P
 from ibe_rl.envs.lander_words_task import LANDER_WORDS_TASK
 from ibe_rl.envs.lean_step import lean_step
 from ibe_rl.task import Shape
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array
 
 CHUNKS = 11  # vertices of gymnasium's terrain, 0.2 half widths apart
@@ -92,7 +93,8 @@ class LunarLanderPads(game.LunarLander):
     ):
         super().__init__(**kwargs)
         EzPickle.__init__(self, pad, flat, flags, speed, words, **kwargs)  # a copy is made with our arguments
-        self.task = LANDER_WORDS_TASK if words else LANDER_SPEED_TASK if speed else LANDER_TASK
+        task = LANDER_WORDS_TASK if words else LANDER_SPEED_TASK if speed else LANDER_TASK
+        self.task = replace(task, mirror=self._mirror(task.mirror))
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
         self._lean = not (self.enable_wind or self.render_mode)
@@ -102,6 +104,12 @@ class LunarLanderPads(game.LunarLander):
         self.observation_space = spaces.Box(
             np.append(theirs.low, np.float32(-1)), np.append(theirs.high, np.float32(1))
         )
+
+    def _mirror(self, declared: Mirror | None) -> Mirror | None:
+        """The mirror image with these actions; None with wind, which has none."""
+        if declared is None or self.enable_wind:
+            return None
+        return replace(declared, actions=(), action_signs=(1.0, -1.0)) if self.continuous else declared
 
     @staticmethod
     def _checked(pad: str, allowed: Sequence[str]) -> str:

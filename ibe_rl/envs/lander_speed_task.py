@@ -9,7 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ibe_rl.envs.lander_task import LANDER_TASK, VY, X, Y, lander_goal_offset, lander_instruction, lander_motion
+from ibe_rl.envs.lander_task import (
+    LANDER_MIRROR,
+    LANDER_TASK,
+    VY,
+    X,
+    Y,
+    lander_goal_offset,
+    lander_instruction,
+    lander_motion,
+)
 from ibe_rl.task import Phrases
 from ibe_rl.types import Array
 
@@ -50,6 +59,7 @@ def offset_of_both(states: Array) -> Array:
 
 LANDER_SPEED_TASK = replace(
     LANDER_TASK,
+    mirror=replace(LANDER_MIRROR, instruction=(-1.0, 1.0)),
     name="Lunar Lander, way and speed",
     rule=instruct_both,
     phrases=(

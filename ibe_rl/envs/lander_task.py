@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.envs.box2d import lunar_lander as game
 
 from ibe_rl.task import Phrases, Task
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array
 
 PAD_X: dict[str, float] = {"left": -0.6, "center": 0.0, "right": 0.6}
@@ -71,6 +72,12 @@ def lander_scene_path(states: Array) -> Array:
     return np.stack([x, y], axis=-1)
 
 
+LANDER_MIRROR = Mirror(
+    flipped=("x", "vx", "angle", "angular_velocity", "goal_x"),
+    swapped=(("left_leg", "right_leg"),),
+    actions=(0, 3, 2, 1),  # the side engines
+)
+
 LANDER_TASK = Task(
     name="Lunar Lander with pads",
     state_names=("x", "y", "vx", "vy", "angle", "angular_velocity", "left_leg", "right_leg", "goal_x"),
@@ -99,6 +106,7 @@ LANDER_TASK = Task(
     hidden_goal={"flat": True, "flags": False},
     scene_path=lander_scene_path,
     scene_size=(WIDTH, HEIGHT),
+    mirror=LANDER_MIRROR,
 )
 
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.task.words import Phrases as Phrases
 from ibe_rl.task.words import Words
 from ibe_rl.types import Array, Episode, Moment
@@ -82,6 +83,7 @@ class Task:
         state: (environment without wrappers, its observation) to the state ``(S,)``, for environments whose observation
             is no row of numbers, or not what shall be explained. None: the observation is the state.
         observes: keys of a Dict observation that the agent perceives; empty: all.
+        mirror: its mirror image, where that is the same environment; None: it is not.
         parts: of a percept, set when the environment is made; empty: the agent perceives the state itself.
 
     Raises:
@@ -111,6 +113,7 @@ class Task:
     judges_success: bool = True
     state: Callable[[Any, Any], Array] | None = None
     observes: tuple[str, ...] = ()
+    mirror: Mirror | None = None
     parts: tuple[Part, ...] = ()
 
     def __post_init__(self) -> None:
@@ -124,6 +127,8 @@ class Task:
                 )
         if not all(0 <= dimension < len(self.state_names) for dimension in self.explained):
             raise ValueError(f"Task.explained={self.explained}: allowed are 0 to {len(self.state_names) - 1}")
+        if self.mirror and self.words is None:
+            self.mirror.check(self.state_names, len(self.phrases))
 
     @property
     def words(self) -> Words | None:

@@ -41,6 +41,7 @@ from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.fitting_predictor import with_learned_predictor
 from ibe_rl.training.instruction_reward import make_instruction_reward
 from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Standardised, Table
+from ibe_rl.training.mirroring import with_mirror
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import Resumption, clear_way, take_up
 from ibe_rl.training.run import Run
@@ -106,7 +107,9 @@ def build(
 
 
 def _checked(cfg: TrainConfig, env: Any, goes_on: bool) -> tuple[TrainConfig, list[str]]:
-    """The settings, in a new run with a learned predictor where the default cannot work; and notes for the user."""
+    """The settings, in a new run with what the environment decides; and notes for the user."""
+    if not goes_on:
+        cfg = with_mirror(cfg, task_of(env), env.action_space)
     try:
         return cfg, check_run(cfg, env)
     except CopyError as error:
@@ -241,7 +244,13 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
         stop=stop,
         task=task,
         agent=make_agent(
-            cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts
+            cfg.agent,
+            task.observation_size,
+            env.action_space,
+            cfg.total_frames,
+            task.state_names,
+            task.parts,
+            task.mirror,
         ),
         reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
         log=log,

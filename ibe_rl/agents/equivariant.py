@@ -1,0 +1,112 @@
+"""Networks that are equivariant under a mirror image: of the mirrored input they give the mirrored output.
+
+Half of the units of each layer are the other half's mirror images, with the same weights. What is learnt on one side is
+known on the other, exactly and from the first step (van der Pol et al. 2020, MDP homomorphic networks).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import linear
+
+from ibe_rl.task.mirror import SignedPermutation
+
+
+class MirroredSpaces(NamedTuple):
+    """What a mirror image does to the inputs and the outputs of a network."""
+
+    observations: SignedPermutation
+    outputs: SignedPermutation
+
+    def of_value(self) -> MirroredSpaces:
+        """For a network whose only output, a value, is the same in the mirror image."""
+        return MirroredSpaces(self.observations, SignedPermutation.of_signs((1.0,)))
+
+    def with_images(self, observations: Tensor) -> Tensor:
+        """Observations ``(..., O)`` and their mirror images, ``(2, ..., O)``."""
+        images = observations[..., list(self.observations.order)] * torch.tensor(self.observations.signs)
+        return torch.stack([observations, images])
+
+
+class PairedLinear(nn.Linear):
+    """A hidden layer in two halves: of the mirrored input they change places.
+
+    Args:
+        layer: its first half of rows is kept.
+        inputs: what the mirror image does to the inputs.
+    """
+
+    order: Tensor
+    signs: Tensor
+
+    def __init__(self, layer: nn.Linear, inputs: SignedPermutation):
+        half = layer.out_features // 2
+        super().__init__(layer.in_features, half)
+        _keep(self, layer.weight[:half], layer.bias[:half], inputs)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """``(..., I)`` to ``(..., 2 * H)``."""
+        weight = torch.cat([self.weight, self.weight[:, self.order] * self.signs])
+        return linear(observation, weight, torch.cat([self.bias, self.bias]))
+
+
+class MirroredLinear(nn.Linear):
+    """A last layer: of the mirrored input it gives the mirrored output.
+
+    Args:
+        layer: the layer that is made symmetric.
+        inputs: what the mirror image does to the inputs.
+        outputs: what it does to the outputs.
+    """
+
+    order: Tensor
+    signs: Tensor
+    out_order: Tensor
+    out_signs: Tensor
+
+    def __init__(self, layer: nn.Linear, inputs: SignedPermutation, outputs: SignedPermutation):
+        super().__init__(layer.in_features, layer.out_features)
+        _keep(self, layer.weight * 2**0.5, layer.bias, inputs)  # half of the variance is lost by the mean
+        self.register_buffer("out_order", torch.tensor(outputs.order), persistent=False)
+        self.register_buffer("out_signs", torch.tensor(outputs.signs), persistent=False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """``(..., I)`` to ``(..., K)``."""
+        mirrored = self.weight[self.out_order][:, self.order] * (self.out_signs[:, None] * self.signs)
+        bias = self.bias + self.bias[self.out_order] * self.out_signs
+        return linear(observation, (self.weight + mirrored) / 2, bias / 2)
+
+
+def _keep(layer: nn.Linear, weight: Tensor, bias: Tensor, inputs: SignedPermutation) -> None:
+    with torch.no_grad():
+        layer.weight.copy_(weight)
+        layer.bias.copy_(bias)
+    layer.register_buffer("order", torch.tensor(inputs.order), persistent=False)
+    layer.register_buffer("signs", torch.tensor(inputs.signs), persistent=False)
+
+
+def make_equivariant(network: nn.Sequential, inputs: SignedPermutation, outputs: SignedPermutation) -> None:
+    """Replace the linear layers of an MLP, in place.
+
+    Args:
+        network: its hidden layers have even widths.
+        inputs: what the mirror image does to the inputs.
+        outputs: what it does to the outputs.
+    """
+    layers = [name for name, layer in network.named_children() if isinstance(layer, nn.Linear)]
+    for name in layers[:-1]:
+        layer = network.get_submodule(name)
+        assert isinstance(layer, nn.Linear)
+        network.set_submodule(name, PairedLinear(layer, inputs))
+        inputs = _halves_swapped(layer.out_features)
+    last = network.get_submodule(layers[-1])
+    assert isinstance(last, nn.Linear)
+    network.set_submodule(layers[-1], MirroredLinear(last, inputs, outputs))
+
+
+def _halves_swapped(width: int) -> SignedPermutation:
+    half = width // 2
+    return SignedPermutation((*range(half, width), *range(half)), (1.0,) * width)
