@@ -28,6 +28,17 @@ class PhrasesConfig:
 
 
 @dataclass
+class MirrorConfig:
+    """See ``ibe_rl.task.mirror.Mirror``."""
+
+    flipped: list[str] = MISSING  # names of the state dimensions that change sign
+    swapped: list[list[str]] = field(default_factory=list)  # pairs of state dimensions that change places
+    instruction: list[float] = field(default_factory=lambda: [-1.0])  # sign of each number of an instruction
+    actions: list[int] = field(default_factory=list)  # discrete: for each the one that does the same in the mirror
+    action_signs: list[float] = field(default_factory=list)  # continuous: the sign of each number
+
+
+@dataclass
 class TaskConfig:
     """See ``ibe_rl.task.Task``. ``module:name``: a function or a class without arguments, found from where you are."""
 
@@ -54,6 +65,7 @@ class TaskConfig:
     hidden_goal: dict[str, Any] = field(default_factory=dict)  # constructor arguments that hide the goal
     scene_path: str | None = None  # module:name; states (..., S) to drawing points (..., 2), y up
     scene_size: list[float] = field(default_factory=lambda: [1.0, 1.0])  # width and height of the drawing
+    mirror: MirrorConfig | None = None  # the mirror image, where it is the same environment
     background: str | None = None  # module:name; environment to its static shapes, list of ibe_rl.task.Shape
     figure: str | None = None  # module:name; environment to its moving shapes
 

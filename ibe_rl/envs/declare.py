@@ -8,12 +8,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.config.settings import CODE_SETTINGS, DEGREES, PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import CODE_SETTINGS, DEGREES, MirrorConfig, PhrasesConfig, TaskConfig
 from ibe_rl.envs.functions import CHECKS, checked_success, with_checks
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.runtime.import_string import import_named
 from ibe_rl.task import Phrases, Task
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array, ConfigError
 
 ANY = "any"
@@ -102,8 +103,26 @@ def _task(env: gymnasium.Env[Any, Any], config: TaskConfig, functions: dict[str,
         state=functions.get("state"),
         observes=tuple(config.observes),
         hidden_goal=dict(config.hidden_goal),
+        mirror=_mirror(config.mirror, names, len(config.phrases)) if config.mirror else None,
         scene_size=(float(config.scene_size[0]), float(config.scene_size[1])),
     )
+
+
+def _mirror(config: MirrorConfig, names: Sequence[str], instruction_size: int) -> Mirror:
+    if any(len(pair) != 2 for pair in config.swapped):
+        raise ConfigError(f"env.task.mirror.swapped={config.swapped}: allowed are pairs of state names")
+    try:
+        mirror = Mirror(
+            flipped=tuple(config.flipped),
+            swapped=tuple((one, other) for one, other in config.swapped),
+            instruction=tuple(config.instruction),
+            actions=tuple(config.actions),
+            action_signs=tuple(config.action_signs),
+        )
+        mirror.check(names, instruction_size)
+    except ValueError as error:
+        raise ConfigError(f"env.task.mirror={vars(config)}: {error}") from None
+    return mirror
 
 
 def _anything(_: Array) -> str:

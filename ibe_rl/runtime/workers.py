@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing import forkserver
 from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
 from queue import Empty, SimpleQueue
@@ -15,7 +16,7 @@ from threading import Thread, Timer
 from typing import Any, Protocol
 
 from ibe_rl.runtime.operating_system import process_start_method
-from ibe_rl.runtime.signals import leave_sigterm_to_parent
+from ibe_rl.runtime.signals import interrupts_stay_here, leave_sigterm_to_parent, script_stays_here
 
 POLL_S = 0.2
 ANSWER_S = 3.0
@@ -35,6 +36,14 @@ def process_context() -> BaseContext:
     context = multiprocessing.get_context(process_start_method())
     context.set_forkserver_preload(PRELOADED)
     return context
+
+
+def preload_workers() -> None:
+    """Start the process that workers are copies of; it imports ``PRELOADED`` while this one goes on."""
+    copied = process_context().get_start_method() == "forkserver"
+    if copied and multiprocessing.get_start_method() == "spawn":  # otherwise the program has chosen another way
+        with interrupts_stay_here(), script_stays_here():
+            forkserver.ensure_running()
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from torchrl import timeit
 
 from ibe_rl.agents import make_agent
-from ibe_rl.collect.collector import batches, make_collector, timed
+from ibe_rl.collect.collector import apart, batches, make_collector, timed
 from ibe_rl.config.command_line import has_default_name, output_folder, run_name
 from ibe_rl.config.kinds import make_several
 from ibe_rl.config.saved import save_config
@@ -27,6 +27,7 @@ from ibe_rl.instructors import make_stand_in
 from ibe_rl.predict import make_predictor
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.signals import StopRequest
+from ibe_rl.runtime.workers import preload_workers
 from ibe_rl.storage.folder_lock import hold_folder
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import (
@@ -79,13 +80,12 @@ def build(
     cfg, state = take_up(cfg, resumption) if cfg.resume else (cfg, None)
     env = make_env(cfg.env)
     cfg, notes = _checked(cfg, env, goes_on=bool(state))
+    if apart(cfg.collect):
+        preload_workers()
     for note in notes:
         print(f"note: {note}")  # noqa: T201 - for the user
     listeners = [*make_several("listener", cfg.listeners), *listeners, *make_several("logger", cfg.loggers)]
-    made = zip(cfg.metrics, make_several("metric", cfg.metrics), strict=True)
-    named = [*made, *((type(one).__name__, one) for one in metrics)]
-    check_columns(named)
-    metrics = [metric for _, metric in named]
+    metrics = _metrics(cfg, metrics)
     ports = choose_ports(cfg.viewer.grpc_port, cfg.viewer.web_port) if cfg.viewer.mode == "live" else None
     teach = load_app("instructor=human") if cfg.instructor.kind == "human" else None
     page_port = teach.choose_port(cfg.instructor) if teach else None
@@ -117,6 +117,14 @@ def _checked(cfg: TrainConfig, env: Any, goes_on: bool) -> tuple[TrainConfig, li
             raise
         cfg, notes = with_learned_predictor(cfg, env, error)
         return cfg, [*notes, *check_run(cfg, env)]
+
+
+def _metrics(cfg: TrainConfig, given: Sequence[Any]) -> list[Any]:
+    """The metrics of the settings, and those that a program gives."""
+    made = zip(cfg.metrics, make_several("metric", cfg.metrics), strict=True)
+    named = [*made, *((type(one).__name__, one) for one in given)]
+    check_columns(named)
+    return [metric for _, metric in named]
 
 
 def _refuse_classes(**given: Sequence[Any]) -> None:

@@ -10,13 +10,14 @@ import pytest
 from omegaconf import OmegaConf
 from rules import WORDS, declared
 
-from ibe_rl.config.settings import EnvConfig, PhrasesConfig
+from ibe_rl.config.settings import EnvConfig, MirrorConfig, PhrasesConfig
 from ibe_rl.envs.declare import declare, load_function
 from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.envs.make import make_env, make_gym
 from ibe_rl.envs.wrappers import Declared, drawn, task_of
 from ibe_rl.ibe import phrase
 from ibe_rl.instructors.oracle import Oracle
+from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import ConfigError
 
 
@@ -84,6 +85,13 @@ def test_a_context_names_the_episode():
     assert (task.context(np.full(4, -1.0)), task.contexts) == ("left", ("left", "right"))
 
 
+def test_a_mirror_image_may_be_declared():
+    mirrored = MirrorConfig(["state_0", "state_1", "state_2", "state_3"], actions=[1, 0])
+    found = task_of(cart_pole(mirror=mirrored)).mirror
+    assert found == Mirror(("state_0", "state_1", "state_2", "state_3"), actions=(1, 0))
+    assert task_of(cart_pole()).mirror is None
+
+
 def test_what_can_be_drawn_is_drawn():
     env = cart_pole(figure="rules:dot")
     env.reset(seed=0)
@@ -137,6 +145,14 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "bands": ({"explained_band": []}, r"explained_band=\[\]: allowed are 1 numbers above 0"),
     "reach": ({"explained_range": [-1.0]}, r"explained_range=\[-1\.0\]: allowed are 1 numbers above 0"),
     "names": ({"state_names": ["x"]}, r"state_names=\['x'\]: allowed are 4 different names"),
+    "mirrored name": (
+        {"mirror": MirrorConfig(["nothing"])},
+        r"mirror=\{'flipped': \['nothing'\].*\}: Task.mirror: nothing: allowed are state_0, state_1, state_2, state_3",
+    ),
+    "mirrored pair": (
+        {"mirror": MirrorConfig([], [["state_0"]])},
+        r"mirror\.swapped=\[\['state_0'\]\]: allowed are pairs",
+    ),
     "twice": ({"state_names": ["x", "x", "y", "z"]}, r"state_names=.*: allowed are 4 different names"),
     "units": ({"state_units": ["m"]}, r"state_units=\['m'\]: allowed are 4 names"),
     "context": ({"context": "rules:side"}, r"context=rules:side with .*contexts=\[\]: allowed is both"),

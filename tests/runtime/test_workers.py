@@ -190,11 +190,14 @@ def test_processes_start_as_copies_unless_a_program_has_chosen(
     before: str, during: str, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(workers, "process_start_method", lambda: "forkserver")
-    mine = multiprocessing.get_start_method()
+    mine, loading = multiprocessing.get_start_method(), []
+    monkeypatch.setattr(workers.forkserver, "ensure_running", lambda: loading.append(before))
     multiprocessing.set_start_method(before, force=True)
     try:
         with workers.start_method_for_torchrl():
             assert multiprocessing.get_start_method() == during
         assert multiprocessing.get_start_method() == before
+        workers.preload_workers()  # what they are copies of
+        assert loading == (["spawn"] if during == "forkserver" else [])
     finally:
         multiprocessing.set_start_method(mine, force=True)
