@@ -36,8 +36,16 @@ class Actions(Protocol):
     def finish(self, network: nn.Module) -> nn.Module:
         """Add further learnt parameters of the distribution: ``(B, outputs)`` becomes ``(B, K)``."""
 
-    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
-        """Sample from outputs ``(B, K)``: entries ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``."""
+    def noise(self, outputs: Tensor) -> Tensor:
+        """Noise ``(B, M)`` that decides the samples from outputs ``(B, K)``, whatever these are."""
+
+    def draw(self, outputs: Tensor, noise: Tensor | None = None) -> dict[str, Tensor]:
+        """Sample from outputs ``(B, K)``: entries ``action``, ``action_log_prob`` ``(B,)``, ``learnt_from``.
+
+        Args:
+            outputs: of the network.
+            noise: from ``noise``; None: new noise.
+        """
 
     def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """Outputs ``(B, K)`` and samples to log-probability ``(B,)`` and entropy ``(B,)``."""
@@ -58,10 +66,14 @@ class Categorical:
         """Nothing to add."""
         return network
 
-    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+    def noise(self, outputs: Tensor) -> Tensor:
+        """See ``Actions``; from the Gumbel distribution, so that the highest sum is a sample (Gumbel 1954)."""
+        return -torch.empty_like(outputs).exponential_().log()
+
+    def draw(self, outputs: Tensor, noise: Tensor | None = None) -> dict[str, Tensor]:
         """See ``Actions``; ``action`` ``(B,)`` int64."""
         log_probs = outputs.log_softmax(-1)
-        action = torch.multinomial(log_probs.exp(), 1)
+        action = torch.multinomial(log_probs.exp(), 1) if noise is None else best(outputs + noise)[:, None]
         log_prob = log_probs.gather(-1, action).squeeze(-1)
         return {"action": action.squeeze(-1) + self._start, "action_log_prob": log_prob}
 
@@ -92,9 +104,14 @@ class Categoricals:
     def _each(self, outputs: Tensor) -> Iterator[tuple[Categorical, Tensor]]:
         return zip(self._choices, outputs.split(self._sizes, dim=-1), strict=True)
 
-    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+    def noise(self, outputs: Tensor) -> Tensor:
+        """See ``Actions``."""
+        return torch.cat([one.noise(logits) for one, logits in self._each(outputs)], dim=-1)
+
+    def draw(self, outputs: Tensor, noise: Tensor | None = None) -> dict[str, Tensor]:
         """See ``Actions``; ``action`` ``(B, A)`` int64."""
-        drawn = [one.draw(logits) for one, logits in self._each(outputs)]
+        noises = [None] * len(self._sizes) if noise is None else noise.split(self._sizes, dim=-1)
+        drawn = [one.draw(logits, part) for (one, logits), part in zip(self._each(outputs), noises, strict=True)]
         log_prob = torch.stack([one["action_log_prob"] for one in drawn]).sum(0)
         return {"action": torch.stack([one["action"] for one in drawn], dim=-1), "action_log_prob": log_prob}
 
@@ -150,10 +167,14 @@ class Gaussian:
         """Add the standard deviations."""
         return GaussianNetwork(network, self.outputs, self._first_std)
 
-    def draw(self, outputs: Tensor) -> dict[str, Tensor]:
+    def noise(self, outputs: Tensor) -> Tensor:
+        """See ``Actions``; in standard deviations."""
+        return torch.randn_like(outputs.chunk(2, dim=-1)[0])
+
+    def draw(self, outputs: Tensor, noise: Tensor | None = None) -> dict[str, Tensor]:
         """See ``Actions``; ``action`` ``(B, A)`` float32."""
         mean, log_std = outputs.chunk(2, dim=-1)
-        drawn = mean + log_std.exp() * torch.randn_like(mean)
+        drawn = mean + log_std.exp() * (self.noise(outputs) if noise is None else noise)
         log_prob, _ = self.evaluate_actions(outputs, drawn)
         return {"action": self._bounded(drawn), "action_log_prob": log_prob, RAW_ACTION: drawn}
 

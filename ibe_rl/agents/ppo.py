@@ -40,26 +40,56 @@ class PPOConfig(AgentConfig):
     epochs: int = setting(4, low=1)  # passes over each batch
     minibatch_size: int = setting(512, low=2)  # steps in a gradient step
     entropy: float = setting(0.004, low=0.0)  # weight of the entropy bonus
+    noise_steps: float = setting(1.0, low=1.0, high=1_000.0)  # mean steps for which exploration noise is held
     first_std: float = setting(0.6, low=TINY, high=10.0)  # initial, of continuous actions, in half ranges
     value_weight: float = setting(0.5, low=0.0)  # of the value loss
     max_grad_norm: float = setting(0.5, low=TINY)  # gradients are scaled down to this norm
 
 
 class SamplingPolicy(TensorDictModuleBase):
-    """Samples actions and writes log-probabilities in one fused module, half the cost of a chain of modules."""
+    """Samples actions and writes log-probabilities in one fused module, half the cost of a chain of modules.
 
-    def __init__(self, network: nn.Module, actions: Actions):
+    Noise may be held for several steps: in each state actions then have the same probabilities, but those of successive
+    steps go together, so that what takes many steps in a row is tried (Hollenstein et al. 2024, Colored Noise in PPO).
+
+    Args:
+        network: observations to the outputs of a distribution.
+        actions: the distribution.
+        noise_steps: mean number of steps for which noise is held; 1: new noise at each.
+
+    Attributes:
+        batch: number of the batch, counted by the learner; with each all noise is new. So a resumed run draws what an
+            uninterrupted one does. The processes that collect share it and do not write to it.
+    """
+
+    batch: Tensor
+
+    def __init__(self, network: nn.Module, actions: Actions, noise_steps: float = 1.0):
         super().__init__()
-        self.network, self._actions = network, actions
+        self.network, self._actions, self._noise_steps = network, actions, noise_steps
+        self.register_buffer("batch", torch.zeros((), dtype=torch.long))
+        self._held: Tensor | None = None
+        self._held_in = -1
         self.in_keys = ["observation"]
         self.out_keys = list(dict.fromkeys(["action", "action_log_prob", actions.learnt_from]))
 
     @torch.no_grad()
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Observations ``(N, O)`` to actions ``(N,)`` or ``(N, A)`` and log-probabilities ``(N,)``."""
-        for key, value in self._actions.draw(self.network(tensordict.get("observation"))).items():
+        outputs = self.network(tensordict.get("observation"))
+        noise = self._noise(outputs) if self._noise_steps > 1 else None
+        for key, value in self._actions.draw(outputs, noise).items():
             tensordict.set(key, value)
         return tensordict
+
+    def _noise(self, outputs: Tensor) -> Tensor:
+        """Noise ``(N, M)``, for each row new or as it was."""
+        noise = self._actions.noise(outputs)
+        if self._held is not None and self._held.shape == noise.shape and self._held_in == int(self.batch):
+            new = torch.rand(len(noise), 1) * self._noise_steps < 1
+            noise = torch.where(new, noise, self._held)
+        self._held, self._held_in = noise, int(self.batch)
+        return noise
 
 
 class PPOSteps(NamedTuple):
@@ -138,7 +168,7 @@ class PPO:
         self._actor = self._actions.finish(network)
         of_value = mirror and mirror.of_value()
         self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, 1.0, mirror=of_value, **reads)
-        self.policy = SamplingPolicy(deepcopy(self._actor), self._actions)
+        self.policy = SamplingPolicy(deepcopy(self._actor), self._actions, config.noise_steps)
         self.greedy = GreedyPolicy(self._actor, config.average_share, self._actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])
         self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
@@ -203,6 +233,7 @@ class PPO:
     def sync_weights(self) -> None:
         """See ``Agent``."""
         self.policy.network.load_state_dict(self._actor.state_dict())
+        self.policy.batch += 1
 
     def state_dict(self) -> dict[str, Any]:
         """See ``Agent``."""

@@ -74,6 +74,22 @@ def test_draws_are_put_on_the_bounds_and_learnt_from_as_they_were_drawn():
     torch.testing.assert_close(drawn["action_log_prob"], actions.evaluate_actions(outputs, free)[0])
 
 
+@pytest.mark.parametrize("space", [Discrete(3, start=4), MultiDiscrete([3, 2]), BOX])
+def test_given_noise_decides_the_sample_and_leaves_the_probabilities_as_they_are(space: Any):
+    actions = make_actions(space, 0.5)
+    outputs = torch.randn(1, 4 if space is BOX else actions.outputs).repeat(40_000, 1)
+    noise = actions.noise(outputs)
+    drawn, again, own = actions.draw(outputs, noise), actions.draw(outputs, noise), actions.draw(outputs)
+    for name, value in drawn.items():
+        assert torch.equal(value, again[name])
+    assert not torch.equal(drawn["action"], own["action"])
+    action, its_own = (one[actions.learnt_from].double().reshape(40_000, -1) for one in (drawn, own))
+    torch.testing.assert_close(action.mean(0), its_own.mean(0), atol=0.02, rtol=0.01)
+    torch.testing.assert_close(action.std(0), its_own.std(0), atol=0.02, rtol=0.01)
+    log_prob, _ = actions.evaluate_actions(outputs, drawn[actions.learnt_from])
+    torch.testing.assert_close(log_prob, drawn["action_log_prob"])
+
+
 def test_the_spread_is_the_same_everywhere_and_is_learnt():
     network = GaussianNetwork(nn.Linear(3, 2), 2, first_std=0.5)
     outputs = network(torch.randn(5, 3))
