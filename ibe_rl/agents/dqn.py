@@ -19,6 +19,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from ibe_rl.agents.actions import Categorical, discrete
 from ibe_rl.agents.encoder import Packing, has_images
 from ibe_rl.agents.equivariant import MirroredSpaces
+from ibe_rl.agents.exploration import HeldNoise
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
@@ -50,14 +51,17 @@ class DQNConfig(AgentConfig):
 class EpsilonGreedyPolicy(TensorDictModuleBase):
     """Epsilon-greedy actions in one fused module, as ``ppo.SamplingPolicy``.
 
-    ``epsilon`` is a buffer so that it is sent to the collector's processes with the weights.
+    ``epsilon`` and ``batch`` are buffers so that they are sent to the collector's processes with the weights.
     """
 
     epsilon: torch.Tensor
+    batch: torch.Tensor
 
-    def __init__(self, network: nn.Module, n_actions: int, start: int = 0):
+    def __init__(self, network: nn.Module, n_actions: int, start: int = 0, noise_steps: float = 1.0):
         super().__init__()
         self.network, self._n_actions, self._start = network, n_actions, start
+        self._held = HeldNoise(noise_steps)
+        self.register_buffer("batch", torch.zeros((), dtype=torch.long))
         self.register_buffer("epsilon", torch.ones(()))
         self.in_keys, self.out_keys = ["observation"], ["action"]
 
@@ -65,8 +69,9 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Observations ``(N, O)`` to actions ``(N,)``."""
         best = self.network(tensordict.get("observation")).argmax(-1)
-        explore = torch.rand(best.shape) < self.epsilon
-        chosen = torch.where(explore, torch.randint_like(best, self._n_actions), best)
+        noise = torch.stack([torch.rand(best.shape), torch.randint_like(best, self._n_actions)], dim=-1)
+        explore, other = self._held(noise, int(self.batch)).unbind(-1)
+        chosen = torch.where(explore < self.epsilon, other.to(best.dtype), best)
         return tensordict.set("action", chosen + self._start)
 
 
@@ -146,7 +151,7 @@ class DQN:
         reads: dict[str, Any] = {"ignored": ignored, "parts": parts, "standardiser": self._standardiser}
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, 1.0, mirror=mirror, **reads)
         self._network, self._epsilon = network, 1.0
-        self.policy = EpsilonGreedyPolicy(deepcopy(network), n_actions, self._start)
+        self.policy = EpsilonGreedyPolicy(deepcopy(network), n_actions, self._start, config.noise_steps)
         self.greedy = GreedyPolicy(network, config.average_share, Categorical(n_actions, self._start).mode)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
@@ -250,6 +255,7 @@ class DQN:
         """See ``Agent``."""
         self.policy.network.load_state_dict(self._network.state_dict())
         self.policy.epsilon.fill_(self._epsilon)
+        self.policy.batch += 1
 
     def state_dict(self) -> dict[str, Any]:
         """See ``Agent``."""

@@ -22,6 +22,7 @@ from torchrl.objectives.value import GAE
 
 from ibe_rl.agents.actions import Actions, make_actions
 from ibe_rl.agents.equivariant import MirroredSpaces
+from ibe_rl.agents.exploration import HeldNoise
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
@@ -40,7 +41,6 @@ class PPOConfig(AgentConfig):
     epochs: int = setting(4, low=1)  # passes over each batch
     minibatch_size: int = setting(512, low=2)  # steps in a gradient step
     entropy: float = setting(0.004, low=0.0)  # weight of the entropy bonus
-    noise_steps: float = setting(1.0, low=1.0, high=1_000.0)  # mean steps for which exploration noise is held
     first_std: float = setting(0.6, low=TINY, high=10.0)  # initial, of continuous actions, in half ranges
     value_weight: float = setting(0.5, low=0.0)  # of the value loss
     max_grad_norm: float = setting(0.5, low=TINY)  # gradients are scaled down to this norm
@@ -49,27 +49,22 @@ class PPOConfig(AgentConfig):
 class SamplingPolicy(TensorDictModuleBase):
     """Samples actions and writes log-probabilities in one fused module, half the cost of a chain of modules.
 
-    Noise may be held for several steps: in each state actions then have the same probabilities, but those of successive
-    steps go together, so that what takes many steps in a row is tried (Hollenstein et al. 2024, Colored Noise in PPO).
-
     Args:
         network: observations to the outputs of a distribution.
         actions: the distribution.
-        noise_steps: mean number of steps for which noise is held; 1: new noise at each.
+        noise_steps: see ``HeldNoise``.
 
     Attributes:
-        batch: number of the batch, counted by the learner; with each all noise is new. So a resumed run draws what an
-            uninterrupted one does. The processes that collect share it and do not write to it.
+        batch: number of the batch, counted by the learner. The processes that collect share it and do not write to it.
     """
 
     batch: Tensor
 
     def __init__(self, network: nn.Module, actions: Actions, noise_steps: float = 1.0):
         super().__init__()
-        self.network, self._actions, self._noise_steps = network, actions, noise_steps
+        self.network, self._actions = network, actions
+        self._held = HeldNoise(noise_steps) if noise_steps > 1 else None
         self.register_buffer("batch", torch.zeros((), dtype=torch.long))
-        self._held: Tensor | None = None
-        self._held_in = -1
         self.in_keys = ["observation"]
         self.out_keys = list(dict.fromkeys(["action", "action_log_prob", actions.learnt_from]))
 
@@ -77,19 +72,10 @@ class SamplingPolicy(TensorDictModuleBase):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Observations ``(N, O)`` to actions ``(N,)`` or ``(N, A)`` and log-probabilities ``(N,)``."""
         outputs = self.network(tensordict.get("observation"))
-        noise = self._noise(outputs) if self._noise_steps > 1 else None
+        noise = self._held(self._actions.noise(outputs), int(self.batch)) if self._held else None
         for key, value in self._actions.draw(outputs, noise).items():
             tensordict.set(key, value)
         return tensordict
-
-    def _noise(self, outputs: Tensor) -> Tensor:
-        """Noise ``(N, M)``, for each row new or as it was."""
-        noise = self._actions.noise(outputs)
-        if self._held is not None and self._held.shape == noise.shape and self._held_in == int(self.batch):
-            new = torch.rand(len(noise), 1) * self._noise_steps < 1
-            noise = torch.where(new, noise, self._held)
-        self._held, self._held_in = noise, int(self.batch)
-        return noise
 
 
 class PPOSteps(NamedTuple):

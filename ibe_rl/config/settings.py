@@ -121,6 +121,7 @@ class AgentConfig:
     reward_scale: float = setting(0.05, low=TINY)  # multiplies reward and bonus
     standardise_observations: bool | None = setting(None, kept=True)  # by mean and deviation; None: where far from 1
     standardise_rewards: bool | None = setting(None, kept=True)  # by the returns' deviation; None: where far from 1
+    noise_steps: float = setting(1.0, low=1.0, high=1_000.0)  # mean number of steps that exploration noise is held
     mirror: bool | None = setting(None, kept=True)  # equivariant to the environment's mirror image; None: by its rule
     average_share: float = setting(0.1, low=0.0, high=1.0)  # share of past updates in the evaluated weight average
 

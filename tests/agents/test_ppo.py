@@ -12,7 +12,7 @@ from torchrl.objectives import ClipPPOLoss
 
 from ibe_rl.agents.actions import Actions, Categorical, Gaussian
 from ibe_rl.agents.networks import make_network
-from ibe_rl.agents.ppo import PPOSteps, SamplingPolicy, clipped_losses
+from ibe_rl.agents.ppo import PPOSteps, clipped_losses
 
 COUNT, CLIP = 200, 0.2
 
@@ -80,34 +80,3 @@ def test_losses_and_gradients_are_torchrls(actions: Actions, policy: Any):
     assert len(matched) == len(gradients)
     for gradient, other in zip(gradients, matched, strict=True):
         torch.testing.assert_close(gradient, other)
-
-
-def explored(noise_steps: float, steps: int, batches: int = 1) -> Any:
-    """Actions ``(batches * steps, 400)`` of a policy for which all four actions are as good, in 400 environments."""
-    torch.manual_seed(0)
-    policy = SamplingPolicy(Indifferent(), Categorical(4), noise_steps)
-    drawn = []
-    for _ in range(batches):
-        drawn += [policy(TensorDict({"observation": torch.zeros(400, 1)}, [400]))["action"] for _ in range(steps)]
-        policy.batch += 1
-    return torch.stack(drawn)
-
-
-class Indifferent(nn.Module):
-    def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        return torch.zeros(len(observation), 4)
-
-
-@pytest.mark.parametrize(("noise_steps", "kept"), [(1.0, 0.25), (2.0, 0.625), (10.0, 0.925)])
-def test_held_noise_repeats_actions_and_leaves_them_as_probable(noise_steps: float, kept: float):
-    actions = explored(noise_steps, 300)
-    assert (actions[1:] == actions[:-1]).float().mean() == pytest.approx(kept, abs=0.01)  # 1 - 3/4 of what is new
-    shares = torch.bincount(actions.flatten()) / actions.numel()
-    assert shares.tolist() == pytest.approx(4 * [0.25], abs=0.015)
-
-
-def test_each_batch_begins_with_new_noise():
-    """So that a resumed run, which begins with a batch, explores as an uninterrupted one."""
-    actions = explored(1000.0, 5, batches=2)
-    assert (actions[:5] == actions[0]).float().mean() > 0.99
-    assert (actions[5] == actions[4]).float().mean() == pytest.approx(0.25, abs=0.08)
