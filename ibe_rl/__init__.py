@@ -13,7 +13,7 @@ if sys.platform == "win32":
     sys.exit("error: ibe_rl runs on Linux and macOS; on Windows run it in WSL, which is Linux: wsl --install")
 
 from ibe_rl.envs import Instructed
-from ibe_rl.task import Phrases, Task
+from ibe_rl.task import Mirror, Phrases, Task
 from ibe_rl.types import ConfigError, Episode
 
 __version__ = "0.1.0"
@@ -42,6 +42,7 @@ __all__ = [
     "Interpretation",
     "Listener",
     "Meaning",
+    "Mirror",
     "Narration",
     "Phrases",
     "Reactions",

@@ -21,6 +21,7 @@ from ibe_rl.ibe import delta_states as delta_states
 from ibe_rl.ibe import interpret as interpret
 from ibe_rl.ibe import phrase as phrase
 from ibe_rl.ibe import top_episodes as top_episodes
+from ibe_rl.task import Mirror as Mirror
 from ibe_rl.task import Phrases as Phrases
 from ibe_rl.task import Task as Task
 from ibe_rl.training.build import build as build

@@ -7,7 +7,8 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ibe_rl.config.settings import PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import TaskConfig
+from ibe_rl.config.task_parts import PhrasesConfig
 from ibe_rl.envs.functions import with_checks
 from ibe_rl.envs.gate import Gate
 from ibe_rl.envs.wrappers import Declared

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ibe_rl.config.settings import PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import TaskConfig
+from ibe_rl.config.task_parts import PhrasesConfig
 from ibe_rl.task import Shape
 from ibe_rl.types import Array
 

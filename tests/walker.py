@@ -8,7 +8,8 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ibe_rl.config.settings import EnvConfig, PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import EnvConfig, TaskConfig
+from ibe_rl.config.task_parts import PhrasesConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.types import Array
 

@@ -8,7 +8,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ibe_rl.config.settings import CODE_SETTINGS, DEGREES, MirrorConfig, PhrasesConfig, TaskConfig
+from ibe_rl.config.settings import CODE_SETTINGS, TaskConfig
+from ibe_rl.config.task_parts import DEGREES, MirrorConfig, PhrasesConfig
 from ibe_rl.envs.functions import CHECKS, checked_success, with_checks
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import SUCCESS, Declared

@@ -8,8 +8,6 @@ from typing import Self
 
 import numpy as np
 
-from ibe_rl.types import Array
-
 
 @dataclass(frozen=True)
 class SignedPermutation:
@@ -37,7 +35,7 @@ class SignedPermutation:
         """Numbers that keep their places."""
         return cls(tuple(range(len(signs))), tuple(signs))
 
-    def __call__(self, rows: Array) -> Array:
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Rows ``(..., N)`` to rows."""
         return rows[..., list(self.order)] * np.array(self.signs, rows.dtype)
 

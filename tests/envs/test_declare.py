@@ -10,7 +10,8 @@ import pytest
 from omegaconf import OmegaConf
 from rules import WORDS, declared
 
-from ibe_rl.config.settings import EnvConfig, MirrorConfig, PhrasesConfig
+from ibe_rl.config.settings import EnvConfig
+from ibe_rl.config.task_parts import MirrorConfig, PhrasesConfig
 from ibe_rl.envs.declare import declare, load_function
 from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.envs.make import make_env, make_gym

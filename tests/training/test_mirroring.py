@@ -11,7 +11,9 @@ import pytest
 from ibe_rl.config.command_line import composed
 from ibe_rl.envs.make import make_env
 from ibe_rl.envs.wrappers import task_of
+from ibe_rl.task import NUMBERS, Part
 from ibe_rl.task.mirror import Mirror
+from ibe_rl.training import mirroring
 from ibe_rl.training.mirroring import with_mirror
 from ibe_rl.types import ConfigError
 
@@ -69,3 +71,18 @@ def test_the_mirror_image_of_actions_fits_them(mirror: Mirror, actions: gymnasiu
     cfg = composed("train", ["viewer=off", "env=cart_pole"])
     task = replace(task_of(make_env(cfg.env)), mirror=mirror)
     assert with_mirror(cfg, task, actions).agent.mirror is fits
+
+
+def test_what_is_perceived_in_place_of_the_state_has_no_declared_mirror_image() -> None:
+    cfg = composed("train", ["viewer=off", "agent.mirror=true"])
+    env = make_env(cfg.env)
+    task = replace(task_of(env), parts=(Part("", NUMBERS, (9,)),))
+    with pytest.raises(ConfigError, match=r"^agent.mirror=true: it is declared of the state, and the agent perceives"):
+        with_mirror(cfg, task, env.action_space)
+
+
+def test_an_agent_of_ones_own_may_not_know_mirror_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mirroring, "takes", lambda _, argument: argument != "mirror")
+    assert decided() is False
+    with pytest.raises(ConfigError, match=r"^agent.mirror=true: the constructor of agent=ppo takes no mirror"):
+        decided("agent.mirror=true")
