@@ -6,6 +6,7 @@ python explain.py run=runs/NAME viewer=live      and view it in the browser
 python explain.py run=runs/NAME clip=FILE.gif    and write it as a moving picture (or .mp4)
 python explain.py run=runs/NAME task=evaluate    is it true? tables, figures, evaluation/quality.json
 python explain.py run=runs/NAME task=compare     would another kind of vocabulary be truer?
+python explain.py run=runs/NAME task=summary     what it does as a whole, in its words: summary/report.html
 python explain.py run=runs/NAME task=predictors  as true without a simulator? evaluation/predictors.json
 python explain.py run=runs/NAME task=figures     the paper's experiments with its agents: figures/report.html
 python explain.py agent=model.zip env=lander     an external agent: roll out, learn a vocabulary, explain

@@ -63,11 +63,13 @@ ASKED = {
     "evaluate": ("explain", "run={out}/run", "task=evaluate", *FEW),
     "compare": ("explain", "run={out}/run", "task=compare", "compare.mappings=[paper]", *FEW),
     "figures": ("explain", "run=demo", "task=figures"),
+    "summary": ("explain", "run=demo", "task=summary"),
     "agent": ("explain", "agent=model.zip"),
     "sweep": ("explain", "sweep=runs"),
 }
 MISSING = {
     "figures": "task=figures: needs ibe_rl.apps.paper.experiments",
+    "summary": "task=summary: needs ibe_rl.apps.summary.summarising",
     "agent": "agent=: needs ibe_rl.apps.external.explaining",
     "sweep": "sweep=: needs ibe_rl.apps.sweep.report",
 }

@@ -28,7 +28,7 @@ from ibe_rl.evaluation.runs import open_trained
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.console import PlainConsole
-from ibe_rl.storage.run_folder import EVALUATION, FIGURES, read_json
+from ibe_rl.storage.run_folder import EVALUATION, FIGURES, POLICY_SUMMARY, read_json
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.clip_file import check_clip
@@ -162,10 +162,14 @@ class ExplainedAgent:
         self._do(load_app("task=figures"), "paper.json")
         return self.run.folder / FIGURES / "report.html"
 
-    def _do(self, task: Callable[[TrainedRun, ExplainConfig], None], result: str) -> Any:
+    def summarise(self) -> Any:
+        """Sum up what the agent does, as ``task=summary``; returns the contents of ``summary/summary.json``."""
+        return self._do(load_app("task=summary"), "summary.json", POLICY_SUMMARY)
+
+    def _do(self, task: Callable[[TrainedRun, ExplainConfig], None], result: str, folder: str = EVALUATION) -> Any:
         with settings_at_hand():
             task(self.run, self.config)
-        return read_json(self.run.folder / EVALUATION / result)
+        return read_json(self.run.folder / folder / result)
 
     def _refuse_external(self, task: str) -> None:
         if isinstance(self.run.config.agent, ExternalPolicyConfig):

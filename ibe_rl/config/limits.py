@@ -3,42 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, fields, is_dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from ibe_rl.config.setting import KEPT as KEPT
+from ibe_rl.config.setting import MISSING as MISSING
+from ibe_rl.config.setting import TINY as TINY
+from ibe_rl.config.setting import setting as setting
 from ibe_rl.types import ConfigError
-
-MISSING: Any = "???"
-"""Hydra's marker for a setting that must be given."""
-TINY = 1e-9
-"""Lower limit of settings that must be above 0."""
-KEPT = {"kept": True}
-"""Metadata of a field without limits that a resumed run keeps; see ``setting``."""
-
-
-def setting(
-    default: Any,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: Sequence[str] = (),
-    kept: bool = False,
-    learnt: bool = True,
-) -> Any:
-    """A field with limits.
-
-    Args:
-        default: default value.
-        low: lowest allowed value.
-        high: highest allowed value.
-        choices: the only allowed values.
-        kept: a resumed run keeps it; for a group, everything in it.
-        learnt: False if what a predictor learns does not depend on it.
-    """
-    metadata = {"low": low, "high": high, "choices": tuple(choices), "kept": kept, "learnt": learnt}
-    return field(default=default, metadata=metadata)
 
 
 def kept_settings(config: Any, prefix: str = "") -> list[str]:

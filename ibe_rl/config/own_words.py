@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ibe_rl.config.setting import setting
 from ibe_rl.types import ConfigError
-
-_PLACES = {"low": 1, "high": 12, "choices": (), "kept": False, "learnt": True}
-"""Limits as of ``ibe_rl.config.limits.setting``, which is above this module."""
 
 
 @dataclass(kw_only=True)
@@ -16,7 +14,7 @@ class OwnWords:
     """The words of whoever teaches, in place of numbers: of an instructor, which hands them on to the environment."""
 
     words: list[str] = field(default_factory=list)  # as said; an oracle's are those of its values, in rising order
-    max_words: int | None = field(default=None, metadata=_PLACES)  # places, also for later words; None: no more
+    max_words: int | None = setting(None, low=1, high=12)  # places, also for later words; None: no more
 
 
 def hand_on_words(values: Any) -> None:

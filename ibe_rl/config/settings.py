@@ -11,9 +11,11 @@ from typing import Any
 
 from ibe_rl.config.limits import KEPT, MISSING, TINY, setting
 from ibe_rl.config.own_words import OwnWords
+from ibe_rl.config.report_settings import CompareConfig, FiguresConfig, SummaryConfig
 from ibe_rl.config.task_parts import MirrorConfig, PhrasesConfig
 
 MAX_SEED = 9_999
+EXPLAIN_TASKS = ("episode", "evaluate", "compare", "predictors", "figures", "summary")
 
 
 @dataclass
@@ -244,26 +246,6 @@ class EvaluateConfig:
 
 
 @dataclass
-class CompareConfig:
-    """Which mappings ``task=compare`` compares."""
-
-    mappings: list[str] = field(default_factory=list)  # names of choices of mapping; empty: all
-
-
-@dataclass
-class FiguresConfig:
-    """The paper's experiments, repeated with the agents of a run (``task=figures``)."""
-
-    seed: int = setting(0, low=0, high=999)  # of the episodes and of the sampled futures
-    episodes: int = setting(200, low=10, high=10_000)  # rolled out with each of the agents A, B and C
-    checked_episodes: int = setting(100, low=2, high=10_000)  # held out from vocabulary learning
-    prediction_episodes: int = setting(20, low=2, high=1_000)  # whose outcome simulated observers predict
-    clusterings: int = setting(8, low=1, high=1_000)  # per vocabulary; word rates are averaged over them
-    shuffles: int = setting(20, low=1, high=1_000)  # negative controls: vocabularies from shuffled instructions
-    resamples: int = setting(1_000, low=20, high=100_000)  # bootstrap over episodes, for confidence intervals
-
-
-@dataclass
 class ExplainConfig:
     """An explanation."""
 
@@ -277,7 +259,7 @@ class ExplainConfig:
     run_dir: str = MISSING  # run folder to create for the external agent
     guest_settings: list[str] = field(default_factory=list, metadata={"typed": None})  # env and mapping, as for train
     sweep_dir: str | None = field(default=None, metadata={"typed": "sweep"})  # folder of a sweep to report on instead
-    task: str = setting("episode", choices=("episode", "evaluate", "compare", "predictors", "figures"))  # what to do
+    task: str = setting("episode", choices=EXPLAIN_TASKS)  # what to do
     seed: int = setting(0, low=0, high=2**31 - 1)  # of the episode
     context: str | None = None  # of the episode; None: drawn
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
@@ -287,6 +269,9 @@ class ExplainConfig:
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
     compare: CompareConfig = field(default_factory=CompareConfig)
     figures: FiguresConfig = field(default_factory=FiguresConfig)
+    summary: SummaryConfig = field(default_factory=SummaryConfig)
+    with_run: str | None = field(default=None, metadata={"typed": "with"})  # run beside it in task=summary
+    with_frame: int | None = setting(None, low=0)  # of the agent beside it: the kept policy nearest; None: its newest
     metrics: dict[str, MetricConfig] = field(default_factory=dict)  # beside the run's own; chosen as metric=[NAME,...]
     output: str | None = None  # path of the recording; None: in the run folder
     clip: str | None = None  # path of a moving picture of the episode, FILE.gif or FILE.mp4; None: none

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from omegaconf import MISSING
+from ibe_rl.config.setting import MISSING
 
 DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
 """Words for how much where a file gives none. They are no default of a setting: a file's would be merged with them."""

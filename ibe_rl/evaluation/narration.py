@@ -25,7 +25,7 @@ from ibe_rl.metrics.stability import FLICKER_STEPS, stability
 from ibe_rl.metrics.verdict import NOT_MEASURED, REVERSED, Verdict, in_one_line, verdicts_of, worst, wrong_signs
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.task import RecordedRollout, Task
-from ibe_rl.types import Array, ConfigError, Explanation
+from ibe_rl.types import Array, ConfigError, Explanation, Predictor
 from ibe_rl.view.clip import FRAMES_PER_S, Clip
 from ibe_rl.view.clip_file import check_clip, write_clip
 from ibe_rl.view.spoken import NOT_TRUSTED, spoken_rows, spoken_words, titles, without_flicker
@@ -82,11 +82,18 @@ def explain_rollout(
     run: TrainedRun, cfg: ExplainConfig, every_steps: int = 1
 ) -> tuple[RecordedRollout, list[Explanation]]:
     """Roll out one episode, then explain each of its steps, or every so many, as they are spoken."""
+    with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
+        return explain_rollout_by(predictor, run, cfg, every_steps)
+
+
+def explain_rollout_by(
+    predictor: Predictor, run: TrainedRun, cfg: ExplainConfig, every_steps: int = 1
+) -> tuple[RecordedRollout, list[Explanation]]:
+    """As ``explain_rollout``, with a predictor that further episodes use too."""
     instructor = make_instructor(stand_in(run.config.instructor, run.folder), run.task)
     watched = record_rollout(run.make_env(), run.policy, instructor, cfg.seed, cfg.context)
     explainer = explainer_state(run, cfg.predictor.futures, cfg.min_confidence, cfg.what_if)
-    with predictor_of(run, cfg.predictor, cfg.seed) as predictor:
-        said = explain(watched.moments[::every_steps], run.policy, predictor, explainer)
+    said = explain(watched.moments[::every_steps], run.policy, predictor, explainer)
     return watched, say_steadily(said, explainer, every_steps)
 
 

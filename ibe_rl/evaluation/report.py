@@ -23,13 +23,13 @@ _BINS = 10
 _CURVE_POINTS = 200
 
 
-def make_folders(run: Path) -> None:
-    """Make the folders of the report, before any work is lost.
+def make_folders(run: Path, names: Sequence[str] = (EVALUATION, FIGURES)) -> None:
+    """Make the folders of a report in a run's, before any work is lost.
 
     Raises:
         ConfigError: if they are not writable.
     """
-    for name in (EVALUATION, FIGURES):
+    for name in names:
         try:
             (run / name).mkdir(exist_ok=True)
             write_atomically(run / name / ".writable", lambda stream: stream.write(b""))

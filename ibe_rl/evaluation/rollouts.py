@@ -18,7 +18,7 @@ from ibe_rl.types import ConfigError, Episode, Moment, Policy, Predictor
 
 SEEDS_EACH = 10_000
 """Seeds for each purpose and ``evaluate.seed``; ``evaluate.seed`` has 1,000 values."""
-PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "foretold")
+PURPOSES = ("judged", "held_out", "changing", "screened", "flown", "checked", "foretold", "summed")
 EPISODES_AT_ONCE = 100
 HORIZONS_STEPS = (20, 40, 60, 100)
 """Judged where none are set."""

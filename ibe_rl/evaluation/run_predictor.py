@@ -61,11 +61,11 @@ def predictor_of(
 
 
 @contextmanager
-def shared_predictor(run: TrainedRun, cfg: ExplainConfig) -> Iterator[KeptPredictor]:
-    """Yield the predictor of an evaluation, with several processes, and close it afterwards."""
+def shared_predictor(run: TrainedRun, cfg: ExplainConfig, seed: int | None = None) -> Iterator[KeptPredictor]:
+    """Yield the predictor of many episodes, with several processes, and close it; ``seed`` None: ``evaluate.seed``."""
     torch.set_num_threads(1)
     config = with_processes(cfg.predictor, processes_for(cfg.predictor.processes, run.policy))
-    with predictor_of(run, config, cfg.evaluate.seed) as predictor:
+    with predictor_of(run, config, cfg.evaluate.seed if seed is None else seed) as predictor:
         yield predictor
 
 

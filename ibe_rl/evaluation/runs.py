@@ -26,7 +26,7 @@ from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES
 from ibe_rl.ibe.interpret import Reactions
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.confidence import Calibration
-from ibe_rl.storage.checkpoint import load, policies
+from ibe_rl.storage.checkpoint import BETWEEN, EVALUATED, load, policies
 from ibe_rl.storage.run_folder import (
     CALIBRATION,
     CHECKPOINTS,
@@ -45,6 +45,7 @@ from ibe_rl.vocabulary.training_episodes import settled
 from ibe_rl.vocabulary.words import take_up_words
 
 _RUNS = Path("runs")
+NO_POLICY = "policy yet; it is kept at each evaluation"
 OF_A_NEW_FOLDER = {"env", "mapping", "episodes", "random_actions", "run_dir"}
 """Settings that only apply when a run folder for an external policy is made."""
 MakePolicy = Callable[[TrainConfig], Policy]
@@ -118,7 +119,7 @@ def load_run(
     if _is_external(folder, config, bool(external_policy)):
         frame, _ = _last(_refreshes(folder), folder, "vocabulary")
     else:
-        frame, path = _last(policies(folder / CHECKPOINTS), folder, "policy yet; it is kept at each evaluation")
+        frame, path = _last(policies(folder / CHECKPOINTS), folder, NO_POLICY)
     saved = _last_refresh(folder, frame)
     for steps, mapping in {**saved.spans, saved.horizon_steps: saved.mapping}.items():
         _check_vocabulary(folder, steps, mapping, task)
@@ -208,6 +209,36 @@ def kept_policies(run: TrainedRun, *kinds: str) -> dict[int, GreedyPolicy]:
     env = run.make_env()
     found = policies(run.folder / CHECKPOINTS, *kinds)
     return {frame: _load_policy(path, run.config, env) for frame, path in found.items()}
+
+
+def earlier_state(run: TrainedRun, near_frame: int) -> TrainedRun:
+    """The run as it was at a training frame.
+
+    Args:
+        run: opened.
+        near_frame: of the kept policies the one nearest to it is taken, with the vocabulary of that time.
+
+    Raises:
+        ConfigError: if it kept none, or had no vocabulary yet.
+    """
+    kept = policies(run.folder / CHECKPOINTS, EVALUATED, BETWEEN)
+    _last(kept, run.folder, NO_POLICY)
+    frame = min(kept, key=lambda at: abs(at - near_frame))
+    saved = _last_refresh(run.folder, frame)
+    return replace(
+        run,
+        config=replace(run.config, mapping=settled(run.config.mapping, saved.horizon_steps)),
+        policy=_load_policy(kept[frame], run.config, run.make_env()),
+        policy_frame=frame,
+        mapping=saved.mapping,
+        mapping_frame=saved.frame,
+        horizon_steps=saved.horizon_steps,
+        spans=saved.spans,
+        calibration=saved.calibration,
+        reactions=_reactions(run.folder, saved, run.task),
+        scores_of_numbers=saved.scores_of_numbers,
+        what_if_calibration=None,
+    )
 
 
 def kept_refreshes(run: TrainedRun) -> dict[int, Saved]:

@@ -20,6 +20,7 @@ APPS = {
     "study make": "ibe_rl.apps.study.preparing",
     "sweep=": "ibe_rl.apps.sweep.report:report_sweep",
     "task=figures": "ibe_rl.apps.paper.experiments:reproduce",
+    "task=summary": "ibe_rl.apps.summary.summarising:sum_up",
 }
 """Setting or command to the module, or the function in it, that implements it."""
 

@@ -28,7 +28,7 @@ from ibe_rl.config.settings import (
 )
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.evaluation import runs
-from ibe_rl.evaluation.runs import load_run, open_trained
+from ibe_rl.evaluation.runs import earlier_state, load_run, open_trained
 from ibe_rl.evaluation.trained_run import explainer_state
 from ibe_rl.ibe import ClusterMapping, IBEConfig, Reactions
 from ibe_rl.metrics.confidence import Calibration
@@ -141,6 +141,23 @@ def test_the_vocabulary_is_the_last_one_before_the_policy(folder: Path):
     assert (run.mapping_frame, run.horizon_steps) == (950, 40)
     assert run.mapping.expressions[0, 0] == -0.2
     assert run.spans == {}
+
+
+def test_an_earlier_state_is_the_nearest_policy_with_the_vocabulary_of_its_time(folder: Path):
+    (folder / CHECKPOINTS / "policy_000000000900.pt").rename(folder / CHECKPOINTS / "between_000000000900.pt")
+    run = load_run(folder)
+    earlier = earlier_state(run, 940)
+    assert (earlier.policy_frame, earlier.mapping_frame) == (900, 500)
+    assert earlier.mapping.expressions[0, 0] == -0.1
+    expected = write_policy(folder, 900, PPO)
+    np.testing.assert_array_equal(earlier.policy(OBSERVATIONS), expected(OBSERVATIONS))
+    assert earlier_state(run, 10_000).policy_frame == run.policy_frame
+    (folder / REFRESHES / "000000000500.json").unlink()
+    with pytest.raises(ConfigError, match="it has no vocabulary from before its policy of frame 900"):
+        earlier_state(run, 0)
+    shutil.rmtree(folder / CHECKPOINTS)
+    with pytest.raises(ConfigError, match="it has no policy yet"):
+        earlier_state(run, 900)
 
 
 def test_the_vocabularies_of_other_spans_come_with_it(folder: Path):

@@ -42,7 +42,7 @@ from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
 from ibe_rl.vocabulary.refresh import save_refresh
 
 ENVS_AT_ONCE, EXAMPLES = 16, 5
-TASKS = ("episode", "evaluate", "compare")
+TASKS = ("episode", "evaluate", "compare", "summary")
 CALIBRATION_EPISODES, CALIBRATION_STRIDE_STEPS = 12, 12
 """Together a few hundred moments."""
 

@@ -23,7 +23,8 @@ from ibe_rl.apps.paper.prediction_task import (
     pick_episodes,
 )
 from ibe_rl.apps.paper.report_context import ReportContext, find_agents, hidden_goal_env, report_protocol
-from ibe_rl.config.settings import ExplainConfig, FiguresConfig
+from ibe_rl.config.report_settings import FiguresConfig
+from ibe_rl.config.settings import ExplainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.evaluation import tables
 from ibe_rl.evaluation.moments import SEEN_STEPS

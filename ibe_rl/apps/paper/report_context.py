@@ -18,7 +18,8 @@ from ibe_rl.apps.paper.names import PAPERS
 from ibe_rl.apps.paper.vocabularies import variants
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.hydra_setup import choice
-from ibe_rl.config.settings import EnvConfig, ExplainConfig, FiguresConfig, InstructorConfig, MappingConfig, TrainConfig
+from ibe_rl.config.report_settings import FiguresConfig
+from ibe_rl.config.settings import EnvConfig, ExplainConfig, InstructorConfig, MappingConfig, TrainConfig
 from ibe_rl.envs.make import make_env
 from ibe_rl.envs.wrappers import task_of
 from ibe_rl.evaluation.moments import SEEN_STEPS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from ibe_rl.apps.study.arms import instructor_of
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.hydra_setup import choice, settings_at_hand
 from ibe_rl.evaluation.rollouts import seeds_for
-from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
+from ibe_rl.evaluation.runs import earlier_state, kept_policies, kept_refreshes
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.ibe.delta import cut_windows
 from ibe_rl.ibe.mapping import ClusterMapping
@@ -76,24 +76,13 @@ def earlier_in(run: TrainedRun) -> TrainedRun:
         ConfigError: if it kept no earlier one.
     """
     kept, policies = kept_refreshes(run), kept_policies(run)
-    frames = [frame for frame in sorted(policies) if min(kept) <= frame < run.policy_frame]
+    frames = [frame for frame in policies if min(kept) <= frame < run.policy_frame]
     if not frames:
         raise ConfigError(
             f"other=null with run={run.folder}: it kept no earlier policy with a vocabulary; allowed is another run to "
             "compare it with"
         )
-    frame = frames[len(frames) // 2]
-    saved = kept[max(at for at in kept if at <= frame)]
-    return replace(
-        run,
-        policy=policies[frame],
-        policy_frame=frame,
-        mapping=saved.mapping,
-        mapping_frame=saved.frame,
-        horizon_steps=saved.horizon_steps,
-        spans=saved.spans,
-        calibration=saved.calibration,
-    )
+    return earlier_state(run, frames[len(frames) // 2])
 
 
 def check_same_task(run: TrainedRun, other: TrainedRun, folder: Path | str) -> None:

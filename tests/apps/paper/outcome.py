@@ -23,7 +23,7 @@ from ibe_rl.apps.paper.names import (
     SPLIT_MINMAX,
 )
 from ibe_rl.apps.paper.prediction_task import ObservedEpisodes, ShownEpisode
-from ibe_rl.config.settings import FiguresConfig
+from ibe_rl.config.report_settings import FiguresConfig
 from ibe_rl.evaluation.moments import SEEN_STEPS
 from ibe_rl.task import RecordedRollout, Shape, Task
 from ibe_rl.types import Array, Episode
