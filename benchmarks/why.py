@@ -129,8 +129,7 @@ def fly(folder: Path, episodes: int) -> Flown:
     log = TrajectoryLog.open(folder / TRAJECTORIES)
     envs = [make_env(config.env) for _ in range(ENVS)]
     task = task_of(envs[0])
-    size, names = task.observation_size, task.state_names
-    agent = make_agent(config.agent, size, envs[0].action_space, config.total_frames, names, mirror=task.mirror)
+    agent = make_agent(config.agent, task.observation_size, envs[0].action_space, config.total_frames, task.state_names)
     agent.greedy.load_state_dict(load(list(kept.values())[-1]))
     instructor = make_instructor(stand_in(config.instructor, folder), task)
     flights = play(envs, agent.greedy, instructor, range(FIRST_SEED, FIRST_SEED + episodes))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from ibe_rl.agents.actions import Categorical, discrete
 from ibe_rl.agents.encoder import Packing, has_images
-from ibe_rl.agents.equivariant import MirroredSpaces
+from ibe_rl.agents.equivariant import MirroredSpaces, plain_copy, plain_weights
 from ibe_rl.agents.exploration import HeldNoise
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
@@ -151,8 +150,9 @@ class DQN:
         reads: dict[str, Any] = {"ignored": ignored, "parts": parts, "standardiser": self._standardiser}
         network = make_network(observation_size, config.hidden, n_actions, nn.ReLU, 1.0, mirror=mirror, **reads)
         self._network, self._epsilon = network, 1.0
-        self.policy = EpsilonGreedyPolicy(deepcopy(network), n_actions, self._start, config.noise_steps)
-        self.greedy = GreedyPolicy(network, config.average_share, Categorical(n_actions, self._start).mode)
+        self.policy = EpsilonGreedyPolicy(plain_copy(network), n_actions, self._start, config.noise_steps)
+        self._acting = plain_copy(network)
+        self.greedy = GreedyPolicy(self._acting, config.average_share, Categorical(n_actions, self._start).mode)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
         self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
         self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
@@ -187,7 +187,8 @@ class DQN:
             loss = self._learn(updates)
             check_finite({"q_loss": loss}, self._network.parameters())
             self._target.update_parameters(self._network)
-            self.greedy.follow(self._network)
+            self._acting.load_state_dict(plain_weights(self._network))
+            self.greedy.follow(self._acting)
         return {"q_loss": loss, "epsilon": self._epsilon}
 
     def _store(self, batch: TensorDictBase) -> None:
@@ -253,7 +254,7 @@ class DQN:
 
     def sync_weights(self) -> None:
         """See ``Agent``."""
-        self.policy.network.load_state_dict(self._network.state_dict())
+        self.policy.network.load_state_dict(plain_weights(self._network))
         self.policy.epsilon.fill_(self._epsilon)
         self.policy.batch += 1
 

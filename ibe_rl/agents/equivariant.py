@@ -6,11 +6,13 @@ known on the other, exactly and from the first step (van der Pol et al. 2020, MD
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear
+from torch.nn.utils import skip_init
 
 from ibe_rl.task.mirror import SignedPermutation
 
@@ -47,10 +49,14 @@ class PairedLinear(nn.Linear):
         super().__init__(layer.in_features, half)
         _keep(self, layer.weight[:half], layer.bias[:half], inputs)
 
+    def whole(self) -> tuple[Tensor, Tensor]:
+        """Weights ``(2 * H, I)`` and biases ``(2 * H,)`` of both halves."""
+        weight = torch.cat([self.weight, self.weight[:, self.order] * self.signs])
+        return weight, torch.cat([self.bias, self.bias])
+
     def forward(self, observation: Tensor) -> Tensor:
         """``(..., I)`` to ``(..., 2 * H)``."""
-        weight = torch.cat([self.weight, self.weight[:, self.order] * self.signs])
-        return linear(observation, weight, torch.cat([self.bias, self.bias]))
+        return linear(observation, *self.whole())
 
 
 class MirroredLinear(nn.Linear):
@@ -73,11 +79,15 @@ class MirroredLinear(nn.Linear):
         self.register_buffer("out_order", torch.tensor(outputs.order), persistent=False)
         self.register_buffer("out_signs", torch.tensor(outputs.signs), persistent=False)
 
-    def forward(self, observation: Tensor) -> Tensor:
-        """``(..., I)`` to ``(..., K)``."""
+    def whole(self) -> tuple[Tensor, Tensor]:
+        """Weights ``(K, I)`` and biases ``(K,)``."""
         mirrored = self.weight[self.out_order][:, self.order] * (self.out_signs[:, None] * self.signs)
         bias = self.bias + self.bias[self.out_order] * self.out_signs
-        return linear(observation, (self.weight + mirrored) / 2, bias / 2)
+        return (self.weight + mirrored) / 2, bias / 2
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """``(..., I)`` to ``(..., K)``."""
+        return linear(observation, *self.whole())
 
 
 def _keep(layer: nn.Linear, weight: Tensor, bias: Tensor, inputs: SignedPermutation) -> None:
@@ -110,3 +120,24 @@ def make_equivariant(network: nn.Sequential, inputs: SignedPermutation, outputs:
 def _halves_swapped(width: int) -> SignedPermutation:
     half = width // 2
     return SignedPermutation((*range(half, width), *range(half)), (1.0,) * width)
+
+
+@torch.no_grad()
+def plain_weights(network: nn.Module) -> dict[str, Tensor]:
+    """The state dict of ``plain_copy(network)``."""
+    weights = dict(network.state_dict())
+    for name, layer in network.named_modules():
+        if isinstance(layer, PairedLinear | MirroredLinear):
+            weights[f"{name}.weight"], weights[f"{name}.bias"] = layer.whole()
+    return weights
+
+
+def plain_copy(network: nn.Module) -> nn.Module:
+    """A copy that computes the same with ordinary layers, which acts faster and is all that a checkpoint needs."""
+    copy = deepcopy(network)
+    for name, layer in network.named_modules():
+        if isinstance(layer, PairedLinear | MirroredLinear):
+            rows, columns = layer.whole()[0].shape
+            copy.set_submodule(name, skip_init(nn.Linear, columns, rows))
+    copy.load_state_dict(plain_weights(network))
+    return copy

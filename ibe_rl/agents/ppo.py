@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
 from ibe_rl.agents.actions import Actions, make_actions
-from ibe_rl.agents.equivariant import MirroredSpaces
+from ibe_rl.agents.equivariant import MirroredSpaces, plain_copy, plain_weights
 from ibe_rl.agents.exploration import HeldNoise
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
@@ -154,8 +153,9 @@ class PPO:
         self._actor = self._actions.finish(network)
         of_value = mirror and mirror.of_value()
         self._critic = make_network(observation_size, config.hidden, 1, nn.ReLU, 1.0, mirror=of_value, **reads)
-        self.policy = SamplingPolicy(deepcopy(self._actor), self._actions, config.noise_steps)
-        self.greedy = GreedyPolicy(self._actor, config.average_share, self._actions.mode)
+        self._acting = plain_copy(self._actor)
+        self.policy = SamplingPolicy(plain_copy(self._actor), self._actions, config.noise_steps)
+        self.greedy = GreedyPolicy(self._acting, config.average_share, self._actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])
         self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
         self._parameters = [*self._actor.parameters(), *self._critic.parameters()]
@@ -173,7 +173,7 @@ class PPO:
         self._optimizer.param_groups[0]["lr"] = left * self._config.learning_rate
         self._frames += batch.numel()
         if not self._standardiser.decided and self._standardiser.learn(batch["observation"]):
-            self.greedy.follow(self._actor)
+            self._follow()
             return dict.fromkeys(("policy_loss", "value_loss", "entropy"), math.nan)
         steps = self._prepare(batch)
         for _ in range(self._config.epochs):
@@ -181,8 +181,12 @@ class PPO:
                 losses = self._step(PPOSteps(*(column[rows] for column in steps)), left * self._config.entropy)
         check_finite(losses, self._parameters)
         self._standardiser.learn(batch["observation"])  # after learning, which needs the policy that acted
-        self.greedy.follow(self._actor)
+        self._follow()
         return losses
+
+    def _follow(self) -> None:
+        self._acting.load_state_dict(plain_weights(self._actor))
+        self.greedy.follow(self._acting)
 
     def _prepare(self, batch: TensorDictBase) -> PPOSteps:
         """Estimate advantages over whole rows, then flatten rows and time."""
@@ -218,7 +222,7 @@ class PPO:
 
     def sync_weights(self) -> None:
         """See ``Agent``."""
-        self.policy.network.load_state_dict(self._actor.state_dict())
+        self.policy.network.load_state_dict(plain_weights(self._actor))
         self.policy.batch += 1
 
     def state_dict(self) -> dict[str, Any]:

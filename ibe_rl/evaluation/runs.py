@@ -259,13 +259,7 @@ def _load_policy(path: Path, config: TrainConfig, env: gymnasium.Env[Any, Any]) 
             f"{path}: not a policy of this run (agent.hidden={config.agent.hidden}, which it has no weights for)"
         )
     agent = make_agent(
-        config.agent,
-        task.observation_size,
-        env.action_space,
-        config.total_frames,
-        task.state_names,
-        task.parts,
-        task.mirror,
+        config.agent, task.observation_size, env.action_space, config.total_frames, task.state_names, task.parts
     )
     try:
         agent.greedy.load_state_dict(state)

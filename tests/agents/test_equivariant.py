@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from ibe_rl.agents import make_agent
 from ibe_rl.agents.dqn import DQNConfig
-from ibe_rl.agents.equivariant import MirroredSpaces
+from ibe_rl.agents.equivariant import MirroredSpaces, plain_copy
 from ibe_rl.agents.networks import make_network
 from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.task.mirror import Mirror, SignedPermutation
@@ -64,6 +64,27 @@ def test_a_network_gives_the_mirrored_outputs_of_mirrored_inputs(hidden: list[in
     value = make_network(6, hidden, 1, nn.ReLU, 1.0, mirror=SPACES.of_value())
     observations = torch.randn(50, 6)
     torch.testing.assert_close(value(observations), value(image(observations, SPACES.observations)))
+
+
+def test_what_acts_is_an_ordinary_network_that_computes_the_same():
+    torch.manual_seed(0)
+    network = make_network(6, [8, 8], 3, nn.ReLU, 1.0, ignored=[1], mirror=SPACES)
+    plain, observations = plain_copy(network), torch.randn(50, 6)
+    torch.testing.assert_close(plain(observations), network(observations))
+    assert {type(layer) for layer in plain.modules() if isinstance(layer, nn.Linear)} == {nn.Linear}
+    assert network[1][0].weight.shape == (4, 6)
+    assert plain[1][0].weight.shape == (8, 6)
+
+
+@pytest.mark.parametrize("config", [PPOConfig(mirror=True), DQNConfig(mirror=True, learn_after_frames=0)])
+def test_the_policy_of_a_mirrored_agent_opens_like_any_other(config: Any):
+    torch.manual_seed(0)
+    agent = make_agent(config, 6, ACTIONS, 10_000, NAMES, mirror=MIRROR)
+    agent.update(random_batch(0))
+    opened = make_agent(config, 6, ACTIONS, 10_000, NAMES).greedy
+    opened.load_state_dict(agent.greedy.state_dict())
+    observations = random_batch(1)["observation"].flatten(0, 1).numpy()
+    assert np.array_equal(opened(observations), agent.greedy(observations))
 
 
 def test_a_network_can_tell_one_side_from_the_other():

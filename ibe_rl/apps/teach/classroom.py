@@ -196,7 +196,6 @@ def open_classroom(
         partial(
             make_agent,
             *(cfg.agent, task.observation_size, env.action_space, cfg.total_frames, task.state_names, task.parts),
-            mirror=task.mirror,
         ),
         partial(
             Simulator.make,
