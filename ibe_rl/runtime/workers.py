@@ -178,9 +178,11 @@ def starting(timeout_s: float | None) -> Iterator[None]:
         timer.start()
     try:
         yield
-    except (RuntimeError, OSError) as error:
-        what = f"not ready within {allowed_s:g} s" if late else str(error).splitlines()[0]
-        raise LostWorkerError(f"the workers could not be started: {what}") from (None if late else error)
+    except (RuntimeError, OSError, EOFError) as error:
+        copied = "the process that they are copies of has ended" if isinstance(error, EOFError) else None
+        known = f"not ready within {allowed_s:g} s" if late else copied
+        what = known or str(error).splitlines()[0]
+        raise LostWorkerError(f"the workers could not be started: {what}") from (None if known else error)
     finally:
         timer.cancel()
 

@@ -88,6 +88,7 @@ class Standardised(Listener):
     """Says once what the agent standardises, since its first batch needed it or it was asked to."""
 
     def __init__(self) -> None:
+        self._agent: Any = None  # of a run that never began, none
         self._said: set[str] = set()
 
     def begin(self, run: Any) -> None:

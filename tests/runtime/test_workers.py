@@ -125,6 +125,12 @@ def test_a_worker_that_never_gets_ready(behaviour: Any, within_s: float, why: st
         make_collector(make_dqn(), ENV, config, LANDER_TASK, InstructorConfig(), seed=3)
 
 
+def test_what_workers_are_copies_of_has_ended():
+    why = "could not be started: the process that they are copies of has ended$"
+    with pytest.raises(LostWorkerError, match=why), workers.starting(None):
+        raise EOFError("unexpected EOF")  # of multiprocessing, from its fork server
+
+
 class Crew:
     """In the place of workers."""
 

@@ -159,6 +159,7 @@ def test_the_recording_hears_it_all(tmp_path: Path) -> None:
 def test_what_is_standardised_is_said_once():
     agent = SimpleNamespace(standardised=[])
     listener = Standardised()
+    assert [*listener.news()] == []  # a run that ends before it begins asks too
     listener.begin(SimpleNamespace(agent=agent))
     assert listener.news() == []
     agent.standardised = ["observations"]
