@@ -94,7 +94,8 @@ class LunarLanderPads(game.LunarLander):
         super().__init__(**kwargs)
         EzPickle.__init__(self, pad, flat, flags, speed, words, **kwargs)  # a copy is made with our arguments
         task = LANDER_WORDS_TASK if words else LANDER_SPEED_TASK if speed else LANDER_TASK
-        self.task = replace(task, mirror=self._mirror(task.mirror))
+        mirror = self._mirror(task.mirror)
+        self.task = task if mirror == task.mirror else replace(task, mirror=mirror)
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
         self._lean = not (self.enable_wind or self.render_mode)
