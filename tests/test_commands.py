@@ -114,7 +114,7 @@ def test_it_runs(command: str, place: Path, capsys: pytest.CaptureFixture[str]) 
         assert "went as predicted" in capsys.readouterr().out
     elif settings == ["--cfg", "job"]:
         call("train", *settings)
-        assert "total_frames: 2000000" in capsys.readouterr().out
+        assert "total_frames: 600000" in capsys.readouterr().out
     else:
         call("train", *settings, *SMALL, *SMALLER, *learnt, "run_dir=mine")
         assert (place / "mine" / "summary.json").is_file()

@@ -197,7 +197,7 @@ class TrainConfig:
     """
 
     seed: int = setting(0, low=0, high=MAX_SEED, kept=True)  # of all random numbers
-    total_frames: int = setting(2_000_000, low=1)  # frames to train for, rounded up to whole batches
+    total_frames: int = setting(600_000, low=1)  # frames to train for, rounded up to whole batches
     stop_after_frames: int | None = setting(None, low=1)  # stop here, with schedules still set for total_frames
     run_dir: str = field(default=MISSING, metadata=KEPT)  # folder of the run, which is made
     runs_at_once: int | None = setting(None, low=1, high=1024)  # in a sweep (-m); None: one core per process
@@ -211,7 +211,7 @@ class TrainConfig:
     min_confidence: float = setting(0.5, low=0.0, high=1.0)  # below this the agent says that it does not know
     explain_every_steps: int = setting(5, low=1)  # in the episode shown at a refresh; each one holds until the next
     what_if_every_steps: int | None = setting(20, low=1)  # at these steps also: if told otherwise; None: never
-    eval_every_frames: int = setting(400_000, low=1)  # between evaluations; also at the end
+    eval_every_frames: int = setting(200_000, low=1)  # between evaluations; also at the end
     eval_episodes: int = setting(100, low=1, high=10_000)  # of each evaluation
     keep_policy_every_frames: int | None = setting(10_000, low=1)  # for agents of any skill; None: never
     report: bool = False  # end with the paper's experiments, as task=figures of explain
