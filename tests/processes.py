@@ -30,6 +30,7 @@ SMALL = [
     "mapping.horizon_steps=20",
     "mapping.delay_steps=0",  # the search takes a quarter of such a training
     "agent.hidden=[16]",
+    *("agent.mirror=false", "agent.noise_steps=1"),  # many tests know what becomes of this training
     "log.capacity_frames=10000",
 ]
 

@@ -103,6 +103,8 @@ def check_agent(config: AgentConfig, state_names: Sequence[str], parts: Sequence
     """
     if not all(1 <= width <= MOST_UNITS for width in config.hidden):
         raise ConfigError(f"agent.hidden={config.hidden}: allowed are widths of 1 to {MOST_UNITS}")
+    if config.mirror and any(width % 2 for width in config.hidden):
+        raise ConfigError(f"agent.hidden={config.hidden}: with agent.mirror=true allowed are even widths")
     if parts and config.ignores:
         raise ConfigError(
             f"agent.ignores={list(config.ignores)} with env.task.state: allowed is [], as the agent does not see the "

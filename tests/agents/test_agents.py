@@ -248,3 +248,8 @@ def test_an_unknown_agent_is_refused():
 def test_layers_without_a_width_are_refused(widths: list[int]) -> None:
     with pytest.raises(ConfigError, match=r"agent\.hidden=.*: allowed are widths of 1 to 100000"):
         check_agent(PPOConfig(hidden=widths), ["x"])
+
+
+def test_half_of_a_mirrored_layer_is_a_whole_number_of_units() -> None:
+    with pytest.raises(ConfigError, match=r"agent\.hidden=\[8, 7\]: with agent\.mirror=true allowed are even widths"):
+        check_agent(PPOConfig(hidden=[8, 7], mirror=True), ["x"])

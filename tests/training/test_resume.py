@@ -31,11 +31,13 @@ RUN = [
     *("explain_every_steps=20", "min_confidence=0.1", "mapping.spans_steps=[40]", "predictor.futures=2"),
     "first_refresh_episodes=10",
 ]
+EXPLORING = ("agent.mirror=true", "agent.noise_steps=10")  # as the lander's default
 AGENTS = {
-    "ppo": ["viewer=file", "agent.minibatch_size=64", "obedience.weight=1"],
+    "ppo": ["viewer=file", *EXPLORING, "agent.minibatch_size=64", "obedience.weight=1"],
     "dqn": [
         "viewer=off",
         "agent=dqn",
+        *EXPLORING,
         "predictor=ensemble",
         "predictor.updates=5",
         "collect.overlap=false",

@@ -18,6 +18,7 @@ from view_data import eventually, free_ports
 
 SMALL = (
     *("instructor=human", "viewer=off", "agent.hidden=[8]", "log.capacity_frames=20000", "eval_episodes=2"),
+    "agent.noise_steps=1",
     *("collect.envs_per_process=1", "collect.steps_per_batch=128", "eval_every_frames=10000000"),
 )
 
