@@ -143,9 +143,8 @@ def test_now_says_whether_what_was_said_before_came_true(rows: Rows) -> None:
 
 def test_an_environment_without_a_scene_and_with_two_numbers_is_shown_too(tmp_path: Path) -> None:
     words = Phrases("still", "{degree}back", "{degree}forth", ((0.2, ""),))
-    task: Task = replace(
-        TASK, scene_path=None, phrases=(words, words), explained=(0, 3), explained_band=(1, 1), explained_range=()
-    )
+    two = {"phrases": (words, words), "explained": (0, 3), "explained_band": (1, 1), "explained_range": ()}
+    task: Task = replace(TASK, scene_path=None, mirror=None, **two)
     watched, refresh = flights()[WATCHED[1]], refreshed()
     given = watched.episode.instructions
     episode = replace(watched.episode, instructions=np.hstack([given, -given]))
