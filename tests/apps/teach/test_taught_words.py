@@ -23,7 +23,7 @@ from ibe_rl.storage.run_folder import LESSON, TRAJECTORIES
 SWAPPED, FOREIGN = ("right", "hold", "left"), ("по-лево", "hold", "يمين")
 """What the teacher calls a movement to the left, hardly any, and one to the right; and later."""
 SETTINGS = (
-    *("instructor.words=[right,hold,left]", "instructor.max_words=4", "instructor.speed=6"),
+    *("instructor.words=[right,hold,left]", "instructor.max_words=4", "instructor.speed=3"),
     "instructor.group_phrases=true",
     *("mapping.horizon_steps=20", "mapping.spans_steps=[]", "mapping.top_fraction=1.0", "first_refresh_episodes=30"),
     *("refresh_every_frames=1000", "total_frames=1_000_000"),
