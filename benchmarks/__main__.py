@@ -2,7 +2,9 @@
 
 python -m benchmarks                             every part: hours
 python -m benchmarks explanations refresh        two parts; the other parts' records stay
+python -m benchmarks --short                     the first figures of each kind: under ten minutes
 python -m benchmarks --quick                     tiny sizes: does everything still work?
+python -m benchmarks skill-ppo --resume          go on where a run was stopped: only with the seeds that are missing
 """
 
 from __future__ import annotations
@@ -11,14 +13,15 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks import explanations, faults, frames, overhead, refreshes, skill, sweep
-from benchmarks.plan import Plan, make_plan
+from benchmarks import explanations, faults, frames, overhead, refreshes, skill, starting, sweep
+from benchmarks.plan import FORMS, Form, Plan, make_plan
 from benchmarks.records import Record, load, replace_part, save, stamp
 from benchmarks.report import document, table
 from benchmarks.skill import Figures, Say
@@ -29,13 +32,15 @@ PARTS: dict[str, Callable[[Plan, Say], Iterator[Figures]]] = {
     "skill-dqn": partial(skill.run, part="skill-dqn"),
     "frames": frames.run,
     "explanations": explanations.run,
+    "setup": starting.run,
     "refresh": refreshes.run,
     "overhead": overhead.run,
     "faults": faults.run,
     "sweep": sweep.run,
 }
 NEEDS = dict.fromkeys(("skill-ppo", "skill-dqn", "frames"), ("stable_baselines3",))
-QUICK_OUTPUT = Path("runs/benchmarks-quick")
+ASKED = ("parts", "seeds", "repeats", "cap_seconds", "output")
+"""What the command line may change of a form."""
 console = Console(highlight=False)
 
 
@@ -43,13 +48,11 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the parts that were asked for, and keep what they found after each step."""
     parser = make_parser()
     asked = parser.parse_args(arguments)
-    parts = asked.parts or list(PARTS)
-    for refused in refusals(parts, asked.seeds, asked.repeats):
+    form = as_asked(asked)
+    for refused in refusals(form):
         parser.error(refused)
-    output = asked.output or (QUICK_OUTPUT if asked.quick else None)
-    plan = make_plan(tuple(asked.seeds), asked.repeats, asked.cap_seconds, asked.quick, output)
-    start = time.perf_counter()
-    for part in parts:
+    plan, start = make_plan(form, asked.resume), time.perf_counter()
+    for part in form.parts:
         for found in PARTS[part](plan, partial(say, start)):
             keep(plan, part, found)
     console.width = max(console.width, 110)
@@ -58,29 +61,41 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The command line."""
+    """The command line; what is not given is the form's."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure ibe_rl and write the report.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; none: all of them")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2], help="of the runs to skill")
-    parser.add_argument("--repeats", type=int, default=3, help="of everything else")
-    parser.add_argument("--cap-seconds", type=float, default=900.0, help="of a run of Stable-Baselines3 to skill")
-    parser.add_argument("--quick", action="store_true", help=f"tiny sizes, written to {QUICK_OUTPUT}")
-    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
+    parser.add_argument("--seeds", type=int, nargs="+", help="of the runs to skill")
+    parser.add_argument("--repeats", type=int, help="of everything else")
+    parser.add_argument("--cap-seconds", type=float, help="of a run of Stable-Baselines3 to skill")
+    parser.add_argument("--resume", action="store_true", help="run to skill only with the seeds that are missing")
+    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the usual one")
+    forms = parser.add_mutually_exclusive_group()
+    for name, said in {"short": "ten minutes", "quick": "tiny sizes"}.items():
+        output = f"{said}, written to {FORMS[name].output}"
+        forms.add_argument(f"--{name}", dest="form", action="store_const", const=name, default="full", help=output)
     return parser
 
 
-def refusals(parts: list[str], seeds: list[int], repeats: int) -> Iterator[str]:
+def as_asked(asked: argparse.Namespace) -> Form:
+    """The form, with what the command line says of it."""
+    given = {name: value for name, value in vars(asked).items() if name in ASKED and value not in (None, [])}
+    lists = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
+    form = replace(FORMS[asked.form], **given | lists)
+    return replace(form, parts=form.parts or tuple(PARTS))
+
+
+def refusals(form: Form) -> Iterator[str]:
     """What cannot work, before anything is run: the key, the value and what is allowed."""
-    for part in parts:
+    for part in form.parts:
         if part not in PARTS:
             yield f"PART={part}: allowed is one of {', '.join(PARTS)}"
         for package in NEEDS.get(part, ()):
             if find_spec(package) is None:
                 yield f"PART={part}: needs {package}, which is not installed; `make bench` installs it"
-    if min(seeds) < 0:
-        yield f"--seeds={min(seeds)}: allowed is at least 0"
-    if repeats < 1:
-        yield f"--repeats={repeats}: allowed is at least 1"
+    if min(form.seeds) < 0:
+        yield f"--seeds={min(form.seeds)}: allowed is at least 0"
+    if form.repeats < 1:
+        yield f"--repeats={form.repeats}: allowed is at least 1"
 
 
 def keep(plan: Plan, part: str, found: Figures) -> None:

@@ -56,6 +56,16 @@ def median(measured: Sequence[Measured]) -> Measured:
     return Measured(value, endless == value)
 
 
+def lowest(measured: Sequence[Measured]) -> Measured:
+    """The lowest measurement."""
+    return min(measured, key=lambda single: single.value)
+
+
+def highest(measured: Sequence[Measured]) -> Measured:
+    """The highest; ``reached`` is False if one that did not reach the level may be higher."""
+    return Measured(max(single.value for single in measured), all(single.reached for single in measured))
+
+
 def figure(
     name: str, unit: str, ours: Sequence[Measured] = (), other: Sequence[Measured] = (), what: str = "median"
 ) -> dict[str, Any]:
@@ -66,7 +76,7 @@ def figure(
         unit: of its values.
         ours: single measurements of ours.
         other: single measurements of what it is compared with; empty where nothing is.
-        what: "median" or "min" of the measurements.
+        what: "median", "min" or "max" of the measurements.
 
     Returns:
         ``name``, ``unit``, ``ours``, ``other``, ``ratio`` (ours / other), ``at_least`` (those of ``ours`` and
@@ -89,7 +99,7 @@ def figure(
 def _summary(measured: Sequence[Measured], what: str) -> Measured | None:
     if not measured:
         return None
-    return median(measured) if what == "median" else min(measured, key=lambda single: single.value)
+    return {"median": median, "min": lowest, "max": highest}[what](measured)
 
 
 def plain(values: Sequence[float]) -> list[Measured]:

@@ -8,10 +8,12 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.plan import LEVELS
 from benchmarks.records import Record, load
-from benchmarks.skill import ALGORITHMS, LEVELS
+from benchmarks.skill import ALGORITHMS
 
-COLOURS = {"ibe_rl": "#6d5bd0", "other": "#d9822b"}
+OURS, LEAN, GYMNASIUM = "#6d5bd0", "#d9822b", "#3b8f5a"
+"""Colours of our side, and of Stable-Baselines3 by its environment's step."""
 
 
 def draw(curves_file: str, picture: str) -> None:
@@ -32,7 +34,7 @@ def draw_panel(panel: Axes, algorithm: str, curves: list[Record]) -> None:
         panel.axhline(level, color="#999999", linewidth=0.7, linestyle=":")
     named: set[str] = set()
     for curve in curves:
-        style: dict[str, Any] = {"color": COLOURS.get(curve["side"], COLOURS["other"]), "linewidth": 1.0}
+        style: dict[str, Any] = {"color": colour(curve["side"]), "linewidth": 1.0}
         if curve["side"] not in named:
             style["label"] = curve["side"]
             named.add(curve["side"])
@@ -40,3 +42,10 @@ def draw_panel(panel: Axes, algorithm: str, curves: list[Record]) -> None:
     panel.set(title=algorithm.upper(), xlabel="seconds without evaluations", xscale="log", ylim=(-0.02, 1.02))
     if named:
         panel.legend(loc="best", framealpha=0.9)
+
+
+def colour(side: str) -> str:
+    """Of a side, by its name in the file."""
+    if side == "ibe_rl":
+        return OURS
+    return GYMNASIUM if "gymnasium" in side else LEAN

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
+LEVELS = {"83": 0.83, "95": 0.95}
+"""Shares of evaluation episodes that succeed, by their name in the figures."""
 
 
 @dataclass(frozen=True)
@@ -15,6 +17,9 @@ class Sizes:
 
     Attributes:
         overrides: of every run of train.py.
+        levels: of ``LEVELS``, where a run of Stable-Baselines3 to skill ends.
+        skill_steps: steps of the environment with which Stable-Baselines3 runs to skill, by algorithm.
+        skill_overrides: of the runs of train.py to skill, by algorithm; a Q-network does not get there by default.
         evaluate_every: frames between two evaluations on the way to skill, by algorithm.
         evaluation_episodes: of each of them.
         cap_frames: where a run of Stable-Baselines3 ends that has not reached the levels, by algorithm.
@@ -35,6 +40,13 @@ class Sizes:
     """
 
     overrides: tuple[str, ...] = ()
+    levels: tuple[str, ...] = tuple(LEVELS)
+    skill_steps: Mapping[str, tuple[str, ...]] = field(
+        default_factory=lambda: {"ppo": ("lean", "gymnasium"), "dqn": ("lean",)}
+    )
+    skill_overrides: Mapping[str, tuple[str, ...]] = field(
+        default_factory=lambda: {"ppo": (), "dqn": ("total_frames=2_000_000",)}
+    )
     evaluate_every: Mapping[str, int] = field(default_factory=lambda: {"ppo": 50_000, "dqn": 20_000})
     evaluation_episodes: int = 100
     cap_frames: Mapping[str, int] = field(default_factory=lambda: {"ppo": 3_000_000, "dqn": 400_000})
@@ -60,6 +72,8 @@ class Sizes:
         }
     )
 
+
+SHORT = Sizes(levels=("83",), skill_steps={"ppo": ("lean",), "dqn": ("lean",)})
 
 TINY_COLLECTION = {"processes": 2, "envs_per_process": 4, "steps_per_batch": 64}
 QUICK = Sizes(
@@ -89,14 +103,50 @@ QUICK = Sizes(
 
 
 @dataclass(frozen=True)
+class Form:
+    """What is run unless the command line says otherwise.
+
+    Attributes:
+        sizes: how much is run.
+        parts: of the benchmarks; empty: all.
+        seeds: of the runs to skill.
+        repeats: of everything else.
+        cap_seconds: where a run of Stable-Baselines3 ends that has not reached the levels.
+        output: a folder for all that is written; None: the repository's places.
+    """
+
+    sizes: Sizes
+    parts: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
+    repeats: int = 3
+    cap_seconds: float = 900.0
+    output: Path | None = None
+
+
+FORMS = {
+    "full": Form(Sizes()),
+    "short": Form(
+        SHORT,
+        parts=("skill-ppo", "frames", "explanations", "setup"),
+        seeds=(0,),
+        repeats=1,
+        cap_seconds=180.0,
+        output=Path("runs/benchmarks-short"),
+    ),
+    "quick": Form(QUICK, seeds=(0, 1), output=Path("runs/benchmarks-quick")),
+}
+
+
+@dataclass(frozen=True)
 class Plan:
-    """What was asked for on the command line.
+    """How much is run, and where it is written.
 
     Attributes:
         seeds: of the runs to skill.
         repeats: of everything else.
         cap_seconds: where a run of Stable-Baselines3 ends that has not reached the levels.
         sizes: how much is run.
+        resume: whether seeds that were run before in the same way are taken from ``curves``.
         results: the file of all records.
         curves: the file of the learning curves.
         document: written anew from both.
@@ -107,21 +157,21 @@ class Plan:
     repeats: int
     cap_seconds: float
     sizes: Sizes
+    resume: bool
     results: Path
     curves: Path
     document: Path
     picture: Path
 
 
-def make_plan(
-    seeds: tuple[int, ...], repeats: int, cap_seconds: float, quick: bool = False, output: Path | None = None
-) -> Plan:
-    """Say what is run and where it goes: into the repository, or all into ``output``."""
-    data, pages = (output, output) if output else (ROOT / "benchmarks", ROOT / "docs")
+def make_plan(form: Form, resume: bool = False) -> Plan:
+    """Say where what is run goes: into the repository's places, or all into the form's folder."""
+    folder = form.output
+    data, pages = (folder, folder) if folder else (ROOT / "benchmarks", ROOT / "docs")
     return Plan(
-        *(seeds, repeats, cap_seconds, QUICK if quick else Sizes()),
+        *(form.seeds, form.repeats, form.cap_seconds, form.sizes, resume),
         results=data / "results.json",
         curves=data / "curves.json",
         document=pages / "BENCHMARKS.md",
-        picture=(pages if output else pages / "img") / "time_to_skill.png",
+        picture=(pages if folder else pages / "img") / "time_to_skill.png",
     )

@@ -83,9 +83,16 @@ class Told(gymnasium.Wrapper[Array, Any, Array, Any]):
         return observe(state, self._rule(state), self._given)
 
 
-def make_told() -> Told:
-    """One environment; runs in the worker's own process."""
-    return Told(make_gym(LANDER_ID, {}))
+def make_told(step: str) -> Told:
+    """One environment with our "lean" step or with "gymnasium"'s own; runs in the worker's own process."""
+    env: Any = make_gym(LANDER_ID, {})
+    env.unwrapped.lean = {"lean": True, "gymnasium": False}[step]
+    return Told(env)
+
+
+def make_vec_env(vec_env: str, step: str, count: int) -> VecEnv:
+    """As many environments as asked for, as one of Stable-Baselines3's."""
+    return VEC_ENVS[vec_env]([partial(make_told, step)] * count)
 
 
 class CollectsOnly(PPO):
@@ -160,6 +167,7 @@ def to_skill(
     algorithm: str,
     seed: int,
     vec_env: str,
+    step: str,
     evaluate_every: int,
     episodes: int,
     levels: list[float],
@@ -170,7 +178,7 @@ def to_skill(
     """Train until every level is reached or a cap; returns the evaluations (see ``levels.Point``)."""
     torch.set_num_threads(1)
     start = time.perf_counter()
-    env = VEC_ENVS[vec_env]([make_told] * ZOO_ENVS[algorithm])
+    env = make_vec_env(vec_env, step, ZOO_ENVS[algorithm])
     model = make_model(algorithm, env, seed, cap_frames, rollout_steps)
     judge = Judge(start, evaluate_every, episodes, levels, cap_seconds)
     model.learn(cap_frames, callback=judge)
@@ -181,10 +189,10 @@ def to_skill(
     return [asdict(point) for point in judge.points]
 
 
-def rate(algorithm: str, vec_env: str, frames: int, rollout_steps: int) -> float:
+def rate(algorithm: str, vec_env: str, step: str, frames: int, rollout_steps: int) -> float:
     """Frames a second of learn(), after one round to warm up; without set-up and without any evaluation."""
     torch.set_num_threads(1)
-    env = VEC_ENVS[vec_env]([make_told] * ZOO_ENVS["ppo"])
+    env = make_vec_env(vec_env, step, ZOO_ENVS["ppo"])
     model = make_model(algorithm, env, 0, frames, rollout_steps)
     warm = rollout_steps * env.num_envs if algorithm == "collect" else 0
     if warm:

@@ -2,44 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from benchmarks import ours
 from benchmarks.child import measure
+from benchmarks.curves import Curve, Sides, load_seeds, to_records
 from benchmarks.levels import Measured, Point, figure, plain, to_level
-from benchmarks.plan import Plan
-from benchmarks.records import load, replace_part, save
+from benchmarks.plan import LEVELS, Plan
+from benchmarks.records import Record, load, machine, replace_part, save, versions
+from ibe_rl.config.settings import TrainConfig
 
-LEVELS = {"83": 0.83, "95": 0.95}
 ALGORITHMS = {"skill-ppo": "ppo", "skill-dqn": "dqn"}
+UNITS = {"time": ("seconds", "s"), "frames": ("frames", "frames")}
+"""What is counted to a level: its name in ``Point``, and its unit."""
 Say = Callable[[str], None]
 Figures = list[dict[str, Any]]
 
 
 def run(plan: Plan, say: Say, part: str) -> Iterator[Figures]:
-    """Train both sides with each seed; yields the figures so far after each seed."""
+    """Train all sides with each seed; yields the figures so far after each seed."""
     algorithm = ALGORITHMS[part]
     vec_env, rates = choose_vec_env(plan, say) if algorithm == "ppo" else ("dummy", [])
-    runs: list[ours.TrainingRun] = []
-    others: list[list[Point]] = []
+    names, about = names_of(plan, algorithm, vec_env), setting_of(plan, algorithm)
+    seeds = load_seeds(plan.curves, part, names, about) if plan.resume else {}
     for seed in plan.seeds:
-        say(f"{algorithm}, seed {seed}: Stable-Baselines3 ({vec_env}), at most {plan.cap_seconds:,.0f} s")
-        others.append(train_other(plan, algorithm, seed, vec_env))
-        say(f"  {told(others[-1])}; now train.py")
-        runs.append(train_ours(plan, algorithm, seed))
-        say(f"  {told(runs[-1].points)}")
-        keep_curves(plan, part, vec_env, [run.points for run in runs], others)
-        yield rates + figures(algorithm, runs, others)
+        if seed in seeds:
+            say(f"{algorithm}, seed {seed}: kept from the run before")
+        else:
+            seeds[seed] = train_seed(plan, say, algorithm, seed, vec_env)
+            seeds = dict(sorted(seeds.items()))
+            keep_curves(plan, part, to_records(part, names, seeds, about))
+        yield rates + figures(algorithm, list(seeds.values()), plan.sizes.levels)
 
 
 def choose_vec_env(plan: Plan, say: Say) -> tuple[str, Figures]:
     """The faster of Stable-Baselines3's two vector environments here, and both rates."""
     found: dict[str, list[float]] = {"dummy": [], "subproc": []}
     steps = plan.sizes.vec_env_steps
+    asked = {"algorithm": "collect", "step": "lean", "frames": 16 * steps, "rollout_steps": steps}
     for _ in range(plan.repeats):
         for name, rates in found.items():
-            rates.append(measure("sb3.rate", algorithm="collect", vec_env=name, frames=16 * steps, rollout_steps=steps))
+            rates.append(measure("sb3.rate", vec_env=name, **asked))
     figures = [figure(f"sb3_{name}_frames", "frames/s", other=plain(rates)) for name, rates in found.items()]
     fastest = max(zip(found, figures, strict=True), key=lambda pair: pair[1]["other"])[0]
     said = ", ".join(f"{name} {record['other']:,.0f}" for name, record in zip(found, figures, strict=True))
@@ -47,29 +51,62 @@ def choose_vec_env(plan: Plan, say: Say) -> tuple[str, Figures]:
     return fastest, figures
 
 
-def train_other(plan: Plan, algorithm: str, seed: int, vec_env: str) -> list[Point]:
-    """One run of Stable-Baselines3; its evaluations."""
+def names_of(plan: Plan, algorithm: str, vec_env: str) -> dict[str, str]:
+    """How each side is called in the file of the curves and in the picture."""
+    told = {"lean": "", "gymnasium": ", gymnasium's step"}
+    steps = plan.sizes.skill_steps[algorithm]
+    return {"ours": "ibe_rl"} | {step: f"stable-baselines3 ({vec_env}{told[step]})" for step in steps}
+
+
+def setting_of(plan: Plan, algorithm: str) -> Record:
+    """How and where runs to skill are made; only runs with the same are put together."""
+    return {
+        "train": [*train_overrides(plan, algorithm), f"default {TrainConfig.total_frames} frames"],
+        "stable_baselines3": other_settings(plan, algorithm),
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def train_seed(plan: Plan, say: Say, algorithm: str, seed: int, vec_env: str) -> Sides:
+    """One run of each side."""
+    sides: Sides = {}
+    for step in plan.sizes.skill_steps[algorithm]:
+        said = f"Stable-Baselines3 ({vec_env}, {step} step), at most {plan.cap_seconds:,.0f} s"
+        say(f"{algorithm}, seed {seed}: {said}")
+        sides[step] = train_other(plan, algorithm, seed, vec_env, step)
+        say(f"  {told(sides[step].points)}")
+    say(f"{algorithm}, seed {seed}: train.py")
+    trained = ours.train(*train_overrides(plan, algorithm), f"seed={seed}")
+    say(f"  {told(trained.points)}")
+    return sides | {"ours": Curve(trained.points, trained.summary["wall_s"])}
+
+
+def train_other(plan: Plan, algorithm: str, seed: int, vec_env: str, step: str) -> Curve:
+    """One run of Stable-Baselines3."""
+    asked = other_settings(plan, algorithm)
+    points = measure("sb3.to_skill", algorithm=algorithm, seed=seed, vec_env=vec_env, step=step, **asked)
+    return Curve([Point(**point) for point in points])
+
+
+def other_settings(plan: Plan, algorithm: str) -> dict[str, Any]:
+    """Arguments of ``sb3.to_skill`` that are the same for all of its runs."""
     sizes = plan.sizes
-    points = measure(
-        "sb3.to_skill",
-        algorithm=algorithm,
-        seed=seed,
-        vec_env=vec_env,
-        evaluate_every=sizes.evaluate_every[algorithm],
-        episodes=sizes.evaluation_episodes,
-        levels=list(LEVELS.values()),
-        cap_frames=sizes.cap_frames[algorithm],
-        cap_seconds=plan.cap_seconds,
-        rollout_steps=sizes.rollout_steps,
-    )
-    return [Point(**point) for point in points]
+    return {
+        "evaluate_every": sizes.evaluate_every[algorithm],
+        "episodes": sizes.evaluation_episodes,
+        "levels": [LEVELS[label] for label in sizes.levels],
+        "cap_frames": sizes.cap_frames[algorithm],
+        "cap_seconds": plan.cap_seconds,
+        "rollout_steps": sizes.rollout_steps,
+    }
 
 
-def train_ours(plan: Plan, algorithm: str, seed: int) -> ours.TrainingRun:
-    """One run of train.py, always to its end: its learning rate falls to 0 over it."""
-    every = plan.sizes.evaluate_every[algorithm]
-    asked = (f"agent={algorithm}", f"seed={seed}", *plan.sizes.overrides, f"eval_every_frames={every}")
-    return ours.train(*asked)
+def train_overrides(plan: Plan, algorithm: str) -> list[str]:
+    """Of each run of train.py, which always goes on to its end: its learning rate falls to 0 over it."""
+    sizes = plan.sizes
+    every = f"eval_every_frames={sizes.evaluate_every[algorithm]}"
+    return [f"agent={algorithm}", *sizes.skill_overrides[algorithm], *sizes.overrides, every]
 
 
 def told(points: list[Point]) -> str:
@@ -80,45 +117,36 @@ def told(points: list[Point]) -> str:
     return f"{last.success:.0%} at {last.frames:,} frames, {last.seconds:.0f} s; {reached}"
 
 
-def figures(algorithm: str, runs: list[ours.TrainingRun], others: list[list[Point]]) -> Figures:
-    """Time and frames to each level of both sides, and how ours ended."""
-    found = [
-        figure(
-            f"{name}_to_{label}_{algorithm}",
-            {"seconds": "s", "frames": "frames"}[unit],
-            [to_level(run.points, level, unit) for run in runs],
-            [to_level(points, level, unit) for points in others],
-        )
-        for label, level in LEVELS.items()
-        for name, unit in (("time", "seconds"), ("frames", "frames"))
+def figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[str]) -> Figures:
+    """What each level took, and how ours ended: medians and the worst."""
+    found: Figures = []
+    for label in levels:
+        for name in UNITS:
+            found += level_figures(f"{name}_to_{label}_{algorithm}", name, seeds, label, "lean")
+        if "gymnasium" in seeds[0]:
+            found += level_figures(f"time_to_{label}_{algorithm}_gymnasium_step", "time", seeds, label, "gymnasium")
+    final = [Measured(sides["ours"].points[-1].success) for sides in seeds]
+    wall = [Measured(sides["ours"].wall_s) for sides in seeds]
+    return [
+        *found,
+        figure(f"final_success_{algorithm}", "share", final),
+        figure(f"final_success_{algorithm}_min", "share", final, what="min"),
+        figure(f"run_wall_s_{algorithm}", "s", wall),
+        figure(f"run_wall_s_{algorithm}_min", "s", wall, what="min"),
+        figure(f"run_wall_s_{algorithm}_max", "s", wall, what="max"),
     ]
-    ends = {
-        "final_success": ("share", [Measured(run.summary["success_rate"]) for run in runs]),
-        "run_wall_s": ("s", [Measured(run.summary["wall_s"]) for run in runs]),
-    }
-    for name, (unit, values) in ends.items():
-        found.append(figure(f"{name}_{algorithm}", unit, values))
-        found.append(figure(f"{name}_{algorithm}_min", unit, values, what="min"))
-    return found
 
 
-def keep_curves(plan: Plan, part: str, vec_env: str, mine: list[list[Point]], others: list[list[Point]]) -> None:
-    """Write the learning curves of all runs, and draw them."""
-    sides = {"ibe_rl": mine, f"stable-baselines3 ({vec_env})": others}
-    new = [
-        {"part": part, "side": side, "seed": seed, **columns(points)}
-        for side, runs in sides.items()
-        for seed, points in zip(plan.seeds, runs, strict=False)
-    ]
-    curves = replace_part(load(plan.curves), part, new, list(ALGORITHMS))
-    save(plan.curves, curves)
+def level_figures(name: str, counted: str, seeds: Sequence[Sides], label: str, other: str) -> Figures:
+    """What a level took, ours against a side of Stable-Baselines3: the median seed and the worst of each."""
+    attribute, unit = UNITS[counted]
+    mine, theirs = (
+        [to_level(sides[side].points, LEVELS[label], attribute) for sides in seeds] for side in ("ours", other)
+    )
+    return [figure(name, unit, mine, theirs), figure(f"{name}_max", unit, mine, theirs, what="max")]
+
+
+def keep_curves(plan: Plan, part: str, new: list[Record]) -> None:
+    """Write the learning curves of all runs of a part, and draw them."""
+    save(plan.curves, replace_part(load(plan.curves), part, new, list(ALGORITHMS)))
     measure("picture.draw", curves_file=str(plan.curves.resolve()), picture=str(plan.picture.resolve()))
-
-
-def columns(points: list[Point]) -> dict[str, list[float]]:
-    """A curve as three lists, seconds and success rounded to what a picture shows."""
-    return {
-        "frames": [point.frames for point in points],
-        "seconds": [round(point.seconds, 1) for point in points],
-        "success": [round(point.success, 3) for point in points],
-    }

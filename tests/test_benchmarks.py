@@ -12,11 +12,24 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
-from benchmarks import explaining, explanations, faults, frames, ours, overhead, refilling, refreshes, skill, sweep
+from benchmarks import (
+    explaining,
+    explanations,
+    faults,
+    frames,
+    ours,
+    overhead,
+    refilling,
+    refreshes,
+    skill,
+    starting,
+    sweep,
+)
 from benchmarks.child import measure
+from benchmarks.curves import Curve
 from benchmarks.how import HOW, TITLES
 from benchmarks.levels import Measured, Point, figure, median, plain, reached, to_level
-from benchmarks.plan import ROOT, Plan, make_plan
+from benchmarks.plan import FORMS, LEVELS, ROOT, Plan, make_plan
 from benchmarks.records import load, replace_part, save, stamp
 from benchmarks.report import cells, document, table
 from ibe_rl.storage.log import TrajectoryLog
@@ -25,7 +38,7 @@ pytestmark = pytest.mark.slow
 
 RATES = {"batched": 8.0, "what_if": 2.0, "naive": 2.0, "engine": 16.0, "live_ms": 5.0, "live_what_if_ms": 15.0}
 CLIMB = [Point(100 * n, 10.0 * n, success) for n, success in enumerate((0.0, 0.9, 0.5, 0.83, 0.96, 0.9), start=1)]
-PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "refresh", "overhead", "faults", "sweep")
+PARTS = ("skill-ppo", "skill-dqn", "frames", "explanations", "setup", "refresh", "overhead", "faults", "sweep")
 ABOUT = {"date": "2026-01-02 03:04 UTC", "versions": {"python": "3.11.1"}}
 MACHINE = {"processor": "A processor", "cores": 2, "memory_gb": 8.0}
 
@@ -82,6 +95,11 @@ def test_figure_without_a_counterpart_has_no_ratio():
     assert (made["ours"], made["other"], made["ratio"]) == (2, None, None)
 
 
+def test_the_worst_is_a_lower_bound_if_any_run_never_got_there():
+    made = figure("a", "s", [Measured(2), Measured(9)], [Measured(5, False), Measured(18)], what="max")
+    assert (made["ours"], made["other"], made["ratio"], made["at_least"]) == (9, 18, 0.5, ["other"])
+
+
 def test_figure_does_not_divide_by_zero():
     assert figure("a", "s", plain([1]), plain([0]))["ratio"] is None
 
@@ -136,16 +154,22 @@ def test_document_is_made_from_the_records():
     assert "Learning curves" not in document([record()])
 
 
+def test_the_records_of_the_repository_can_be_shown():
+    records = load(ROOT / "benchmarks" / "results.json")
+    assert document(records).count("\n| ") == len(records) + len({one["part"] for one in records})
+
+
 def test_terminal_shows_every_record():
     assert table([record(), record("overhead", "overhead_ibe")]).row_count == 2
 
 
 def test_every_figure_says_how_it_was_measured():
-    run = training_run()
+    run, curve = training_run(), Curve(CLIMB, 20.0)
     found = [
-        *skill.figures("ppo", [run], [CLIMB]),
-        *skill.figures("dqn", [run], [CLIMB]),
-        *frames.figures([run], {name: [1.0] for name in ("collect", "bare", "sb3_whole", "sb3_collect")}),
+        *skill.figures("ppo", [dict.fromkeys(("ours", "lean", "gymnasium"), curve)], tuple(LEVELS)),
+        *skill.figures("dqn", [dict.fromkeys(("ours", "lean"), curve)], tuple(LEVELS)),
+        *frames.figures([run], {name: [1.0] for name in frames.RATES}),
+        *starting.figures([dict.fromkeys(starting.PARTS_S, 1.0)]),
         *explanations.figures([RATES | {"game_frame_ms": 20}]),
         *refreshes.figures({name: [{"seconds": 1.0, "mb": 2.0}] for name in refreshes.COMPARED}),
         *overhead.figures({name: [run] for name in (*overhead.SWITCHES, "default")}),
@@ -187,7 +211,7 @@ def test_faults_from_the_start_are_held_against_an_undisturbed_run():
 
 
 def small_plan(folder: Path, fault_frames: int) -> Plan:
-    plan = make_plan((0,), 1, 10.0, quick=True, output=folder)
+    plan = make_plan(replace(FORMS["quick"], repeats=1, output=folder))
     sizes = replace(plan.sizes, overrides=(*plan.sizes.overrides, "collect.processes=1"), fault_frames=fault_frames)
     return replace(plan, sizes=sizes)
 
@@ -205,14 +229,15 @@ def test_a_fault_without_its_warning_is_no_measurement(tmp_path: Path, monkeypat
 
 
 def test_output_folder_takes_everything(tmp_path: Path):
-    plan = make_plan((0,), 1, 10.0, quick=True, output=tmp_path)
+    plan = make_plan(replace(FORMS["quick"], output=tmp_path))
     assert {path.parent for path in (plan.results, plan.curves, plan.document, plan.picture)} == {tmp_path}
-    assert make_plan((0,), 1, 10.0).document == ROOT / "docs" / "BENCHMARKS.md"
+    assert make_plan(FORMS["full"]).document == ROOT / "docs" / "BENCHMARKS.md"
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (["--short", "--quick"], "argument --quick: not allowed with argument --short"),
         (["speed"], "PART=speed: allowed is one of skill-ppo,"),
         (["refresh", "--repeats", "0"], "--repeats=0: allowed is at least 1"),
         (["refresh", "--seeds", "-1"], "--seeds=-1: allowed is at least 0"),

@@ -72,6 +72,9 @@ class LunarLanderPads(game.LunarLander):
         words: True instructs by one of five words without an order instead (``lander_words_task``).
         **kwargs: gymnasium's own, such as ``render_mode``.
 
+    Attributes:
+        lean: whether ``step`` uses ``lean_step``; False: gymnasium's own step, which gives the same numbers.
+
     Raises:
         ValueError: for an unknown pad.
     """
@@ -98,7 +101,7 @@ class LunarLanderPads(game.LunarLander):
         self.task = task if mirror == task.mirror else replace(task, mirror=mirror)
         self._default_pad = self._checked(pad, ("random", *PAD_X))
         self._flat, self._flags = flat, flags
-        self._lean = not (self.enable_wind or self.render_mode)
+        self.lean = not (self.enable_wind or self.render_mode)
         self.pad = "center"
         self._pad_random = np.random.default_rng()
         theirs: Any = self.observation_space
@@ -157,7 +160,7 @@ class LunarLanderPads(game.LunarLander):
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Step gymnasium's lander, then correct the reward for the distance to the pad instead of the centre."""
-        if self._lean:
+        if self.lean:
             state, reward, terminated = lean_step(self, action)
         else:
             state, reward, terminated, _, _ = super().step(action)
