@@ -54,7 +54,7 @@ $(BENCH): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	touch $@
 
-bench: $(BENCH) ## measure against Stable-Baselines3 and the bare game, hours; PARTS="frames --quick" for less
+bench: $(BENCH) ## measure against Stable-Baselines3 and the bare game, hours; PARTS=--short: ten minutes
 	$(BIN)/python -m benchmarks $(PARTS)
 
 $(PLATFORMS): $(INSTALLED)
