@@ -9,6 +9,7 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear
@@ -41,8 +42,7 @@ class PairedLinear(nn.Linear):
         inputs: what the mirror image does to the inputs.
     """
 
-    order: Tensor
-    signs: Tensor
+    image: Tensor
 
     def __init__(self, layer: nn.Linear, inputs: SignedPermutation):
         half = layer.out_features // 2
@@ -51,7 +51,7 @@ class PairedLinear(nn.Linear):
 
     def whole(self) -> tuple[Tensor, Tensor]:
         """Weights ``(2 * H, I)`` and biases ``(2 * H,)`` of both halves."""
-        weight = torch.cat([self.weight, self.weight[:, self.order] * self.signs])
+        weight = torch.cat([self.weight, self.weight @ self.image])
         return weight, torch.cat([self.bias, self.bias])
 
     def forward(self, observation: Tensor) -> Tensor:
@@ -68,22 +68,18 @@ class MirroredLinear(nn.Linear):
         outputs: what it does to the outputs.
     """
 
-    order: Tensor
-    signs: Tensor
-    out_order: Tensor
-    out_signs: Tensor
+    image: Tensor
+    out_image: Tensor
 
     def __init__(self, layer: nn.Linear, inputs: SignedPermutation, outputs: SignedPermutation):
         super().__init__(layer.in_features, layer.out_features)
         _keep(self, layer.weight * 2**0.5, layer.bias, inputs)  # half of the variance is lost by the mean
-        self.register_buffer("out_order", torch.tensor(outputs.order), persistent=False)
-        self.register_buffer("out_signs", torch.tensor(outputs.signs), persistent=False)
+        self.register_buffer("out_image", _matrix(outputs), persistent=False)
 
     def whole(self) -> tuple[Tensor, Tensor]:
         """Weights ``(K, I)`` and biases ``(K,)``."""
-        mirrored = self.weight[self.out_order][:, self.order] * (self.out_signs[:, None] * self.signs)
-        bias = self.bias + self.bias[self.out_order] * self.out_signs
-        return (self.weight + mirrored) / 2, bias / 2
+        mirrored = self.out_image @ self.weight @ self.image
+        return (self.weight + mirrored) / 2, (self.bias + self.out_image @ self.bias) / 2
 
     def forward(self, observation: Tensor) -> Tensor:
         """``(..., I)`` to ``(..., K)``."""
@@ -94,8 +90,12 @@ def _keep(layer: nn.Linear, weight: Tensor, bias: Tensor, inputs: SignedPermutat
     with torch.no_grad():
         layer.weight.copy_(weight)
         layer.bias.copy_(bias)
-    layer.register_buffer("order", torch.tensor(inputs.order), persistent=False)
-    layer.register_buffer("signs", torch.tensor(inputs.signs), persistent=False)
+    layer.register_buffer("image", _matrix(inputs), persistent=False)
+
+
+def _matrix(permutation: SignedPermutation) -> Tensor:
+    """The mirror image as a symmetric matrix: its product is exact and its gradient cheaper than that of an index."""
+    return torch.from_numpy(permutation(np.eye(len(permutation.order), dtype=np.float32)))
 
 
 def make_equivariant(network: nn.Sequential, inputs: SignedPermutation, outputs: SignedPermutation) -> None:
