@@ -50,6 +50,16 @@ class Actions(Protocol):
     def evaluate_actions(self, outputs: Tensor, drawn: Tensor) -> tuple[Tensor, Tensor]:
         """Outputs ``(B, K)`` and samples to log-probability ``(B,)`` and entropy ``(B,)``."""
 
+    def gradient(self, outputs: Tensor, drawn: Tensor, by_log_prob: Tensor, by_entropy: float) -> Tensor:
+        """Gradient ``(B, K)`` of a loss by the outputs.
+
+        Args:
+            outputs: ``(B, K)``.
+            drawn: samples.
+            by_log_prob: derivative ``(B,)`` of the loss by each log-probability.
+            by_entropy: its derivative by each entropy.
+        """
+
     def mode(self, outputs: Tensor) -> Tensor:
         """Outputs ``(B, K)`` to the most probable actions, in the environment's units."""
 
@@ -82,6 +92,14 @@ class Categorical:
         log_probs = outputs.log_softmax(-1)
         chosen = log_probs.gather(-1, drawn[:, None] - self._start).squeeze(-1)
         return chosen, -(log_probs.exp() * log_probs).sum(-1)
+
+    def gradient(self, outputs: Tensor, drawn: Tensor, by_log_prob: Tensor, by_entropy: float) -> Tensor:
+        """See ``Actions``."""
+        log_probs, by_chosen = outputs.log_softmax(-1), by_log_prob[:, None]
+        probs = log_probs.exp()
+        above_mean = log_probs - (probs * log_probs).sum(-1, keepdim=True)
+        found = -probs * (by_chosen + by_entropy * above_mean)
+        return found.scatter_add_(-1, drawn[:, None] - self._start, by_chosen)
 
     def mode(self, outputs: Tensor) -> Tensor:
         """See ``Actions``; ``(B,)`` int64."""
@@ -120,6 +138,11 @@ class Categoricals:
         parts = zip(self._each(outputs), drawn.unbind(-1), strict=True)
         found = [one.evaluate_actions(logits, column) for (one, logits), column in parts]
         return torch.stack([log_prob for log_prob, _ in found]).sum(0), torch.stack([e for _, e in found]).sum(0)
+
+    def gradient(self, outputs: Tensor, drawn: Tensor, by_log_prob: Tensor, by_entropy: float) -> Tensor:
+        """See ``Actions``."""
+        parts = zip(self._each(outputs), drawn.unbind(-1), strict=True)
+        return torch.cat([one.gradient(logits, c, by_log_prob, by_entropy) for (one, logits), c in parts], dim=-1)
 
     def mode(self, outputs: Tensor) -> Tensor:
         """See ``Actions``; ``(B, A)`` int64."""
@@ -184,6 +207,13 @@ class Gaussian:
         distance = (drawn - mean) * (-log_std).exp()
         log_prob = (-0.5 * distance.square() - log_std - 0.5 * math.log(2 * math.pi)).sum(-1)
         return log_prob, (log_std + 0.5 * math.log(2 * math.pi * math.e)).sum(-1)
+
+    def gradient(self, outputs: Tensor, drawn: Tensor, by_log_prob: Tensor, by_entropy: float) -> Tensor:
+        """See ``Actions``."""
+        mean, log_std = outputs.chunk(2, dim=-1)
+        precision, by_each = (-log_std).exp(), by_log_prob[:, None]
+        distance = (drawn - mean) * precision
+        return torch.cat([by_each * distance * precision, by_each * (distance.square() - 1) + by_entropy], dim=-1)
 
     def mode(self, outputs: Tensor) -> Tensor:
         """See ``Actions``; ``(B, A)`` float32."""

@@ -16,9 +16,11 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from ibe_rl.agents.actions import Categorical, discrete
+from ibe_rl.agents.backward import differentiated
 from ibe_rl.agents.encoder import Packing, has_images
 from ibe_rl.agents.equivariant import MirroredSpaces, plain_copy, plain_weights
 from ibe_rl.agents.exploration import HeldNoise
+from ibe_rl.agents.flat_adam import FlatAdam
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, linear, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
@@ -154,7 +156,7 @@ class DQN:
         self._acting = plain_copy(network)
         self.greedy = GreedyPolicy(self._acting, config.average_share, Categorical(n_actions, self._start).mode)
         self._target = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1 - config.target_rate))
-        self._optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
+        self._pass, self._optimizer = differentiated(network), FlatAdam(network.parameters(), config.learning_rate)
         self._buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer_frames))
         self._unfinished: TensorDictBase | None = None  # newest steps, whose n-step return is incomplete
 
@@ -239,13 +241,13 @@ class DQN:
         reward = data["reward"] * self._rewards.factor
         return reward + data["discount"] * self._target.module(later).gather(-1, best).squeeze(-1)
 
+    @torch.no_grad()
     def _step(self, observation: Any, action: Tensor, target: Tensor) -> Tensor:
-        q_values = self._network(self._seen(observation)).gather(-1, action[:, None]).squeeze(-1)
-        loss = nn.functional.smooth_l1_loss(q_values, target)
-        loss.backward()
-        self._optimizer.step()
-        self._optimizer.zero_grad()
-        return loss.detach()
+        (q_values, backward), chosen = self._pass(self._seen(observation)), action[:, None]
+        error = q_values.gather(-1, chosen) - target[:, None]
+        by_chosen = error.clamp(-1.0, 1.0) / len(error)  # derivative of the Huber loss
+        self._optimizer.descend(backward(torch.zeros_like(q_values).scatter_(-1, chosen, by_chosen)))
+        return nn.functional.huber_loss(error, torch.zeros_like(error))
 
     @property
     def standardised(self) -> list[str]:

@@ -54,6 +54,11 @@ class PairedLinear(nn.Linear):
         weight = torch.cat([self.weight, self.weight @ self.image])
         return weight, torch.cat([self.bias, self.bias])
 
+    def own_gradients(self, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
+        """Gradients by the whole weights and biases to those by its own."""
+        half = self.out_features
+        return torch.addmm(weight[:half], weight[half:], self.image), bias[:half] + bias[half:]
+
     def forward(self, observation: Tensor) -> Tensor:
         """``(..., I)`` to ``(..., 2 * H)``."""
         return linear(observation, *self.whole())
@@ -80,6 +85,11 @@ class MirroredLinear(nn.Linear):
         """Weights ``(K, I)`` and biases ``(K,)``."""
         mirrored = self.out_image @ self.weight @ self.image
         return (self.weight + mirrored) / 2, (self.bias + self.out_image @ self.bias) / 2
+
+    def own_gradients(self, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
+        """Gradients by the whole weights and biases to those by its own."""
+        mirrored = self.out_image @ weight @ self.image
+        return (weight + mirrored) / 2, (bias + self.out_image @ bias) / 2
 
     def forward(self, observation: Tensor) -> Tensor:
         """``(..., I)`` to ``(..., K)``."""

@@ -1,7 +1,7 @@
 """Proximal policy optimisation with TorchRL's generalised advantage estimate.
 
-The loss is written out: with networks this small, ``torchrl.objectives.ClipPPOLoss`` takes 2.5 times as long a step
-(docs/LOG.md). A test checks that both are equal.
+The loss and its derivatives are written out: with networks this small, ``torchrl.objectives.ClipPPOLoss`` and
+autograd take several times as long a step (docs/LOG.md). A test checks that all are equal.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from torchrl.modules import ValueOperator
 from torchrl.objectives.value import GAE
 
 from ibe_rl.agents.actions import Actions, make_actions
+from ibe_rl.agents.backward import differentiated
 from ibe_rl.agents.equivariant import MirroredSpaces, plain_copy, plain_weights
 from ibe_rl.agents.exploration import HeldNoise
+from ibe_rl.agents.flat_adam import FlatAdam
 from ibe_rl.agents.networks import GreedyPolicy, check_finite, make_network
 from ibe_rl.agents.reward import learning_reward
 from ibe_rl.agents.standardise import RewardStandardiser, Standardiser, standardised
@@ -108,9 +110,22 @@ def clipped_losses(
         clip: largest distance of the probability ratio from 1.
     """
     ratio = (log_prob - steps.log_prob).exp()
-    advantage = (steps.advantage - steps.advantage.mean()) / steps.advantage.std().clamp_min(1e-6)
+    advantage = _normalised(steps.advantage)
     gain = torch.min(ratio * advantage, ratio.clamp(1 - clip, 1 + clip) * advantage)
     return -gain.mean(), (values - steps.value_target).square().mean(), entropy.mean()
+
+
+def clipped_derivatives(log_prob: Tensor, values: Tensor, steps: PPOSteps, clip: float) -> tuple[Tensor, Tensor]:
+    """Derivatives ``(B,)`` of the first two ``clipped_losses``: by each log-probability, by each value."""
+    ratio = (log_prob - steps.log_prob).exp()
+    advantage = _normalised(steps.advantage)
+    gain = ratio * advantage
+    counts = gain <= ratio.clamp(1 - clip, 1 + clip) * advantage
+    return gain.where(counts, 0.0) / -len(gain), (values - steps.value_target) * (2 / len(values))
+
+
+def _normalised(advantage: Tensor) -> Tensor:
+    return (advantage - advantage.mean()) / advantage.std().clamp_min(1e-6)
 
 
 class PPO:
@@ -158,8 +173,9 @@ class PPO:
         self.greedy = GreedyPolicy(self._acting, config.average_share, self._actions.mode)
         value = ValueOperator(self._critic, in_keys=["observation"])
         self._estimate = GAE(gamma=config.gamma, lmbda=config.gae_lambda, value_network=value)
-        self._parameters = [*self._actor.parameters(), *self._critic.parameters()]
-        self._optimizer = torch.optim.Adam(self._parameters, lr=config.learning_rate, eps=1e-5, fused=True)
+        self._passes = differentiated(self._actor), differentiated(self._critic)
+        learnt = [*self._actor.parameters(), *self._critic.parameters()]
+        self._optimizer = FlatAdam(learnt, config.learning_rate, eps=1e-5)
 
     def update(self, batch: TensorDictBase) -> dict[str, float]:
         """Learn from a batch ``[N, T]``; returns the last minibatch's losses.
@@ -178,8 +194,11 @@ class PPO:
         steps = self._prepare(batch)
         for _ in range(self._config.epochs):
             for rows in torch.randperm(batch.numel()).split(self._config.minibatch_size):
-                losses = self._step(PPOSteps(*(column[rows] for column in steps)), left * self._config.entropy)
-        check_finite(losses, self._parameters)
+                drawn = PPOSteps(*(column[rows] for column in steps))
+                evaluated = self._step(drawn, left * self._config.entropy)
+        policy_loss, value_loss, entropy = map(float, clipped_losses(*evaluated, drawn, self._config.clip))
+        losses = {"policy_loss": policy_loss, "value_loss": value_loss, "entropy": entropy}
+        check_finite(losses, [self._optimizer.flat])
         self._standardiser.learn(batch["observation"])  # after learning, which needs the policy that acted
         self._follow()
         return losses
@@ -205,15 +224,18 @@ class PPO:
             value_target=data["value_target"].flatten(),
         )
 
-    def _step(self, steps: PPOSteps, entropy_weight: float) -> dict[str, float]:
-        log_prob, entropies = self._actions.evaluate_actions(self._actor(steps.observation), steps.drawn)
-        values = self._critic(steps.observation).squeeze(-1)
-        policy_loss, value_loss, entropy = clipped_losses(log_prob, entropies, values, steps, self._config.clip)
-        (policy_loss + self._config.value_weight * value_loss - entropy_weight * entropy).backward()
-        nn.utils.clip_grad_norm_(self._parameters, self._config.max_grad_norm)
-        self._optimizer.step()
-        self._optimizer.zero_grad()
-        return {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
+    @torch.no_grad()
+    def _step(self, steps: PPOSteps, entropy_weight: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Take a gradient step; log-probabilities, entropies and values, each ``(B,)``, as they were before it."""
+        act, judge = self._passes
+        (outputs, actor_backward), (values, critic_backward) = act(steps.observation), judge(steps.observation)
+        values = values.squeeze(-1)
+        log_prob, entropies = self._actions.evaluate_actions(outputs, steps.drawn)
+        by_log_prob, by_value = clipped_derivatives(log_prob, values, steps, self._config.clip)
+        by_outputs = self._actions.gradient(outputs, steps.drawn, by_log_prob, -entropy_weight / len(values))
+        gradients = actor_backward(by_outputs) + critic_backward(self._config.value_weight * by_value[:, None])
+        self._optimizer.descend(gradients, self._config.max_grad_norm)
+        return log_prob, entropies, values
 
     @property
     def standardised(self) -> list[str]:

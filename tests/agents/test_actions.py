@@ -50,6 +50,26 @@ def test_probability_and_entropy_of_a_choice_by_hand():
     assert entropy.tolist() == pytest.approx(2 * [-0.25 * math.log(0.25) - 0.75 * math.log(0.75)])
 
 
+@pytest.mark.parametrize("space", [Discrete(3, start=4), MultiDiscrete([3, 2], start=[1, 0]), BOX])
+def test_the_gradient_by_the_outputs_is_autograds(space: Any):
+    actions = make_actions(space, 0.5)
+    outputs = torch.randn(20, 4 if space is BOX else actions.outputs, dtype=torch.double, requires_grad=True)
+    by_log_prob, by_entropy = torch.randn(20).double(), 0.7
+    drawn = actions.draw(outputs.detach())[actions.learnt_from]
+    log_prob, entropy = actions.evaluate_actions(outputs, drawn)
+    (by_log_prob @ log_prob + by_entropy * entropy.sum()).backward()
+    torch.testing.assert_close(actions.gradient(outputs.detach(), drawn, by_log_prob, by_entropy), outputs.grad)
+
+
+def test_the_gradient_of_a_choice_by_hand():
+    """Of chances 1/4 and 3/4 the log-probability of the first rises by 3/4 with its logit, and falls with the other."""
+    outputs = torch.tensor([[0.0, math.log(3)]])
+    found = Categorical(2).gradient(outputs, torch.tensor([0]), torch.tensor([2.0]), 0.0)
+    assert found.tolist() == [pytest.approx([1.5, -1.5])]
+    even = Categorical(2).gradient(torch.zeros(1, 2), torch.tensor([0]), torch.tensor([0.0]), 1.0)
+    assert even.tolist() == [[0, 0]]  # no choice is less certain than this one
+
+
 def test_the_mode_is_the_mean_in_the_environments_units_and_bounds():
     outputs = torch.tensor([[0.5, -0.5, 9, 9], [-3, 3, 0, 0], [0, 0, -9, -9]], dtype=torch.float32)
     mode = normal().mode(outputs)

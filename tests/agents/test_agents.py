@@ -1,6 +1,7 @@
 """Every agent learns, repeats itself from the same seed, leaves its batch alone and can be saved."""
 
 import io
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -149,6 +150,37 @@ def test_the_state_loads_without_running_code(kind: str):
     other.greedy.load_state_dict(loaded["greedy"])
     seen = np.random.default_rng(0).uniform(-1, 1, (100, 2)).astype(np.float32)
     np.testing.assert_array_equal(other.greedy(seen), agent.greedy(seen))
+
+
+def as_once_saved(state: dict[str, Any]) -> dict[str, Any]:
+    """The state as earlier versions saved it: that of the optimizer had an entry for each parameter."""
+    networks = [state[name] for name in ("actor", "critic", "network") if name in state]
+    shapes = [one.shape for network in networks for name, one in network.items() if name.endswith(("weight", "bias"))]
+    flat = state["optimizer"]["state"][0]
+    parts = zip(*(flat[name].split([one.numel() for one in shapes]) for name in ("exp_avg", "exp_avg_sq")), strict=True)
+    each = {
+        number: {"step": flat["step"], "exp_avg": mean.view(shape), "exp_avg_sq": square.view(shape)}
+        for number, (shape, (mean, square)) in enumerate(zip(shapes, parts, strict=True))
+    }
+    groups = [state["optimizer"]["param_groups"][0] | {"params": [*each]}]
+    return state | {"optimizer": {"state": each, "param_groups": groups}}
+
+
+@EVERY
+def test_it_goes_on_from_the_state_of_an_earlier_version(kind: str):
+    agent, other = make(kind), make(kind)
+    learn(agent, 4)
+    state = as_once_saved(deepcopy(agent.state_dict()))
+    assert len(state["optimizer"]["state"]) == {"ppo": 8, "dqn": 4}[kind]  # weights and biases of two layers
+    other.load_state_dict(state)
+    other.sync_weights()
+    losses = []
+    for one in (agent, other):
+        torch.manual_seed(1)
+        losses.append(learn(one, 2))
+    assert losses[0] == losses[1]
+    for name, weights in agent.greedy.state_dict().items():
+        assert torch.equal(weights, other.greedy.state_dict()[name])
 
 
 def test_ppo_falls_silent_towards_the_end():
