@@ -36,8 +36,8 @@ class FlatAdam(torch.optim.Adam):
             max_norm: they are scaled down to this norm together, as by ``torch.nn.utils.clip_grad_norm_``; None: not.
         """
         gradient = _joined(gradients)
-        if max_norm is not None:
-            gradient *= (max_norm / (gradient.norm() + 1e-6)).clamp(max=1.0)
+        if max_norm is not None and (scale := max_norm / (float(gradient.norm()) + 1e-6)) < 1:
+            gradient *= scale
         self.flat.grad = gradient
         self.step()
 
