@@ -49,8 +49,8 @@ def axes_of(states: Array, kinds: Array) -> Array:
     """
     weight, classes = np.ones(len(kinds)), np.unique(kinds, return_inverse=True)[1]
     share = 0.1
+    model = LogisticRegression(C=100, solver="newton-cholesky", max_iter=30, warm_start=True)
     for _ in range(ROUNDS):
-        model = LogisticRegression(C=100, solver="newton-cholesky", max_iter=30)
         likely = model.fit(states, classes, sample_weight=weight).predict_proba(states)
         likely = likely[np.arange(len(classes)), classes]
         wrong = np.bincount(classes, 1.001 - weight)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+import gc
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -41,7 +42,7 @@ from ibe_rl.training.check import check_columns, check_run
 from ibe_rl.training.failure import nothing_lost, resumable
 from ibe_rl.training.fitting_predictor import with_learned_predictor
 from ibe_rl.training.instruction_reward import make_instruction_reward
-from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, Standardised, Table
+from ibe_rl.training.listeners import LATER_COLUMNS, Checkpoints, Listeners, LiveView, Standardised, Table
 from ibe_rl.training.mirroring import with_mirror
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.resume import Resumption, clear_way, take_up
@@ -50,7 +51,7 @@ from ibe_rl.training.state import State, must_fit
 from ibe_rl.training.success_note import SuccessNote
 from ibe_rl.types import ConfigError
 from ibe_rl.view.recording_file import set_back
-from ibe_rl.view.relay import News, choose_ports, page, serve_live, wants_browser
+from ibe_rl.view.relay import choose_ports, page, serve_live, wants_browser
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker
@@ -178,6 +179,8 @@ def _begin(
             with must_fit(folder):
                 run.random.load_state_dict(state["random"])  # last: making the parts draws numbers
     owned.enter_context(resumable(run))
+    gc.freeze()  # all of this lives as long as the run: looking through it took .3 s at each refresh
+    owned.callback(gc.unfreeze)
     return run
 
 
@@ -282,18 +285,3 @@ def _recorder(cfg: TrainConfig, folder: Path, task: Any, owned: ExitStack, state
         recorder = RunRecorder(folder / RECORDING, task, name, max_mb, state and state["recorder"])
     owned.callback(recorder.close)
     return recorder
-
-
-class LiveView(Listener):
-    """Reports on the process that serves the live view.
-
-    Args:
-        live: its messages, each returned once.
-    """
-
-    def __init__(self, live: News):
-        self._live = live
-
-    def news(self) -> Iterable[str]:
-        """See ``Listener``."""
-        return self._live()

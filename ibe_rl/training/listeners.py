@@ -11,6 +11,7 @@ from torchrl import timeit
 from ibe_rl.collect.schedule import GeometricSchedule, Schedule
 from ibe_rl.storage.checkpoint import BETWEEN, save_policy, save_state
 from ibe_rl.storage.run_folder import CHECKPOINTS, SUMMARY, MetricsTable, write_json
+from ibe_rl.view.relay import News
 from ibe_rl.vocabulary.listener import Listener, Refreshed
 from ibe_rl.vocabulary.refresh_columns import REFRESH_COLUMNS
 
@@ -172,3 +173,18 @@ class Checkpoints(Listener):
         """Write the summary, then the last state: a run killed in between can still be resumed."""
         write_json(self._folder / SUMMARY, summary)
         save_state(self._folder, self._final)
+
+
+class LiveView(Listener):
+    """Reports on the process that serves the live view.
+
+    Args:
+        live: its messages, each returned once.
+    """
+
+    def __init__(self, live: News):
+        self._live = live
+
+    def news(self) -> Iterable[str]:
+        """See ``Listener``."""
+        return self._live()

@@ -19,8 +19,7 @@ from ibe_rl.apps.loggers.tensorboard import Tensorboard
 from ibe_rl.apps.loggers.wandb import Wandb
 from ibe_rl.apps.teach.classroom import Classroom
 from ibe_rl.explain.phrasing import ExplainerState
-from ibe_rl.training.build import LiveView
-from ibe_rl.training.listeners import Checkpoints, Listeners, Standardised, Table
+from ibe_rl.training.listeners import Checkpoints, Listeners, LiveView, Standardised, Table
 from ibe_rl.training.progress import TrainingProgress
 from ibe_rl.training.success_note import SuccessNote
 from ibe_rl.view.run_recorder import RunRecorder
