@@ -45,6 +45,12 @@ class Flipped:
             return -expressions
         return expressions.max(axis=1, keepdims=True) + expressions.min(axis=1, keepdims=True) - expressions
 
+    def degree(self, delta: Array) -> Array:
+        """See ``ClusterMapping``."""
+        if isinstance(self.mapping, ClusterMapping) and self.mapping.membership == "graded":
+            return -self.mapping.degree(delta)
+        return self.express(delta)
+
     def knows(self, delta: Array) -> Array:
         """See ``ibe_rl.types.Mapping``."""
         return self.mapping.knows(delta)

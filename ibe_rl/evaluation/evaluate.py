@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +147,9 @@ def add_observers(
         "baseline:paper": [here.vocabularies["baseline:paper"]],
         "baseline:flipped": [Flipped(here.vocabularies[ours])],
     }
+    with_degrees = here.vocabularies[ours]
+    if isinstance(with_degrees, ClusterMapping) and with_degrees.membership == "graded":
+        vocabularies["words_alone"] = [replace(with_degrees, membership="hard")]
     vocabularies |= {SHUFFLED_CONTROL: here.ensembles[SHUFFLED_CONTROL]} if SHUFFLED_CONTROL in here.ensembles else {}
     true_change = held_out.real_change(own, run.task.explained)[:, 0]
     config = cfg.evaluate

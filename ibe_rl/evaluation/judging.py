@@ -26,6 +26,7 @@ from ibe_rl.evaluation.rows import (
     own_columns,
     score,
     score_confidence,
+    score_words_alone,
     spread_over,
 )
 from ibe_rl.evaluation.verbalise import calibrate, speak
@@ -84,7 +85,7 @@ def _simple(learnt: Learnt, moments: Moments, horizon_steps: int, task: Task, in
     """Statements ``(N, d)`` of all explainers without a vocabulary."""
     at, explained = moments.at(horizon_steps), task.explained
     return cheap_baselines(moments, horizon_steps, task, learnt.regressors, instruction) | {
-        "predicted_change": moments.predicted[:, 0, at][:, explained].astype(float),
+        "predicted_change": moments.predicted[:, :, at].mean(axis=1)[:, explained].astype(float),
         "true_future": moments.real_change(horizon_steps, explained).astype(float),
     }
 
@@ -139,6 +140,7 @@ def _judge_controls(
 def _score(name: str, spoken: Spoken, mapping: ExpressionMapping, task: Task, truth: Truth, own: OwnScores) -> Samples:
     said = expected_motion(mapping, spoken.expression, task.explained)
     scores = score(Statements(name, said, said, truth, spoken), own)
+    scores |= score_words_alone(expected_motion(mapping, spoken.said, task.explained), truth)
     if task.words is None:
         return scores
     return scores | {"word_f1": word_f1(spoken.word, spoken.real_word, spoken.told_word, truth.weights)}

@@ -10,6 +10,7 @@ import numpy as np
 
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments
 from ibe_rl.evaluation.rows import Samples, estimate_json
+from ibe_rl.ibe.mapping import mean_degrees
 from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
@@ -82,7 +83,7 @@ def _expected(
     """Explainer to the positions ``(E,)`` that the observer predicts, one array for each of its vocabularies."""
     assert task.motion is not None
     position, change = _position_and_change(seen, horizon_steps, task)
-    predicted = seen.predicted[:, 0, seen.at(horizon_steps)]
+    predicted = seen.predicted[:, :, seen.at(horizon_steps)]
     expected = {
         name: [observer.reads(position, _along(mapping, predicted, task)) for mapping in several]
         for name, several in vocabularies.items()
@@ -90,14 +91,14 @@ def _expected(
     return {
         NO_EXPLANATION: [carries_on(position, task.motion(seen.state)[:, 0].astype(float), horizon_steps)],
         **expected,
-        "baseline:predicted_change": [position + predicted[:, task.explained[0]]],
+        "baseline:predicted_change": [position + predicted.mean(axis=1)[:, task.explained[0]]],
         "baseline:true_future": [position + change],
     }
 
 
 def _along(mapping: ExpressionMapping, predicted: Array, task: Task) -> Array:
-    """The expressions ``(E,)`` along the one explained dimension."""
-    return expected_motion(mapping, mapping.express(predicted), task.explained)[:, 0]
+    """The expressions ``(E,)`` along the one explained dimension; ``predicted`` ``(E, F, S)``."""
+    return expected_motion(mapping, mean_degrees(mapping, predicted), task.explained)[:, 0]
 
 
 def _report(samples: Mapping[str, Samples], observer: Observer, episodes: int, horizon_steps: int) -> dict[str, Any]:

@@ -30,11 +30,23 @@ OWN_WORDS = ("word_f1",)
 CONFIDENCE = ("brier", "ece", "risk_at_80", "risk_all")
 BALANCE = ("size_cv", "size_max", "left_right")
 WHAT_IF = ("what_if_came_true", "what_if_ece", "listens")
-ROW_METRICS = (*MOTION, "vocabulary_loss", *WORDS, "instruction_f1", *CONFIDENCE, *BALANCE, "observer_error", *WHAT_IF)
+OF_WORDS = "motion_auc_words"
+"""The ``motion_auc`` of the words as they are spoken, without the number beside them."""
+ROW_METRICS = (
+    *MOTION,
+    OF_WORDS,
+    "vocabulary_loss",
+    *WORDS,
+    "instruction_f1",
+    *CONFIDENCE,
+    *BALANCE,
+    "observer_error",
+    *WHAT_IF,
+)
 """The metrics of a row, in the order of the report."""
 IN_EACH_ROW = ("explainer", "horizon_steps", "each", "over", "refits")
 """What else a row may hold; other columns are of metrics of one's own."""
-EACH = (*MOTION, "vocabulary_loss", "instruction_f1")
+EACH = (*MOTION, OF_WORDS, "vocabulary_loss", "instruction_f1")
 """Metrics reported for each number; the row itself holds their mean."""
 COVERAGE = 0.8
 
@@ -150,6 +162,13 @@ def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
     return over_numbers(each)
 
 
+def score_words_alone(said: Array, truth: Truth) -> Samples:
+    """``motion_auc_words`` of the expressions ``(N, d)`` of the spoken words."""
+    numbers = zip(said.T, truth.change.T, truth.instruction.T, truth.band, truth.hard.T, strict=True)
+    each = [motion_scores(*columns[:4], truth.weights, columns[4])["motion_auc"] for columns in numbers]
+    return over_numbers([{OF_WORDS: values} for values in each])
+
+
 def over_numbers(each: Sequence[Samples]) -> Samples:
     """The mean of every metric over the numbers; with several numbers also the metrics of each."""
     means = {metric: mean_over_numbers(metric, [one[metric] for one in each]) for metric in each[0]}
@@ -164,10 +183,10 @@ def numbered(metric: str, number: int) -> str:
 
 
 def add_loss(samples: Samples, ceiling: Samples) -> None:
-    """Add ``vocabulary_loss``, the ``motion_auc`` of the predicted change minus that of the words; also per number."""
-    for metric in [name for name in samples if name.partition("[")[0] == "motion_auc"]:
-        most = ceiling[metric][: len(samples[metric])]
-        samples[metric.replace("motion_auc", "vocabulary_loss")] = most - samples[metric]
+    """Add ``vocabulary_loss``: ``motion_auc`` of the predicted change less ``motion_auc_words``; also per number."""
+    for metric in [name for name in samples if name.partition("[")[0] == OF_WORDS]:
+        most = ceiling[metric.replace(OF_WORDS, "motion_auc")][: len(samples[metric])]
+        samples[metric.replace(OF_WORDS, "vocabulary_loss")] = most - samples[metric]
 
 
 OwnScores = Callable[[Statements], Samples]

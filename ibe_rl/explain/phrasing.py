@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ibe_rl.ibe.mapping import mean_degrees
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
@@ -104,7 +105,7 @@ def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> l
     features, meant = np.column_stack([agreement, mapping.confidence(spoken)]), mapping.knows(spoken)
     confidence = features.prod(axis=1) if calibration is None else calibration.probability(features)
     confidence = np.where(meant, confidence, 0.0)
-    expressions, clusters = mapping.express(spoken), mapping.ids[mapping.cluster(spoken)]
+    expressions, clusters = mean_degrees(mapping, deltas), mapping.ids[mapping.cluster(spoken)]
     return [
         Explanation(
             expression=expressions[row],
@@ -163,7 +164,7 @@ def reworded(said: Sequence[Explanation], explainer: ExplainerState) -> list[Exp
     futures, mapping = np.stack([one.futures for one in said]), explainer.mapping
     phrases, which, agreement = majority_phrases(futures, mapping, explainer.words)
     spoken = futures[np.arange(len(futures)), which]
-    expressions, clusters = mapping.express(spoken), mapping.ids[mapping.cluster(spoken)]
+    expressions, clusters = mean_degrees(mapping, futures), mapping.ids[mapping.cluster(spoken)]
     meant, purity = mapping.knows(spoken), mapping.confidence(spoken)
     return [
         replace(

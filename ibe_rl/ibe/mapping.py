@@ -11,9 +11,9 @@ from sklearn.metrics import pairwise_distances
 
 from ibe_rl.ibe.meaning import Meaning, sayable
 from ibe_rl.ibe.space import Space
-from ibe_rl.types import Array, read_only
+from ibe_rl.types import Array, ExpressionMapping, read_only
 
-MEMBERSHIPS = ("hard", "soft", "direct")
+MEMBERSHIPS = ("hard", "soft", "direct", "graded")
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,8 @@ class ClusterMapping:
         evidence: ``(k,)`` effective number of windows that the mean instructions stand on, earlier ones included.
         ids: ``(k,)`` int, ids of the clusters that last over refreshes (``ibe_rl.ibe.identity``).
         membership: "hard": the expression of the nearest cluster; "soft": the mean of all expressions with Gaussian
-            weights; "direct": the place itself is the expression (``P`` equals ``d``).
+            weights; "direct": the place itself is the expression (``P`` equals ``d``); "graded": the expression is
+            hard, and ``degree`` direct.
         width: standard deviation of these weights, in units of the space.
         meanings: one for each number of an expression; empty: learnt without an interpretation, all count as known.
     """
@@ -52,7 +53,7 @@ class ClusterMapping:
         shapes: dict[str, tuple[int | None, ...]] = {
             "centres": (k, self.space.size),
             "mean_instructions": (k, None),
-            "expressions": (k, places if self.membership == "direct" else None),
+            "expressions": (k, places if self.membership in ("direct", "graded") else None),
             **dict.fromkeys(("sizes", "purities", "evidence", "ids"), (k,)),
         }
         for name, shape in shapes.items():
@@ -71,13 +72,20 @@ class ClusterMapping:
 
     def express(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to expressions ``(W, d)``: the paper's equation 2, unless ``membership`` differs."""
-        if self.membership == "hard":
+        if self.membership in ("hard", "graded"):
             return self.expressions[self.cluster(delta)]
         places = self.space.place(delta)
         if self.membership == "direct":
-            return np.clip(self.space.spread_out(places), -1, 1)
+            return self._movement(places)
         near = softmax(-((pairwise_distances(places, self.centres) / self.width) ** 2) / 2, axis=1)
         return near @ self.expressions
+
+    def degree(self, delta: Array) -> Array:
+        """Changes ``(W, S)`` to numbers ``(W, d)`` beside the words, finer than ``express`` if it is graded."""
+        return self._movement(self.space.place(delta)) if self.membership == "graded" else self.express(delta)
+
+    def _movement(self, places: Array) -> Array:
+        return np.clip(self.space.spread_out(places), -1, 1)
 
     def knows(self, delta: Array) -> Array:
         """For which changes ``(W, S)`` the meaning of the expression is known, ``(W,)`` bool."""
@@ -114,6 +122,14 @@ class ClusterMapping:
 
 
 _ARRAYS = ("centres", "mean_instructions", "expressions", "sizes", "purities", "evidence", "ids")
+
+
+def mean_degrees(mapping: ExpressionMapping, deltas: Array) -> Array:
+    """The mean ``(N, d)`` over the futures of ``degree``, or else ``express``, of changes ``(N, F, S)``."""
+    count, futures, size = deltas.shape
+    degree = getattr(mapping, "degree", mapping.express)
+    mean: Array = degree(deltas.reshape(-1, size)).reshape(count, futures, -1).mean(axis=1)
+    return mean
 
 
 def gap_between(centres: Array) -> float:

@@ -24,8 +24,9 @@ class IBEConfig(MappingConfig):
     symmetric: bool = False  # mirror the clusters, as many on each side of 0
     # of mean instructions: range to [-1, 1], largest magnitude to 1, or expressions as large as the movement
     normalisation: str = setting("minmax", choices=("minmax", "sign", "movement"))
-    # the expression is of the nearest cluster, a mean over clusters by proximity, or the movement without clusters
-    membership: str = setting("hard", choices=("hard", "soft", "direct"))
+    # the expression is of the nearest cluster, a mean over clusters by proximity, the movement without clusters, or
+    # the words are of the nearest cluster and the number beside them is the movement
+    membership: str = setting("hard", choices=("hard", "soft", "direct", "graded"))
     weigh_followed: bool = False  # weight windows by how well the instruction was followed
     hidden: list[int] = field(default_factory=lambda: [32, 32])  # layer widths of space=network
     n_init: int = setting(4, low=1)  # k-means initialisations when no earlier vocabulary is used
@@ -57,7 +58,14 @@ def check_settings(estimator: Any) -> None:
             not has_axes and e.normalisation == "movement",
             f"normalisation=movement: allowed are minmax, sign with space={e.space}",
         ),
-        (not has_axes and e.membership == "direct", f"membership=direct: allowed are hard, soft with space={e.space}"),
+        (
+            not has_axes and e.membership in ("direct", "graded"),
+            f"membership={e.membership}: allowed are hard, soft with space={e.space}",
+        ),
+        (
+            e.membership == "graded" and e.normalisation != "movement",
+            f"membership=graded: allowed are hard, soft, direct with normalisation={e.normalisation}",
+        ),
         (not has_axes and e.split == "quantile", f"split=quantile: allowed are kmeans, bisecting with space={e.space}"),
         (e.space == "network" and e.last is not None, "last: allowed is None with space=network, which has no centres"),
         (

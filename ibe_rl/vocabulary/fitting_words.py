@@ -60,5 +60,5 @@ def _with_all(mapping: ClusterMapping, heard: Array) -> ClusterMapping:
     means, expressions = np.zeros((2, len(mapping.ids), len(heard)))
     expressions += min(0.0, float(mapping.expressions.min()))
     means[:, heard], expressions[:, heard] = mapping.mean_instructions, mapping.expressions
-    membership = "hard" if mapping.membership == "direct" else mapping.membership
+    membership = mapping.membership if mapping.membership == "soft" else "hard"
     return replace(mapping, mean_instructions=means, expressions=expressions, membership=membership)
