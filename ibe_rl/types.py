@@ -152,7 +152,7 @@ class Explanation:
     """The agent's explanation, at one moment, of its next ``horizon_steps`` steps.
 
     Attributes:
-        expression: ``(d,)`` in [-1, 1], the instructor's scale (m_t in the paper).
+        expression: ``(d,)`` in [-1, 1], the instructor's scale (m_t in the paper); the mean over the futures.
         phrase: the expression in words.
         cluster: id of the cluster of the predicted change, stable across refreshes.
         delta_state: ``(S,)`` predicted change of the state.

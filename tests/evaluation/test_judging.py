@@ -25,10 +25,13 @@ class Nothing:
 
 
 def flights(seed: int) -> Moments:
-    """Half of the moments up, half down; told at random; foreseen exactly in the first of three futures."""
+    """Half of the moments up, half down; told at random; foreseen in the first of three futures, or in all of them.
+
+    The mean over the futures has the right direction everywhere, most of the futures only somewhere.
+    """
     random = np.random.default_rng(seed)
     change = random.permutation(np.repeat([-3.0, -1.5, 0, 1.5, 3], EPISODES))
-    other = random.permutation(change)
+    other = np.where(random.permutation(len(change)) % 2, change, 0)
     futures = np.column_stack([change, other, other])
     found = random.integers(-1, 2, len(change))
     return moments(change, futures, found, np.repeat(np.arange(EPISODES), 5), speed=-change)
@@ -74,17 +77,18 @@ def test_who_is_right_and_who_is_wrong(judged: Judged):
         assert values(judged, name, "motion_auc") == 0
     assert values(judged, "baseline:constant", "motion_auc") == 0.5
     assert values(judged, "baseline:constant", "motion_spearman") is None
-    assert values(judged, "baseline:flipped", "motion_spearman") == -values(judged, OURS, "motion_spearman") < -0.9
+    assert values(judged, "baseline:flipped", "motion_spearman") == -values(judged, OURS, "motion_spearman") < -0.8
     assert 0.2 < values(judged, "baseline:another_moment", "motion_auc") < 0.8
     assert values(judged, "baseline:last_instruction", "instruction_f1") == 1
     assert values(judged, "baseline:paper", "motion_auc") < 1  # calls small movements down nothing
 
 
-def test_what_the_vocabulary_loses_is_against_the_predicted_change(judged: Judged):
-    assert values(judged, OURS, "vocabulary_loss") == 0
-    assert values(judged, "baseline:flipped", "vocabulary_loss") == 1
-    expected = 1 - values(judged, "baseline:paper", "motion_auc")
-    assert values(judged, "baseline:paper", "vocabulary_loss") == pytest.approx(expected, abs=1e-5)
+def test_what_the_vocabulary_loses_is_of_the_words_alone_against_the_predicted_change(judged: Judged):
+    assert 0.5 < values(judged, OURS, "motion_auc_words") < 1  # most futures say that nothing moves
+    for name in (OURS, "baseline:flipped", "baseline:paper"):
+        expected = 1 - values(judged, name, "motion_auc_words")
+        assert values(judged, name, "vocabulary_loss") == pytest.approx(expected, abs=1e-5)
+    assert values(judged, "baseline:present_velocity", "motion_auc_words") is None
     assert values(judged, "baseline:present_velocity", "vocabulary_loss") is None
 
 

@@ -21,6 +21,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         "normalisation=movement: allowed are minmax, sign with space=all",
     ),
     "direct of all": ({"membership": "direct"}, "membership=direct: allowed are hard, soft with space=all"),
+    "graded of all": ({"membership": "graded"}, "membership=graded: allowed are hard, soft with space=all"),
+    "graded of signs": (
+        {"space": "rule", "normalisation": "sign", "membership": "graded"},
+        "membership=graded: allowed are hard, soft, direct with normalisation=sign",
+    ),
     "quantiles of all": ({"split": "quantile"}, "split=quantile: allowed are kmeans, bisecting with space=all"),
     "a network goes on": ({"space": "network", "last": "some"}, "last: allowed is None with space=network"),
     "halving goes on": ({"split": "bisecting", "last": "some"}, "last: allowed is None with split=bisecting"),

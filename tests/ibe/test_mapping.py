@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,7 +10,9 @@ from by_hand import column, on_a_line
 from groups import DOWN, LEFT, RIGHT, fit, groups
 
 from ibe_rl.ibe import ClusterMapping
+from ibe_rl.ibe.mapping import MEMBERSHIPS, mean_degrees
 from ibe_rl.ibe.space import along
+from ibe_rl.types import ExpressionMapping
 
 ARRAYS = ("centres", "mean_instructions", "expressions", "sizes", "purities", "evidence", "ids")
 
@@ -62,6 +64,30 @@ def test_a_direct_expression_is_the_place_itself_up_to_its_limits(power: float):
     assert along_the_first(power).cluster(delta[1:3]).tolist() == [1, 0]
 
 
+def test_a_graded_mapping_has_the_words_of_its_clusters_and_the_number_of_the_place():
+    delta = np.array([[0.2, 9.0], [1.0, -9.0], [-0.5, 0.0], [7.0, 1.0]])
+    graded = replace(along_the_first(), membership="graded")
+    assert graded.express(delta)[:, 0].tolist() == replace(graded, membership="hard").express(delta)[:, 0].tolist()
+    np.testing.assert_allclose(graded.degree(delta)[:, 0], [0.1, 0.5, -0.25, 1])
+    for membership in ("hard", "soft", "direct"):
+        other = replace(graded, membership=membership)
+        np.testing.assert_array_equal(other.degree(delta), other.express(delta))
+
+
+def test_the_mean_degree_is_over_the_futures_of_a_moment():
+    futures = np.array([[[0.2, 0.0], [1.0, 0.0]], [[-8.0, 0.0], [2.0, 0.0]]])
+    graded = replace(along_the_first(), membership="graded")
+    np.testing.assert_allclose(mean_degrees(graded, futures)[:, 0], [0.3, 0])  # at most 1 each
+    np.testing.assert_allclose(mean_degrees(cast(ExpressionMapping, OnlyWords()), futures)[:, 0], [1, 0])
+
+
+class OnlyWords:
+    """A mapping of one's own, without degrees."""
+
+    def express(self, delta: np.ndarray) -> np.ndarray:
+        return np.sign(delta[:, :1])
+
+
 def test_a_direct_expression_has_as_many_numbers_as_the_space():
     with pytest.raises(ValueError, match=r"expressions has shape \(2, 2\), expected \(2, 1\)"):
         replace(along_the_first(), expressions=np.zeros((2, 2)))
@@ -79,7 +105,7 @@ def test_centres_are_given_as_changes_of_the_state():
     np.testing.assert_allclose(mapping.centre_changes()[:, 1], groups()[0][:, 1].mean())
 
 
-@pytest.mark.parametrize("membership", ["hard", "soft", "direct"])
+@pytest.mark.parametrize("membership", MEMBERSHIPS)
 def test_a_mapping_survives_json(membership: str):
     mapping = replace(along_the_first(1 / 3), membership=membership, width=0.7)
     again = ClusterMapping.from_dict(json.loads(json.dumps(mapping.to_dict())))
