@@ -18,6 +18,10 @@ from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.types import Array, Episode, ExpressionMapping
 
 
+DRAWN = 10_000
+"""Most windows in which distinct ones are looked for."""
+
+
 @dataclass(frozen=True)
 class Flipped:
     """A vocabulary with every expression negated."""
@@ -68,8 +72,8 @@ def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generat
     spread = windows.delta.std(axis=0)
     space = scaled(windows.delta.mean(axis=0), 1 / np.where(spread > 0, spread, 1))
     places = space.place(windows.delta)
-    distinct = np.unique(places, axis=0)
-    centres = distinct[random.permutation(len(distinct))[:n_clusters]]
+    drawn = places[random.permutation(len(places))[:DRAWN]]
+    centres = drawn[np.sort(np.unique(drawn, axis=0, return_index=True)[1])[:n_clusters]]
     k, labels = len(centres), pairwise_distances_argmin(places, centres)
     sizes = np.bincount(labels, minlength=k)
     counts = np.maximum(sizes, 1)

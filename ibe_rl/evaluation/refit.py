@@ -73,16 +73,19 @@ class Refits:
 
     def __init__(self, run: TrainedRun, seed: int):
         self._run, self._seed, self._log = run, seed, open_log(run.folder)
+        self._read: dict[str, TrainingEpisodes] = {}
 
     def lessons(self, config: MappingConfig) -> TrainingEpisodes:
-        """The training episodes of ``config``.
+        """The training episodes of ``config``, read once: how late the instructor is takes seconds to find.
 
         Raises:
             ConfigError: if there are none.
         """
         used = replace(config, newest_frames=self._run.config.mapping.newest_frames)
-        with self._enough():
-            return read_training_episodes(self._log, used, self._seed)
+        if repr(used) not in self._read:
+            with self._enough():
+                self._read[repr(used)] = read_training_episodes(self._log, used, self._seed)
+        return self._read[repr(used)]
 
     def fit(self, config: MappingConfig, horizon_steps: int, lessons: TrainingEpisodes | None = None) -> ClusterMapping:
         """Learn a vocabulary from scratch, from the log or from given lessons.
