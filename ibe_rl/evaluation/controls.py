@@ -17,7 +17,6 @@ from ibe_rl.ibe.vocabulary import normalise
 from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.types import Array, Episode, ExpressionMapping
 
-
 DRAWN = 10_000
 """Most windows in which distinct ones are looked for."""
 
