@@ -44,7 +44,7 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     weights = episode_weights(moments.episode, config.resamples, config.seed)
     judged = judge(learnt, moments, held_out, own, run.task, weights, config.seed, own=own_metrics.score)
     rows = rows_of(judged)
-    true_change = held_out.real_change(own, run.task.explained)[:, 0]
+    true_change = held_out.real_change(own, run.task.explained)
     vocabularies = {name: [mapping] for name, mapping in learnt.vocabularies.items()}
     samples, observers = observe_all(both, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     add_errors(rows, samples, own)
@@ -52,7 +52,7 @@ def compare(run: TrainedRun, cfg: ExplainConfig) -> None:
     path = run.folder / EVALUATION / "compare.json"
     write_json(path, {"protocol": about, "rows": rows, "paired": all_pairs(judged), "observers": observers})
     tables.print_rows(rows, f"{run.folder.name}: mappings learnt from its log, the next {own} steps")
-    tables.print_observers(observers, rows)
+    tables.print_observers(observers)
     tables.console().print(f"numbers: {path}", soft_wrap=True)
 
 

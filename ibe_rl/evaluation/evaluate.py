@@ -151,7 +151,7 @@ def add_observers(
     if isinstance(with_degrees, ClusterMapping) and with_degrees.membership == "graded":
         vocabularies["words_alone"] = [replace(with_degrees, membership="hard")]
     vocabularies |= {SHUFFLED_CONTROL: here.ensembles[SHUFFLED_CONTROL]} if SHUFFLED_CONTROL in here.ensembles else {}
-    true_change = held_out.real_change(own, run.task.explained)[:, 0]
+    true_change = held_out.real_change(own, run.task.explained)
     config = cfg.evaluate
     samples, scored = observe_all(moments, true_change, own, run.task, vocabularies, config.resamples, config.seed)
     rows = [row for one in judged.values() for row in rows_of(one)]
@@ -218,7 +218,7 @@ def print_results(quality: dict[str, Any], observers: dict[str, Any], own: int, 
         )
     console.print(tables.paired_table(quality["paired"], own))
     console.print(tables.horizons_table(rows, shown))
-    tables.print_observers(observers, rows)
+    tables.print_observers(observers)
     if quality["changing_policy"]:
         console.print(tables.changing_table(quality["changing_policy"]))
     if quality["spoken"]:

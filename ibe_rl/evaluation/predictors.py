@@ -103,7 +103,7 @@ def judge_age(
         judged = judge(learnt, here, held_out.judged(), n, run.task, weights, config.seed)
         exact = exact or judged
         row = next(row for row in rows_of(judged) if row["explainer"] == _OURS)
-        change = held_out.real_change(n, run.task.explained)[:, 0]
+        change = held_out.real_change(n, run.task.explained)
         vocabularies = {_OURS: [age.saved.mapping]}
         samples, _ = observe_all(moments, change, n, run.task, vocabularies, config.resamples, config.seed)
         add_errors([row], samples, n)

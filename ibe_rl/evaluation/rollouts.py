@@ -86,13 +86,16 @@ def _of_episode(
 
 
 def _observed_step(episode: Episode, plan: Plan, task: Task) -> int | None:
-    """The step of the observer's prediction; None without a contact, or with too few steps before it."""
-    if plan.observer_steps is None or task.first_contact is None:
+    """The step of the observer's prediction, a fixed time before the first contact or, if none is declared, the end.
+
+    None with too few steps before it.
+    """
+    if plan.observer_steps is None:
         return None
-    contact = task.first_contact(episode.states)
-    if contact < SEEN_STEPS + plan.observer_steps:
+    end = len(episode) if task.first_contact is None else task.first_contact(episode.states)
+    if end < SEEN_STEPS + plan.observer_steps:
         return None
-    return contact - plan.observer_steps
+    return end - plan.observer_steps
 
 
 def predict_futures(

@@ -200,12 +200,10 @@ def print_rows(rows: Sequence[dict[str, Any]], title: str) -> None:
         shown.print(own_table(rows))
 
 
-def print_observers(observers: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
-    """Print the results of the simulated observer, or why there are none for several numbers."""
+def print_observers(observers: dict[str, Any]) -> None:
+    """Print the results of the simulated observer, if there are any."""
     if observers["rows"]:
         console().print(observers_table(observers))
-    elif "each" in rows[0]:
-        console().print(f"no simulated observer: it reads one component, here there are {len(rows[0]['each'])}")
 
 
 BESIDE_EXACT = {

@@ -147,12 +147,16 @@ def test_ages_are_judged_on_the_means():
     assert [age["motion_auc"]["value"] for age in ages] == [0.5, 1]
 
 
-def test_the_observer_listens_to_one_number_only():
+def test_the_observer_reads_each_number_on_its_own_scale():
+    """Typically two metres and 1 m/s, two of three times; an error is the mean of both, in % of the range 1."""
     here = flights(0)
-    assert observe_all(here, here.realised[:, 0, 0], 5, TASK, {OURS: [words()]}, 20, 0) == (
-        {},
-        {"episodes": 0, "rows": []},
-    )
+    both = {OURS: [words()], "baseline:paper": [words(second=-1.0)]}
+    _, report = observe_all(here, here.realised[:, 0, :2], 5, TASK, both, 20, 0)
+    assert (report["episodes"], report["typical"]) == (9 * EPISODES, [2, 1])
+    found = {row["explainer"]: row["observer_error"]["value"] for row in report["rows"]}
+    assert found[OURS] == found["baseline:predicted_change"] == 0
+    assert found["baseline:paper"] == pytest.approx(100 * (0 + 2 / 3 * 2) / 2, abs=1e-4)  # the speed the wrong way
+    assert found["no_explanation"] == pytest.approx(100 * (2 / 3 * 2 + 2 / 3 * 1) / 2, abs=1e-4)  # it stands still
 
 
 def test_moments_have_a_column_a_number(judged: Judged, tmp_path: Path):
@@ -166,10 +170,10 @@ def test_moments_have_a_column_a_number(judged: Judged, tmp_path: Path):
 def test_tables_and_figures_show_each_number(judged: Judged, capsys: pytest.CaptureFixture[str]):
     rows = rows_of(judged)
     tables.print_rows(rows, "both")
-    tables.print_observers({"episodes": 0, "rows": []}, rows)
+    tables.print_observers({"episodes": 0, "rows": []})
     said = capsys.readouterr().out
     assert "Each component of the instruction" in said
-    assert "no simulated observer: it reads one component, here there are 2" in said
+    assert "observer" not in said
     titles = [axis.get_title() for axis in figures.by_explainer(rows, 5).axes]
     assert titles == [
         "all moments\n(mean of 2 numbers)",

@@ -1,5 +1,6 @@
 """Real flights of the demo's policy: which moments are taken, what followed, and what was predicted."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from ibe_rl.evaluation.rollouts import predict_futures, take_moments
 from ibe_rl.instructors import make_instructor
 from ibe_rl.predict.simulator import Simulator
 from ibe_rl.storage.checkpoint import load, policies
+from ibe_rl.task import Task
 from ibe_rl.types import Episode
 
 ROOT = Path(__file__).parents[2]
@@ -37,9 +39,9 @@ def policy() -> Any:
     return agent.greedy
 
 
-def rolled_out(policy: Any, plan: Plan = PLAN, kind: str = "oracle") -> Moments:
+def rolled_out(policy: Any, plan: Plan = PLAN, kind: str = "oracle", task: Task = LANDER_TASK) -> Moments:
     run: Any = SimpleNamespace(
-        folder=None, make_env=make, task=LANDER_TASK, config=SimpleNamespace(instructor=InstructorConfig(kind))
+        folder=None, make_env=make, task=task, config=SimpleNamespace(instructor=InstructorConfig(kind))
     )
     taken = take_moments(run, policy, SEEDS, plan)
     return predict_futures(taken, policy, Simulator(make, LANDER_TASK.rule), plan, "futures")
@@ -76,6 +78,11 @@ def test_every_so_many_steps_and_once_for_the_observer(moments: Moments, episode
         assert contact > SEEN_STEPS + 30
         assert here.step[here.observed].tolist() == [contact - 30]
         assert (here.regular | here.observed).all()
+
+
+def test_without_a_contact_the_end_is_foretold(policy: Any, episodes: list[Episode]):
+    found = rolled_out(policy, task=replace(LANDER_TASK, first_contact=None))
+    assert found.step[found.observed].tolist() == [len(episode) - 30 for episode in episodes]
 
 
 def test_who_lands_too_early_is_not_observed(policy: Any):

@@ -18,7 +18,7 @@ HERE = moments(
     speed=[2, 2, 2],
     observed=[True, True, False],
 )
-TRUE_CHANGE = np.array([2.0, -2, 2, 0.1, 0])  # typically two metres, if it moves at all
+TRUE_CHANGE = np.array([[2.0], [-2], [2], [0.1], [0]])  # typically two metres, if it moves at all
 
 
 def test_errors_are_in_percent_of_the_range():
