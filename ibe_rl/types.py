@@ -101,9 +101,8 @@ class Episode:
             "terminated": last & self.terminated,
             "success": last & self.success,
         }
-        if self.percepts is not None:
-            columns |= {"percept": self.percepts[:-1], "next_percept": self.percepts[1:]}
-        return {name: column[None] for name, column in columns.items()}
+        seen = {} if self.percepts is None else {"percept": self.percepts[:-1], "next_percept": self.percepts[1:]}
+        return {name: column[None] for name, column in (columns | seen).items()}
 
     @property
     def total_reward(self) -> float:
@@ -152,7 +151,7 @@ class Explanation:
     """The agent's explanation, at one moment, of its next ``horizon_steps`` steps.
 
     Attributes:
-        expression: ``(d,)`` in [-1, 1], the instructor's scale (m_t in the paper); the mean over the futures.
+        expression: ``(d,)`` in [-1, 1], the instructor's scale (m_t in the paper).
         phrase: the expression in words.
         cluster: id of the cluster of the predicted change, stable across refreshes.
         delta_state: ``(S,)`` predicted change of the state.
@@ -173,6 +172,7 @@ class Explanation:
         later_futures: ``(L, S)`` as ``futures``, over windows that begin a few steps later.
         trusted_share: of the futures, to the horizon.
         of_the_moment: the phrase of this moment alone, where an earlier one still holds; None: it is ``phrase``.
+        movement: ``(d,)`` the number beside the phrase, a mean over the futures; None: the expression.
     """
 
     expression: Array
@@ -196,6 +196,7 @@ class Explanation:
     later_futures: Array = field(default_factory=lambda: np.zeros((0, 0)))
     trusted_share: float = 1.0
     of_the_moment: str | None = None
+    movement: Array | None = None
 
     @property
     def trusted(self) -> bool:
@@ -211,8 +212,7 @@ class Explanation:
     @property
     def said(self) -> str:
         """The phrase, or that the agent does not know or cannot tell."""
-        told = self.phrase if self.known else DOES_NOT_KNOW
-        return told if self.meant else CANNOT_TELL
+        return (self.phrase if self.known else DOES_NOT_KNOW) if self.meant else CANNOT_TELL
 
     @property
     def all_spans(self) -> list[Explanation]:
@@ -283,8 +283,8 @@ class Prediction:
     uncertainty: Array
 
     def __post_init__(self) -> None:
-        count = len(self.paths)
-        for name, shape in (("paths", (None, None, None)), ("trusted_steps", (count,)), ("uncertainty", (count,))):
+        each = (len(self.paths),)
+        for name, shape in (("paths", (None, None, None)), ("trusted_steps", each), ("uncertainty", each)):
             object.__setattr__(self, name, read_only(getattr(self, name), shape, f"Prediction.{name}"))
 
     @classmethod

@@ -48,10 +48,10 @@ class Flipped:
             return -expressions
         return expressions.max(axis=1, keepdims=True) + expressions.min(axis=1, keepdims=True) - expressions
 
-    def degree(self, delta: Array) -> Array:
+    def movement(self, delta: Array) -> Array:
         """See ``ClusterMapping``."""
         if isinstance(self.mapping, ClusterMapping) and self.mapping.membership == "graded":
-            return -self.mapping.degree(delta)
+            return -self.mapping.movement(delta)
         return self.express(delta)
 
     def knows(self, delta: Array) -> Array:

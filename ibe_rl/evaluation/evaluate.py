@@ -147,9 +147,9 @@ def add_observers(
         "baseline:paper": [here.vocabularies["baseline:paper"]],
         "baseline:flipped": [Flipped(here.vocabularies[ours])],
     }
-    with_degrees = here.vocabularies[ours]
-    if isinstance(with_degrees, ClusterMapping) and with_degrees.membership == "graded":
-        vocabularies["words_alone"] = [replace(with_degrees, membership="hard")]
+    graded = here.vocabularies[ours]
+    if isinstance(graded, ClusterMapping) and graded.membership == "graded":
+        vocabularies["words_alone"] = [replace(graded, membership="hard")]
     vocabularies |= {SHUFFLED_CONTROL: here.ensembles[SHUFFLED_CONTROL]} if SHUFFLED_CONTROL in here.ensembles else {}
     true_change = held_out.real_change(own, run.task.explained)
     config = cfg.evaluate

@@ -107,7 +107,7 @@ class Spoken:
     """The explanations of one vocabulary at ``N`` moments for one horizon.
 
     Attributes:
-        expression: ``(N, d)`` the mean over the futures, for the motion metrics; see ``mean_degrees``.
+        expression: ``(N, d)`` the mean over the futures, for the motion metrics; see ``mean_movements``.
         true: ``(N,)`` bool, whether the real change has the same phrase as the first future.
         phrase: ``(N,)`` the explanation: the most frequent phrase among the futures.
         which: ``(N,)`` index of the first future with that phrase.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ibe_rl.evaluation.moments import SEEN_STEPS, Moments
 from ibe_rl.evaluation.rows import Samples, estimate_json
-from ibe_rl.ibe.mapping import mean_degrees
+from ibe_rl.ibe.mapping import mean_movements
 from ibe_rl.ibe.word_meaning import expected_motion
 from ibe_rl.metrics.bootstrap import episode_weights, weighted_mean
 from ibe_rl.metrics.observer import Observer, calibrate_observer, carries_on, observer_errors
@@ -114,7 +114,7 @@ def _read(observers: Sequence[Observer], position: Array, said: Array) -> Array:
 
 def _along(mapping: ExpressionMapping, predicted: Array, task: Task) -> Array:
     """The expressions ``(E, d)`` along the explained dimensions; ``predicted`` ``(E, F, S)``."""
-    return expected_motion(mapping, mean_degrees(mapping, predicted), task.explained)
+    return expected_motion(mapping, mean_movements(mapping, predicted), task.explained)
 
 
 def _report(

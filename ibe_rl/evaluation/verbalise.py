@@ -8,7 +8,7 @@ import numpy as np
 
 from ibe_rl.evaluation.moments import Moments, Spoken
 from ibe_rl.explain.phrasing import CONFIDENCE_FEATURES, majority_phrases
-from ibe_rl.ibe.mapping import mean_degrees
+from ibe_rl.ibe.mapping import mean_movements
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.ibe.word_meaning import top_words
 from ibe_rl.metrics.confidence import Calibration
@@ -25,7 +25,7 @@ def speak(mapping: ExpressionMapping, moments: Moments, horizon_steps: int, word
     realised = mapping.express(moments.realised[:, at])
     real = phrases_of(realised, words)
     return Spoken(
-        expression=mean_degrees(mapping, predicted),
+        expression=mean_movements(mapping, predicted),
         true=phrases_of(first, words) == real,
         phrase=np.array(phrases),
         which=which,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibe_rl.ibe.mapping import mean_degrees
+from ibe_rl.ibe.mapping import mean_movements
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
@@ -105,7 +105,8 @@ def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> l
     features, meant = np.column_stack([agreement, mapping.confidence(spoken)]), mapping.knows(spoken)
     confidence = features.prod(axis=1) if calibration is None else calibration.probability(features)
     confidence = np.where(meant, confidence, 0.0)
-    expressions, clusters = mean_degrees(mapping, deltas), mapping.ids[mapping.cluster(spoken)]
+    expressions, clusters = mapping.express(spoken), mapping.ids[mapping.cluster(spoken)]
+    movements = mean_movements(mapping, deltas)
     return [
         Explanation(
             expression=expressions[row],
@@ -125,6 +126,7 @@ def _of_span(paths: Array, trusted_steps: Array, explainer: ExplainerState) -> l
             in_words=isinstance(explainer.words, Words),
             later_futures=np.array([each[row] for each in later]).reshape(-1, deltas.shape[2]),
             trusted_share=float(np.mean(trusted_steps[row] >= steps)),
+            movement=movements[row],
         )
         for row, phrase in enumerate(phrases)
     ]
@@ -164,7 +166,8 @@ def reworded(said: Sequence[Explanation], explainer: ExplainerState) -> list[Exp
     futures, mapping = np.stack([one.futures for one in said]), explainer.mapping
     phrases, which, agreement = majority_phrases(futures, mapping, explainer.words)
     spoken = futures[np.arange(len(futures)), which]
-    expressions, clusters = mean_degrees(mapping, futures), mapping.ids[mapping.cluster(spoken)]
+    expressions, clusters = mapping.express(spoken), mapping.ids[mapping.cluster(spoken)]
+    movements = mean_movements(mapping, futures)
     meant, purity = mapping.knows(spoken), mapping.confidence(spoken)
     return [
         replace(
@@ -176,6 +179,7 @@ def reworded(said: Sequence[Explanation], explainer: ExplainerState) -> list[Exp
             agreement=float(agreement[row]),
             purity=float(purity[row]),
             meant=bool(meant[row]),
+            movement=movements[row],
             spans=(),
         )
         for row, one in enumerate(said)

@@ -26,8 +26,8 @@ class SteadySpeaker:
 
     Each future of a moment votes for the phrase of its change, over the windows that begin at ``AHEAD_STEPS``, less
     where the predictor distrusts it. The phrase with most of the votes of the last steps is said, a new one only if
-    this moment votes for it. ``agreement`` is its share of them. The predicted change is that of a future with this
-    phrase, or else the last one with it; the expression is the mean over the futures of the moment.
+    this moment votes for it. ``agreement`` is its share of them. The expression is that of a future with this phrase,
+    or else the last one with it; ``movement`` stays that of the moment.
 
     Args:
         explainer: that made the explanations.
@@ -113,6 +113,7 @@ class _Voice:
         found = delta[None]
         return {
             "delta_state": delta,
+            "expression": mapping.express(found)[0],
             "cluster": int(mapping.ids[mapping.cluster(found)[0]]),
             "purity": float(mapping.confidence(found)[0]),
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -11,7 +12,7 @@ from sklearn.metrics import pairwise_distances
 
 from ibe_rl.ibe.meaning import Meaning, sayable
 from ibe_rl.ibe.space import Space
-from ibe_rl.types import Array, ExpressionMapping, read_only
+from ibe_rl.types import Array, Explanation, ExpressionMapping, read_only
 
 MEMBERSHIPS = ("hard", "soft", "direct", "graded")
 
@@ -31,7 +32,7 @@ class ClusterMapping:
         ids: ``(k,)`` int, ids of the clusters that last over refreshes (``ibe_rl.ibe.identity``).
         membership: "hard": the expression of the nearest cluster; "soft": the mean of all expressions with Gaussian
             weights; "direct": the place itself is the expression (``P`` equals ``d``); "graded": the expression is
-            hard, and ``degree`` direct.
+            hard, and ``movement`` direct.
         width: standard deviation of these weights, in units of the space.
         meanings: one for each number of an expression; empty: learnt without an interpretation, all count as known.
     """
@@ -76,15 +77,15 @@ class ClusterMapping:
             return self.expressions[self.cluster(delta)]
         places = self.space.place(delta)
         if self.membership == "direct":
-            return self._movement(places)
+            return self._along(places)
         near = softmax(-((pairwise_distances(places, self.centres) / self.width) ** 2) / 2, axis=1)
         return near @ self.expressions
 
-    def degree(self, delta: Array) -> Array:
+    def movement(self, delta: Array) -> Array:
         """Changes ``(W, S)`` to numbers ``(W, d)`` beside the words, finer than ``express`` if it is graded."""
-        return self._movement(self.space.place(delta)) if self.membership == "graded" else self.express(delta)
+        return self._along(self.space.place(delta)) if self.membership == "graded" else self.express(delta)
 
-    def _movement(self, places: Array) -> Array:
+    def _along(self, places: Array) -> Array:
         return np.clip(self.space.spread_out(places), -1, 1)
 
     def knows(self, delta: Array) -> Array:
@@ -124,12 +125,17 @@ class ClusterMapping:
 _ARRAYS = ("centres", "mean_instructions", "expressions", "sizes", "purities", "evidence", "ids")
 
 
-def mean_degrees(mapping: ExpressionMapping, deltas: Array) -> Array:
-    """The mean ``(N, d)`` over the futures of ``degree``, or else ``express``, of changes ``(N, F, S)``."""
+def mean_movements(mapping: ExpressionMapping, deltas: Array) -> Array:
+    """The mean ``(N, d)`` over the futures of ``movement``, or else ``express``, of changes ``(N, F, S)``."""
     count, futures, size = deltas.shape
-    degree = getattr(mapping, "degree", mapping.express)
-    mean: Array = degree(deltas.reshape(-1, size)).reshape(count, futures, -1).mean(axis=1)
+    movement = getattr(mapping, "movement", mapping.express)
+    mean: Array = movement(deltas.reshape(-1, size)).reshape(count, futures, -1).mean(axis=1)
     return mean
+
+
+def movements_said(said: Sequence[Explanation]) -> Array:
+    """The numbers ``(N, d)`` beside the phrases of explanations."""
+    return np.array([one.expression if one.movement is None else one.movement for one in said], float)
 
 
 def gap_between(centres: Array) -> float:

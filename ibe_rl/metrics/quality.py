@@ -10,6 +10,7 @@ from scipy.stats import spearmanr
 from sklearn.metrics import roc_auc_score
 
 from ibe_rl.ibe.delta import Windows, delta_states
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.vocabulary import phrases_of
 from ibe_rl.ibe.word_meaning import asked_motion, expected_motion
 from ibe_rl.metrics.bootstrap import weighted_auc, weighted_f1, weighted_spearman
@@ -230,7 +231,7 @@ def episode_scores(
     """
     change = delta_states(episode.states, said[0].horizon_steps, end="clamp")[:, task.explained]
     meant = np.array([one.meant for one in said], bool)
-    expressions = expected_motion(mapping, np.array([one.expression for one in said]), task.explained)
+    expressions = expected_motion(mapping, movements_said(said), task.explained)
     told = asked_motion(mapping, np.asarray(episode.instructions), task.explained, task.explained_band)
     return [
         {

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
 
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import RecordedRollout, Shape, Task
 from ibe_rl.types import Array, Explanation
@@ -201,7 +202,9 @@ def _gauge(
         corners = [(x, top), (x - 7 * FINER, top - 12 * FINER), (x + 7 * FINER, top - 12 * FINER)]
         draw.polygon(corners, fill=colours.INSTRUCTED)
     if said.known:
-        draw.ellipse(_around(middle + float(said.expression[number]) * half, y, 8 * FINER), fill=shade_of(said))
+        draw.ellipse(
+            _around(middle + float(movements_said([said])[0, number]) * half, y, 8 * FINER), fill=shade_of(said)
+        )
 
 
 def shade_of(said: Explanation) -> tuple[int, int, int]:

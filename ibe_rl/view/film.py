@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, Explanation
@@ -168,10 +169,10 @@ class Film:
         episode, said = take.watched.episode, take.said
         instructions = np.array(episode.instructions, float)
         instructions[~np.asarray(episode.given, bool)] = np.nan
-        expressions = np.array([one.expression for one in said], float)
-        expressions[~np.array([one.meant for one in said], bool)] = np.nan  # a word that says nothing has no number
+        movements = movements_said(said)
+        movements[~np.array([one.meant for one in said], bool)] = np.nan  # a word that says nothing has no number
         times = take.place.columns(np.arange(len(said) + 1))
-        for name, values in (("instruction", instructions), ("explanation", expressions)):
+        for name, values in (("instruction", instructions), ("explanation", movements)):
             values = np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan)  # no line on to the next episode
             for number, column in enumerate(values.T):
                 path = f"{picture.entity(self._task, 'signal', number)}/{name}"

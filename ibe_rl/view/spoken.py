@@ -8,6 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.metrics.quality import phrase_accuracy
 from ibe_rl.metrics.stability import FLICKER_STEPS
@@ -93,7 +94,7 @@ def markdown(said: Sequence[Explanation], rows: Sequence[Row]) -> str:
 def _figures(said: Sequence[Explanation]) -> tuple[str, str]:
     """Expression (of words, the largest share) and confidence of steps with the same words; "-" where undefined."""
     meant = said[0].meant
-    means = np.mean([one.expression for one in said], axis=0)
+    means = movements_said(said).mean(axis=0)
     numbers = f"{means.max():.0%}" if said[0].in_words else " ".join(f"{value:+.2f}" for value in means)
     confidence = f"{np.mean([one.confidence for one in said]):.0%}" if meant and said[0].calibrated else "-"
     return (numbers if meant else "-"), confidence

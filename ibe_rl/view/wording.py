@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.vocabulary import phrase
 from ibe_rl.task import Phrases
 from ibe_rl.task.words import Words
@@ -58,9 +59,10 @@ def said_lines(instructed: str, explanation: Explanation) -> str:
 
     Several numbers would not fit into the line; the curves show them.
     """
-    known = [f"expression {value:+.2f}" for value in explanation.expression] if explanation.meant else []
+    [numbers] = movements_said([explanation])
+    known = [f"expression {value:+.2f}" for value in numbers] if explanation.meant else []
     if explanation.in_words and known:
-        known = [f"share {explanation.expression.max():.0%}"]
+        known = [f"share {numbers.max():.0%}"]
     shown = known if len(known) == 1 else []
     if known and explanation.calibrated:
         shown = [*shown, f"confidence {explanation.confidence:.0%}"]

@@ -23,7 +23,7 @@ def test_flipped_is_the_opposite_and_nothing_else():
     np.testing.assert_array_equal(flipped.confidence(DELTA), ours.confidence(DELTA))
     assert flipped.ids.tolist() == [0, 1, 2]
     for one in (ours, replace(ours, membership="graded")):
-        np.testing.assert_array_equal(Flipped(one).degree(DELTA), -one.degree(DELTA))
+        np.testing.assert_array_equal(Flipped(one).movement(DELTA), -one.movement(DELTA))
 
 
 def windows() -> Windows:

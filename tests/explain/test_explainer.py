@@ -19,6 +19,7 @@ from ibe_rl.explain.phrasing import (
     put_in_words,
 )
 from ibe_rl.explain.steady import LEAD, MEMORY_STEPS, say_steadily
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.space import along
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.task import Phrases
@@ -139,7 +140,8 @@ def test_what_most_futures_are_called_is_said():
         [100, 99.25, 98.5, 97.75, 97],
         [100, 101, 102, 103, 104],
     ]
-    assert [one.expression[0] for one in said] == pytest.approx([1 / 3, -2 / 3, 1])  # the mean over the futures
+    assert [one.expression.tolist() for one in said] == [[1], [-1], [1]]
+    np.testing.assert_allclose(movements_said(said)[:, 0], [1 / 3, -2 / 3, 1])  # the mean over the futures
     assert [one.cluster for one in said] == [7, 3, 7]
     assert [one.agreement for one in said] == pytest.approx([2 / 3, 2 / 3, 1])
     assert [one.purity for one in said] == [1, 0.5, 1]
@@ -297,8 +299,8 @@ def test_a_change_that_is_undone_at_once_is_not_said():
     assert [one.phrase for one in said] == [UP] * 4
     assert [one.of_the_moment for one in said] == [None, None, DOWN, None]
     assert said[2].agreement == pytest.approx((1 + 1 + 1 / 3) / 3)
-    assert (said[2].delta_state.tolist(), said[2].cluster) == ([4], 7)  # its own future of that phrase
-    assert said[2].expression[0] == pytest.approx(-1 / 3)  # of all its futures
+    assert (said[2].delta_state.tolist(), said[2].expression.tolist(), said[2].cluster) == ([4], [1], 7)  # its own
+    assert movements_said(said)[2, 0] == pytest.approx(-1 / 3)  # of all its futures
     assert said[2].futures[:, 0].tolist() == [-4, -4, 4]
 
 

@@ -10,7 +10,7 @@ from by_hand import column, on_a_line
 from groups import DOWN, LEFT, RIGHT, fit, groups
 
 from ibe_rl.ibe import ClusterMapping
-from ibe_rl.ibe.mapping import MEMBERSHIPS, mean_degrees
+from ibe_rl.ibe.mapping import MEMBERSHIPS, mean_movements
 from ibe_rl.ibe.space import along
 from ibe_rl.types import ExpressionMapping
 
@@ -68,21 +68,21 @@ def test_a_graded_mapping_has_the_words_of_its_clusters_and_the_number_of_the_pl
     delta = np.array([[0.2, 9.0], [1.0, -9.0], [-0.5, 0.0], [7.0, 1.0]])
     graded = replace(along_the_first(), membership="graded")
     assert graded.express(delta)[:, 0].tolist() == replace(graded, membership="hard").express(delta)[:, 0].tolist()
-    np.testing.assert_allclose(graded.degree(delta)[:, 0], [0.1, 0.5, -0.25, 1])
+    np.testing.assert_allclose(graded.movement(delta)[:, 0], [0.1, 0.5, -0.25, 1])
     for membership in ("hard", "soft", "direct"):
         other = replace(graded, membership=membership)
-        np.testing.assert_array_equal(other.degree(delta), other.express(delta))
+        np.testing.assert_array_equal(other.movement(delta), other.express(delta))
 
 
-def test_the_mean_degree_is_over_the_futures_of_a_moment():
+def test_the_mean_movement_is_over_the_futures_of_a_moment():
     futures = np.array([[[0.2, 0.0], [1.0, 0.0]], [[-8.0, 0.0], [2.0, 0.0]]])
     graded = replace(along_the_first(), membership="graded")
-    np.testing.assert_allclose(mean_degrees(graded, futures)[:, 0], [0.3, 0])  # at most 1 each
-    np.testing.assert_allclose(mean_degrees(cast(ExpressionMapping, OnlyWords()), futures)[:, 0], [1, 0])
+    np.testing.assert_allclose(mean_movements(graded, futures)[:, 0], [0.3, 0])  # at most 1 each
+    np.testing.assert_allclose(mean_movements(cast(ExpressionMapping, OnlyWords()), futures)[:, 0], [1, 0])
 
 
 class OnlyWords:
-    """A mapping of one's own, without degrees."""
+    """A mapping of one's own, without movements."""
 
     def express(self, delta: np.ndarray) -> np.ndarray:
         return np.sign(delta[:, :1])

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ibe_rl.apps.plot_style import DARK, FAINT, INK, draw_shapes, expression_colours, grid, hexed
-from ibe_rl.ibe.mapping import ClusterMapping
+from ibe_rl.ibe.mapping import ClusterMapping, movements_said
 from ibe_rl.task import Task
 from ibe_rl.types import Array
 from ibe_rl.view import palette as colours
@@ -124,7 +124,7 @@ def _signal(axis: Axes, event: Refreshed, task: Task, number: int) -> None:
     """One number of the instruction and of the explanation; gaps where there is none."""
     episode = event.rollout.episode
     instruction = np.where(np.asarray(episode.given, bool), episode.instructions[:, number], np.nan)
-    explained = np.array([one.expression[number] if one.meant else np.nan for one in event.said])
+    explained = np.where([one.meant for one in event.said], movements_said(event.said)[:, number], np.nan)
     axis.step(np.arange(len(instruction)), instruction, where="post", color=hexed(colours.INSTRUCTED))
     axis.step(np.arange(len(explained)), explained, where="post", color=hexed(colours.EXPLANATION))
     axis.set(xlim=(0, len(explained)), ylim=(-1.15, 1.15), ylabel=task.expression_names[number])

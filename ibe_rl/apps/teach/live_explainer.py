@@ -17,6 +17,7 @@ from ibe_rl.explain.explainer import explain
 from ibe_rl.explain.phrasing import Asking, ExplainerState
 from ibe_rl.explain.steady import SteadySpeaker
 from ibe_rl.explain.what_if import values_of, whatever
+from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.task import Task
 from ibe_rl.types import Array, Explanation, Moment, Predictor
 
@@ -128,9 +129,10 @@ def explanation_fields(said: Explanation, task: Task) -> dict[str, Any]:
     Without a number where the meaning of the word is unknown, without a confidence that is not calibrated.
     """
     words = task.words
-    shares = [] if words is None or not said.meant else zip(words.names, said.expression.tolist(), strict=False)
+    [numbers] = movements_said([said]).tolist()
+    shares = [] if words is None or not said.meant else zip(words.names, numbers, strict=False)
     return {
-        "expression": float(said.expression[0]) if said.meant and words is None else None,
+        "expression": numbers[0] if said.meant and words is None else None,
         "shares": [[word, round(share, 3)] for word, share in shares],
         "said": said.said,
         "in_time": said.in_time(),
@@ -161,7 +163,7 @@ def what_if_fields(said: Explanation, drawn: Callable[[Array], Array] | None) ->
     answers = [
         {
             "told": name,
-            "expression": float(one.expression[0]) if one.meant else None,
+            "expression": float(movements_said([one])[0, 0]) if one.meant else None,
             "said": one.said,
             "path": None if drawn is None else drawn(one.path).round(2).tolist(),
         }
