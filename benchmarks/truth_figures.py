@@ -70,9 +70,16 @@ def _tradeoff(together: dict[str, Any]) -> plt.Figure:
     figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.6), layout="constrained", sharey=True)
     for axis, (agent, told) in zip(axes, together["iqm"].items(), strict=False):
         for name, marker in zip(VOCABULARIES, "o*sDPX^v<>hp8", strict=True):
-            if name in told and told[name]["observer_error"]:
-                place = [told[name][metric]["value"] for metric in ("came_true", "observer_error")]
-                axis.plot(*place, marker, color=_family(name), markersize=8, label=SHOWN[name], linestyle="none")
+            place = [told.get(name, {}).get(metric) for metric in ("came_true", "observer_error")]
+            if None not in place:
+                axis.plot(
+                    *(one["value"] for one in place),
+                    marker,
+                    color=_family(name),
+                    markersize=8,
+                    label=SHOWN[name],
+                    linestyle="none",
+                )
         nothing = told["no_explanation"]["observer_error"]["value"]
         axis.axhline(nothing, color=PINK, linestyle="--", linewidth=1, label="no explanation")
         axis.axhline(

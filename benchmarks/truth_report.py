@@ -213,7 +213,10 @@ def _ages(runs: list[dict[str, Any]]) -> str:
     )
 
 
-def _signed(told: dict[str, float]) -> str:
+def _signed(told: dict[str, Any]) -> str:
+    """With its sign and interval; the value is None where a vocabulary did not know what its words mean."""
+    if told["value"] is None:
+        return NOT_TOLD
     return f"{told['value']:+.3f} [{told['low']:+.3f}, {told['high']:+.3f}]"
 
 

@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from view_data import eventually
 
-from benchmarks import documents, instruction
+from benchmarks import documents, instruction, words
 from benchmarks.plan import ROOT
 from ibe_rl.apps.sweep.jobs import Job
 
@@ -148,6 +149,15 @@ def test_a_training_is_begun_or_resumed(tmp_path: Path):
     assert documents.training(job, True) == [*train, f"resume={job.folder}", "viewer=off"]
 
 
+def test_words_are_kept_apart_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "words.json").write_text('{"rows": []}')
+    monkeypatch.setattr(sys, "argv", ["words", "--report", "--output", str(tmp_path)])
+    words.main()
+    assert capsys.readouterr().out.splitlines() == words.report([]).splitlines()
+
+
 FINISHES = "import sys; open(sys.argv[1] + '/summary.json', 'w').write('{}')"
 
 
@@ -182,17 +192,19 @@ def test_a_training_that_fails_ends_it(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.slow
-def test_a_stopped_training_is_taken_up_and_then_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_killed_training_is_taken_up_and_then_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     run = tmp_path / "runs" / "dqn1"
-    begun = Job(run.name, run, ("agent=dqn", "seed=1", *documents.QUICK["dqn"], "stop_after_frames=3000"), 1)
-    subprocess.run(documents.training(begun, False), check=True, capture_output=True)
-    assert json.loads((run / "summary.json").read_text())["frames"] < 6000
+    job = Job(run.name, run, ("agent=dqn", "seed=1", *documents.QUICK["dqn"]), 1)
+    with subprocess.Popen(documents.training(job, False), stdout=subprocess.DEVNULL) as process:
+        assert eventually(lambda: (run / "metrics.csv").exists() or process.poll() is not None, 120)
+        process.kill()
+    assert not (run / "summary.json").exists()
     asked = ["--quick", "--output", str(tmp_path), "--only", "train", "--agents", "dqn", "--seeds", "1"]
     documents.main(asked)
     summary = json.loads((run / "summary.json").read_text())
     assert (summary["agent"], summary["seed"]) == ("dqn", 1)
     assert summary["frames"] >= 6000
-    assert "resuming at 3," in (run / "output.log").read_text()
+    assert "resuming at " in (run / "output.log").read_text()
     capsys.readouterr()
     documents.main(asked)
     assert "dqn1: finished earlier, left as it is" in capsys.readouterr().out

@@ -131,6 +131,13 @@ def test_a_difference_of_a_thousandth_is_asked_of_every_seed(together: dict[str,
     assert "| 0 of 1 seeds | -0.140 [-0.140, -0.040] | **no** |" in dqn
 
 
+def test_what_a_first_vocabulary_does_not_know_is_left_open(together: dict[str, Any], tmp_path: Path) -> None:
+    less = together["runs"][1]["changing_policy"][0]["refreshed_minus_this"]
+    less["came_true"] = dict.fromkeys(("value", "low", "high"))
+    insert_tables(together, tmp_path / "QUALITY.md")
+    assert "| 1 | .900 | .700 | +0.200 [+0.200, +0.200] | - |" in (tmp_path / "QUALITY.md").read_text()
+
+
 def page_of(folder: Path, *spoken: list[dict[str, Any]] | None) -> str:
     """The tables of PPO runs that speak so."""
     runs = [read(judged(folder / f"ppo{seed}", "ppo", seed, 0.99, one, 0.98)) for seed, one in enumerate(spoken)]
@@ -209,6 +216,7 @@ def test_what_cannot_be_judged_is_refused(tmp_path: Path, capsys: pytest.Capture
 
 @pytest.mark.slow
 def test_the_pictures_are_drawn(together: dict[str, Any], tmp_path: Path) -> None:
+    together["iqm"]["ppo"]["refit:axis"]["came_true"] = None  # one of the runs does not know what its words mean
     draw(together, tmp_path)
     for name in ("truth", "tradeoff", "controls"):
         assert (tmp_path / f"quality_{name}.png").read_bytes().startswith(b"\x89PNG")
