@@ -12,7 +12,7 @@ TESTERS = $(shell $(PYTHON) -c 'import os; print(os.cpu_count() + 2)')
 unexport PYTHONDONTWRITEBYTECODE  # each start would compile the package again, each test process all tests
 
 .DEFAULT_GOAL := help
-.PHONY: help train lint check test soak demo docs bench platforms clean
+.PHONY: help train lint check test soak demo docs bench results platforms clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -56,6 +56,9 @@ $(BENCH): $(INSTALLED)
 
 bench: $(BENCH) ## measure against Stable-Baselines3 and the bare game, hours; PARTS=--short: ten minutes
 	$(BIN)/python -m benchmarks $(PARTS)
+
+results: $(INSTALLED) ## ten default trainings and the docs' tables made from them, hours; called again, it goes on
+	$(BIN)/python -m benchmarks.documents $(PARTS)
 
 $(PLATFORMS): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[platforms]'

@@ -12,14 +12,16 @@ import os
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-from benchmarks.truth_report import draw, insert_tables
+from benchmarks.same_runs import FEW
+from benchmarks.truth_figures import draw
+from benchmarks.truth_report import PAGE, PICTURES, insert_tables
 from ibe_rl.apps.sweep.intervals import interquartile
 from ibe_rl.storage.run_folder import EVALUATION, SUMMARY, write_json
 from ibe_rl.types import Array
@@ -30,9 +32,12 @@ HORIZON = 60
 Summarise = Callable[[Array], list[dict[str, float]]]
 """Values ``(runs, metrics)`` to a mean with its interval for each metric."""
 METRICS = (
-    *("motion_auc", "motion_auc_disobeyed", "motion_spearman", "vocabulary_loss", "came_true", "came_true_voted"),
+    *("motion_auc", "motion_auc_words", "motion_auc_disobeyed", "motion_spearman", "vocabulary_loss"),
+    *("came_true", "came_true_voted", "phrase_changes_per_100", "flicker", "lag_steps"),
     *("observer_error", "ece", "risk_at_80", "risk_all", "size_cv", "size_max"),
 )
+
+QUICK = (*FEW, "evaluate.spoken_episodes=2")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -40,25 +45,34 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.truth", description=__doc__.splitlines()[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="finished runs with their logs")
     parser.add_argument("--report", action="store_true", help="do not judge, only put together what was judged")
+    parser.add_argument("--quick", action="store_true", help="few episodes: does everything still work?")
+    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
     asked = parser.parse_args(arguments)
+    if asked.quick and not asked.output:
+        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
     for run in asked.runs:
         if not (run / SUMMARY).is_file():
             parser.error(f"RUN={run}: allowed is the folder of a finished run (it has no {SUMMARY})")
     if not asked.report:
         for run in asked.runs:
-            judge(run)
-    together = put_together([read(run) for run in asked.runs], interquartile)
-    write_json(RESULTS, together)
-    draw(together)
-    insert_tables(together)
+            judge(run, QUICK if asked.quick else ())
+    write(put_together([read(run) for run in asked.runs], interquartile), asked.output)
 
 
-def judge(run: Path) -> None:
-    """Let explain.py judge a run, unless that has been done."""
-    for task, made in (("evaluate", "quality.json"), ("compare", "compare.json")):
+def write(together: dict[str, Any], output: Path | None) -> None:
+    """Write the numbers, pictures and tables where they are in the repository, or all into ``output``."""
+    (output or PICTURES).mkdir(parents=True, exist_ok=True)
+    write_json(output / RESULTS.name if output else RESULTS, together)
+    draw(together, output or PICTURES)
+    insert_tables(together, output / PAGE.name if output else PAGE)
+
+
+def judge(run: Path, extra: Sequence[str] = ()) -> None:
+    """Let explain.py judge a run, with other settings if need be, unless that has been done."""
+    for task, made in (("evaluate", "observers.json"), ("compare", "compare.json")):
         if not (run / EVALUATION / made).exists():
             console.print(f"{run.name}: task={task}")
-            command = [sys.executable, "explain.py", f"run={run}", f"task={task}", "viewer=off"]
+            command = [sys.executable, "explain.py", f"run={run}", f"task={task}", "viewer=off", *extra]
             quiet = {"env": {**os.environ, "OMP_NUM_THREADS": "1"}, "stdout": subprocess.DEVNULL}
             subprocess.run(command, check=True, **quiet)  # noqa: S603 - our own
 
@@ -70,8 +84,13 @@ def read(run: Path) -> dict[str, Any]:
     ours = f"ibe:{quality['protocol']['mapping']}"
     told = {f"refit:{row['explainer'].removeprefix('ibe:')}": row for row in compared["rows"]}
     told |= {row["explainer"]: row for row in quality["rows"] if row["horizon_steps"] == HORIZON}
+    told |= {row["explainer"]: row for row in quality.get("spoken", {}).get("rows", ())}
     observers = json.loads((run / EVALUATION / "observers.json").read_text())["rows"]
-    told["no_explanation"] = {"observer_error": observers[0]["observer_error"]}
+    told |= {
+        row["explainer"]: {"observer_error": row["observer_error"]}
+        for row in observers
+        if row["explainer"] in ("no_explanation", "words_alone")
+    }
     return {
         "name": run.name,
         "agent": summary["agent"],
@@ -99,8 +118,10 @@ def read(run: Path) -> dict[str, Any]:
     }
 
 
-def _value(estimate: Any) -> float | None:
-    return None if estimate is None or isinstance(estimate["value"], list) else estimate["value"]
+def _value(told: Any) -> float | None:
+    """The value of an estimate with its interval, or a number as it is; None for anything else."""
+    value = told["value"] if isinstance(told, dict) else told
+    return None if isinstance(value, list) else value
 
 
 def _last_policy(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -167,16 +167,19 @@ def main() -> None:
     parser.add_argument("runs", nargs="*", type=Path, help="folders of lander runs")
     parser.add_argument("--report", action="store_true", help="print the table of the last measurement")
     parser.add_argument("--episodes", type=int, default=100, help="greedy episodes to judge on")
+    parser.add_argument("--output", type=Path, help="a folder for what is written, instead of the repository's")
     asked = parser.parse_args()
+    results = asked.output / RESULTS.name if asked.output else RESULTS
     if asked.runs:
+        results.parent.mkdir(parents=True, exist_ok=True)
         rows = []
         runs = [load_run(folder) for folder in asked.runs]
         real = [real_changes(run, asked.episodes) for run in runs]
         for flaw in FLAWS:
             for language in LANGUAGES:
                 rows += [measure(run, real[seed], language, flaw, seed) for seed, run in enumerate(runs)]
-                write_json(RESULTS, {"rows": rows})
-    console.print(report(read_json(RESULTS)["rows"]), soft_wrap=True)
+                write_json(results, {"rows": rows})
+    console.print(report(read_json(results)["rows"]), soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,211 @@
+"""The runs behind the documents' tables, made anew: default trainings, what is measured of them, and the tables.
+
+python -m benchmarks.documents                         ten trainings and all tables: hours; again: it goes on
+python -m benchmarks.documents --only truth words      some of the steps
+python -m benchmarks.documents --quick --output DIR    all of it, tiny, for nothing but to see that it works
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+from rich.console import Console
+
+from benchmarks import instruction
+from benchmarks.child import ONE_THREAD
+from benchmarks.plan import ROOT
+from benchmarks.same_runs import DQN, FEW_FIGURES, SMALL
+from ibe_rl.apps.sweep.board import Board, failures
+from ibe_rl.apps.sweep.jobs import FAILED, RUN_FINISHED, Job, state_of
+from ibe_rl.apps.sweep.processes import run_all
+from ibe_rl.config.arguments import path_setting
+from ibe_rl.config.settings import TrainConfig
+from ibe_rl.runtime.console import PlainConsole
+from ibe_rl.storage.run_folder import SUMMARY
+
+console = Console(highlight=False, soft_wrap=True)
+FOLDER = ROOT / "runs" / "results"
+SETTINGS = {"ppo": ("collect.processes=1", "collect.envs_per_process=128"), "dqn": ()}
+"""Beside the defaults: as many environments as by default, in one process, so that two trainings fit side by side."""
+QUICK = {agent: (*SMALL, "mapping.horizon_steps=60", *more) for agent, more in {"ppo": (), "dqn": DQN[1:]}.items()}
+FEW_FLIGHTS = ("--episodes", "3")
+FEWER = 3
+"""So many PPO runs are corrupted and told in words, and so many seeds are trained without instruction."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked for.
+
+    Attributes:
+        agents: that are trained, "ppo" or "dqn".
+        seeds: of each of them.
+        folder: of the runs.
+        output: for all else that is written; None: where it is in the repository.
+        quick: tiny.
+        at_once: trainings side by side.
+    """
+
+    agents: tuple[str, ...]
+    seeds: tuple[int, ...]
+    folder: Path
+    output: Path | None
+    quick: bool
+    at_once: int
+
+    def runs(self) -> list[Path]:
+        """The folders of all runs."""
+        return [self.folder / f"{agent}{seed}" for agent, seed in product(self.agents, self.seeds)]
+
+    def few(self) -> list[Path]:
+        """The folders of the first PPO runs."""
+        return [self.folder / f"ppo{seed}" for seed in self.seeds[:FEWER]]
+
+    def options(self, *quick: str) -> list[str]:
+        """For the other benchmarks: where they write to, and what makes them ``quick``."""
+        return [*(["--output", str(self.output)] if self.output else []), *(quick if self.quick else [])]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Do the steps that are asked for, in their order."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.documents", description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=list(STEPS), default=list(STEPS), help="these steps")
+    parser.add_argument("--agents", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2, 3, 4])
+    parser.add_argument("--at-once", type=int, default=2, help="trainings side by side")
+    parser.add_argument("--folder", type=Path, help="of the runs, instead of runs/results or OUTPUT/runs")
+    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
+    parser.add_argument("--quick", action="store_true", help="tiny: does everything still work?")
+    given = parser.parse_args(arguments)
+    if given.quick and not given.output:
+        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
+    if given.at_once < 1:
+        parser.error(f"--at-once={given.at_once}: allowed is at least 1")
+    output = given.output.absolute() if given.output else None
+    folder = (given.folder or (output / "runs" if output else FOLDER)).absolute()
+    asked = Asked(tuple(given.agents), tuple(given.seeds), folder, output, given.quick, given.at_once)
+    for name in (name for name in STEPS if name in given.only):
+        title, step = STEPS[name]
+        console.print(f"{name}: {title}")
+        step(asked)
+
+
+def train(asked: Asked) -> None:
+    """Train what is not finished; what was begun is resumed.
+
+    Raises:
+        SystemExit: if a training failed or was stopped.
+    """
+    settings = QUICK if asked.quick else SETTINGS
+    jobs = [
+        Job(run.name, run, (f"agent={agent}", f"seed={seed}", *settings[agent]), TrainConfig.total_frames)
+        for run, (agent, seed) in zip(asked.runs(), product(asked.agents, asked.seeds), strict=True)
+    ]
+    outcomes = run_all(jobs, training, asked.at_once, Board(PlainConsole()))
+    if FAILED in {one.became for one in outcomes}:
+        raise SystemExit("\n".join(failures(outcomes)))
+    refuse_unfinished(asked.runs())
+
+
+def training(job: Job, goes_on: bool) -> list[str]:
+    """The command of a training, begun or resumed."""
+    how = [path_setting("resume", job.folder)] if goes_on else [*job.overrides, path_setting("run_dir", job.folder)]
+    return [sys.executable, str(ROOT / "train.py"), *how, "viewer=off"]
+
+
+def refuse_unfinished(runs: Iterable[Path]) -> None:
+    """See that all runs are finished.
+
+    Raises:
+        SystemExit: naming the first that is not.
+    """
+    for run in runs:
+        if state_of(run) != RUN_FINISHED:
+            raise SystemExit(f"{run}: not a finished run; allowed is one that was trained to its end (--only train)")
+
+
+def truth(asked: Asked) -> None:
+    """Judge all runs; ``benchmarks.truth`` leaves out what was judged."""
+    refuse_unfinished(asked.runs())
+    call("-m", "benchmarks.truth", *map(str, asked.runs()), *asked.options("--quick"))
+
+
+def robustness(asked: Asked) -> None:
+    """Corrupt the logs of a few runs."""
+    few = ("--quick", "--corruptions", "1", *FEW_FLIGHTS)
+    command = ("-m", "benchmarks.robustness", "--runs", *map(str, asked.few()), *asked.options(*few))
+    once(asked, "robustness", asked.few(), *command)
+
+
+def words(asked: Asked) -> None:
+    """Tell the logs of a few runs in words."""
+    command = ("-m", "benchmarks.words", *map(str, asked.few()), *asked.options(*FEW_FLIGHTS))
+    once(asked, "words", asked.few(), *command)
+
+
+def instructed(asked: Asked) -> None:
+    """Train with and without instruction, beside the runs, since the repository's own file holds older trainings."""
+    module = ("-m", "benchmarks.instruction")
+    seeds = ("--seeds", *map(str, asked.seeds[:FEWER]))
+    if asked.output:
+        call(*module, "--missing", *seeds, *asked.options("--quick"))
+        return
+    made = asked.folder / "instruction"
+    call(*module, "--missing", *seeds, "--output", str(made))
+    shutil.copy(made / instruction.RESULTS.name, instruction.RESULTS)
+    call(*module, "--report")
+
+
+def paper(asked: Asked) -> None:
+    """Do the paper's experiments with the first PPO run."""
+    [run, *_] = asked.few()
+    few = FEW_FIGURES if asked.quick else ()
+    once(asked, "paper", [run], "explain.py", path_setting("run", run), "task=figures", "viewer=off", *few)
+
+
+def once(asked: Asked, name: str, runs: list[Path], *command: str) -> None:
+    """Call a command about finished runs, unless it has ended well since they were trained."""
+    refuse_unfinished(runs)
+    done, text = asked.folder / f"{name}.done", shlex.join(command)
+    newest = max((run / SUMMARY).stat().st_mtime for run in runs)
+    if done.exists() and done.read_text() == text and done.stat().st_mtime >= newest:
+        console.print(f"  done before; to do it again: rm {done}")
+        return
+    call(*command)
+    done.write_text(text)
+
+
+def call(*command: str) -> None:
+    """Run a Python program of the repository, one thread a process.
+
+    Raises:
+        SystemExit: if it failed.
+    """
+    environment = os.environ | ONE_THREAD
+    ended = subprocess.run([sys.executable, *command], cwd=ROOT, env=environment)  # noqa: S603 - our own
+    if ended.returncode:
+        raise SystemExit(f"{shlex.join(command)} ended with {ended.returncode}; the same command goes on from there")
+
+
+STEPS: dict[str, tuple[str, Callable[[Asked], None]]] = {
+    "train": ("default trainings that are not finished yet", train),
+    "truth": ("are the words true? docs/QUALITY.md", truth),
+    "robustness": ("flawed instructors, docs/INSTRUCTION.md", robustness),
+    "words": ("words of one's own; the table is printed", words),
+    "instruction": ("with and without instruction, docs/INSTRUCTION.md", instructed),
+    "paper": ("the paper's experiments, figures/report.html in the first PPO run", paper),
+}
+"""Name to what it says and does."""
+
+
+if __name__ == "__main__":
+    main()
