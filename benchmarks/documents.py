@@ -2,7 +2,7 @@
 
 python -m benchmarks.documents                         ten trainings and all tables: hours; again: it goes on
 python -m benchmarks.documents --only truth words      some of the steps
-python -m benchmarks.documents --quick --output DIR    all of it, tiny, for nothing but to see that it works
+python -m benchmarks.documents --quick --output DIR    tiny, for nothing but to see that it works; without words
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ FOLDER = ROOT / "runs" / "results"
 SETTINGS = {"ppo": ("collect.processes=1", "collect.envs_per_process=128"), "dqn": ()}
 """Beside the defaults: as many environments as by default, in one process, so that two trainings fit side by side."""
 QUICK = {agent: (*SMALL, "mapping.horizon_steps=60", *more) for agent, more in {"ppo": (), "dqn": DQN[1:]}.items()}
-FEW_FLIGHTS = ("--episodes", "3")
 FEWER = 3
 """So many PPO runs are corrupted and told in words, and so many seeds are trained without instruction."""
 
@@ -141,15 +140,17 @@ def truth(asked: Asked) -> None:
 
 def robustness(asked: Asked) -> None:
     """Corrupt the logs of a few runs."""
-    few = ("--quick", "--corruptions", "1", *FEW_FLIGHTS)
+    few = ("--quick", "--corruptions", "1", "--episodes", "3")
     command = ("-m", "benchmarks.robustness", "--runs", *map(str, asked.few()), *asked.options(*few))
     once(asked, "robustness", asked.few(), *command)
 
 
 def words(asked: Asked) -> None:
     """Tell the logs of a few runs in words."""
-    command = ("-m", "benchmarks.words", *map(str, asked.few()), *asked.options(*FEW_FLIGHTS))
-    once(asked, "words", asked.few(), *command)
+    if asked.quick:
+        console.print("  left out: the log of a tiny run is too short to learn flawed words from")
+        return
+    once(asked, "words", asked.few(), "-m", "benchmarks.words", *map(str, asked.few()), *asked.options())
 
 
 def instructed(asked: Asked) -> None:

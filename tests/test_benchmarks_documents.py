@@ -62,16 +62,19 @@ def test_each_step_is_called_with_its_runs(
 
 
 def test_a_tiny_one_writes_nothing_into_the_repository(folder: Path, called: list[list[str]], tmp_path: Path):
-    """Neither do the others with --output: they have the same one."""
+    """Words cannot be learnt from it."""
     documents.main(["--quick", "--output", str(tmp_path), "--agents", "ppo", "--seeds", "4"])
     run, output = str(folder / "ppo4"), ["--output", str(tmp_path)]
     assert called == [
         ["-m", "benchmarks.truth", run, *output, "--quick"],
         ["-m", "benchmarks.robustness", "--runs", run, *output, "--quick", "--corruptions", "1", "--episodes", "3"],
-        ["-m", "benchmarks.words", run, *output, "--episodes", "3"],
         ["-m", "benchmarks.instruction", "--missing", "--seeds", "4", *output, "--quick"],
         ["explain.py", f"run={run}", "task=figures", "viewer=off", *documents.FEW_FIGURES],
     ]
+    called.clear()
+    documents.main(["--only", "words", "--output", str(tmp_path)])
+    few = [str(folder / f"ppo{seed}") for seed in range(3)]
+    assert called == [["-m", "benchmarks.words", *few, *output]]
 
 
 def test_steps_are_told_and_done_in_their_order(
