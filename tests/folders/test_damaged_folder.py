@@ -257,7 +257,7 @@ def test_a_vocabulary_of_more_numbers_than_the_task_has(run: Path):
     path = file_of(run, "refreshes/*.json")
     saved = json.loads(path.read_text())
     twice = {name: [2 * row for row in saved["mapping"][name]] for name in ("expressions", "mean_instructions")}
-    path.write_text(json.dumps(saved | {"mapping": saved["mapping"] | twice | {"meanings": []}}))
+    path.write_text(json.dumps(saved | {"mapping": saved["mapping"] | twice | {"meanings": [], "membership": "hard"}}))
     said = refusal(lambda: explained(run))
     assert said is not None
     assert "its vocabulary is for 2 numbers in an instruction" in said

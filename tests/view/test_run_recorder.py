@@ -79,7 +79,7 @@ def test_thinning_is_said_in_the_terminal_and_in_the_log(long: tuple[Path, list[
     path, said = long
     assert "from now on it holds every 4th watched episode and row of curves; metrics.csv has every row" in said[0]
     assert "viewer.max_recording_mb=4" in said[0]
-    assert "all but full" in said[-1]
+    assert "all but full" in said[-1] or "holds every 16384th" in said[-1]  # the sizes of the last chunks decide
     assert len(said) == len(set(said)) < 8
     logged = [text for [text] in columns(path, "/log", "TextLog:text")]
     assert [line for line in logged if "metrics.csv" in line] == said
