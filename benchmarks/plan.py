@@ -130,7 +130,7 @@ FORMS = {
         parts=("skill-ppo", "frames", "explanations", "setup"),
         seeds=(0,),
         repeats=1,
-        cap_seconds=180.0,
+        cap_seconds=120.0,
         output=Path("runs/benchmarks-short"),
     ),
     "quick": Form(QUICK, seeds=(0, 1), output=Path("runs/benchmarks-quick")),
