@@ -16,7 +16,7 @@ from ibe_rl.ibe.word_meaning import asked_motion, moves_of
 from ibe_rl.metrics.balance import left_right, size_cv, size_max
 from ibe_rl.metrics.bootstrap import estimate, weighted_mean
 from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at
-from ibe_rl.metrics.quality import direction, instruction_f1, mean_over_numbers, motion_scores
+from ibe_rl.metrics.quality import direction, instruction_f1, mean_over_numbers, motion_scores, resampled_motion_auc
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ExpressionMapping
 
@@ -164,8 +164,8 @@ def score_motion(said: Array, truth: Truth, on_scale: Array) -> Samples:
 
 def score_words_alone(said: Array, truth: Truth) -> Samples:
     """``motion_auc_words`` of the expressions ``(N, d)`` of the spoken words."""
-    numbers = zip(said.T, truth.change.T, truth.instruction.T, truth.band, truth.hard.T, strict=True)
-    each = [motion_scores(*columns[:4], truth.weights, columns[4])["motion_auc"] for columns in numbers]
+    ways = direction(truth.change, np.array(truth.band))
+    each = [resampled_motion_auc(*number, truth.weights) for number in zip(said.T, ways.T, strict=True)]
     return over_numbers([{OF_WORDS: values} for values in each])
 
 

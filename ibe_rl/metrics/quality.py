@@ -119,6 +119,18 @@ def motion_spearman(expression: Array, change: Array) -> float:
     return float(spearmanr(expression, change).statistic)
 
 
+def resampled_motion_auc(expression: Array, ways: Array, weights: Array) -> Array:
+    """``motion_auc`` ``(R,)`` on every resample.
+
+    Args:
+        expression: ``(N,)`` explained.
+        ways: ``(N,)`` real directions, see ``direction``.
+        weights: ``(R, N)``, see ``episode_weights``.
+    """
+    scores: Array = _both_ways(expression, ways, lambda score, went: weighted_auc(score, went, weights))
+    return scores
+
+
 def motion_scores(
     expression: Array, change: Array, instruction: Array, band: float, weights: Array, hard: Array | None = None
 ) -> dict[str, Array]:
@@ -139,10 +151,7 @@ def motion_scores(
     ways = direction(change, band)
 
     def auc(rows: Array) -> Array:
-        scores: Array = _both_ways(
-            expression[rows], ways[rows], lambda score, went: weighted_auc(score, went, weights[:, rows])
-        )
-        return scores
+        return resampled_motion_auc(expression[rows], ways[rows], weights[:, rows])
 
     return {
         "motion_auc": auc(np.ones(len(ways), bool)),
