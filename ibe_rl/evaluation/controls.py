@@ -12,7 +12,7 @@ from ibe_rl.evaluation.moments import Moments
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.meaning import Meaning
-from ibe_rl.ibe.space import scaled
+from ibe_rl.ibe.space import Space, scaled
 from ibe_rl.ibe.vocabulary import normalise
 from ibe_rl.ibe.word_meaning import moves_of
 from ibe_rl.types import Array, Episode, ExpressionMapping
@@ -63,23 +63,34 @@ class Flipped:
         return self.mapping.confidence(delta)
 
 
-def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generator) -> ClusterMapping:
-    """A vocabulary with ``k`` randomly drawn windows as cluster centres, in standardised units.
+def random_clusters(windows: Windows, n_clusters: int, random: np.random.Generator, count: int) -> list[ClusterMapping]:
+    """``count`` vocabularies, each with ``k`` randomly drawn windows as cluster centres, in standardised units.
 
     The rest is as in the paper: the mean instruction of each cluster, min-max scaled over the clusters.
     """
     spread = windows.delta.std(axis=0)
     space = scaled(windows.delta.mean(axis=0), 1 / np.where(spread > 0, spread, 1))
     places = space.place(windows.delta)
+    told, kinds = np.unique(windows.instruction, axis=0, return_inverse=True)
+    return [_around(_drawn(places, n_clusters, random), space, places, told, kinds.ravel()) for _ in range(count)]
+
+
+def _drawn(places: Array, n_clusters: int, random: np.random.Generator) -> Array:
+    """At most ``n_clusters`` distinct places."""
     drawn = places[random.permutation(len(places))[:DRAWN]]
-    centres = drawn[np.sort(np.unique(drawn, axis=0, return_index=True)[1])[:n_clusters]]
+    return drawn[np.sort(np.unique(drawn, axis=0, return_index=True)[1])[:n_clusters]]
+
+
+def _around(centres: Array, space: Space, places: Array, told: Array, kinds: Array) -> ClusterMapping:
+    """The vocabulary of ``k`` centres; the window at each of the ``N`` places was told ``told[kind]``."""
     k, labels = len(centres), pairwise_distances_argmin(places, centres)
-    sizes = np.bincount(labels, minlength=k)
+    counted = np.bincount(labels * len(told) + kinds, minlength=k * len(told)).reshape(k, -1)
+    sizes = counted.sum(axis=1)
     counts = np.maximum(sizes, 1)
-    means = np.stack([np.bincount(labels, column, k) for column in windows.instruction.T], axis=1) / counts[:, None]
-    kinds = np.unique(windows.instruction, axis=0, return_inverse=True)[1].ravel()
-    purities = np.stack([np.bincount(labels, kinds == kind, k) for kind in np.unique(kinds)]).max(axis=0) / counts
-    return ClusterMapping(space, centres, means, normalise(means), sizes, purities, sizes, np.arange(k))
+    means = counted @ told / counts[:, None]
+    return ClusterMapping(
+        space, centres, means, normalise(means), sizes, counted.max(axis=1) / counts, sizes, np.arange(k)
+    )
 
 
 def dealt(mapping: ClusterMapping, random: np.random.Generator) -> ClusterMapping:

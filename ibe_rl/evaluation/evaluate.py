@@ -22,13 +22,14 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import SHUFFLED_CONTROL, Refits
 from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for, take_moments
 from ibe_rl.evaluation.rows import Judged, OwnScores
-from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
+from ibe_rl.evaluation.run_predictor import crosses_processes, processes_for, shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.step_by_step import judge_spoken
 from ibe_rl.evaluation.trained_run import SPOKEN_CALIBRATION, TrainedRun
 from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
+from ibe_rl.runtime.pool import call_each
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
 from ibe_rl.types import ExpressionMapping, Policy
 
@@ -98,18 +99,14 @@ def learn_all(
     run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
 ) -> dict[int, Learnt]:
     """Learn all that each horizon needs from the log. This comes first, since the log may be too small."""
-    config, paper = cfg.evaluate, choice("mapping", "paper")
-    with progress_bar("vocabularies", len(horizons) * config.shuffles) as step:
-        return {
-            horizon: refits.learn({ours: vocabulary_at(run, refits, horizon)}, paper, horizon, config, step)
-            for horizon in horizons
-        }
-
-
-def vocabulary_at(run: TrainedRun, refits: Refits, horizon_steps: int) -> ClusterMapping:
-    """The run's vocabulary for a horizon; if it has none, one learnt from its log."""
-    refreshed = {**run.spans, run.horizon_steps: run.mapping}
-    return refreshed.get(horizon_steps) or refits.fit(run.config.mapping, horizon_steps)
+    asked = [(horizon, ours, choice("mapping", "paper"), cfg.evaluate) for horizon in horizons]
+    processes = processes_for(cfg.predictor.processes, run.policy) if crosses_processes(run) else 1
+    learnt = {}
+    with progress_bar("vocabularies", len(horizons)) as step:
+        for horizon, one in zip(horizons, call_each(refits, "learn_at", asked, processes), strict=True):
+            learnt[horizon] = one
+            step()
+    return learnt
 
 
 def judge_all(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,6 @@ def fit_shuffled(
     seed: int,
     horizon_steps: int,
     count: int,
-    step: Callable[[], None] = lambda: None,
 ) -> list[ExpressionMapping]:
     """Learn ``count`` vocabularies, each from episodes with shuffled instructions.
 
@@ -54,7 +54,6 @@ def fit_shuffled(
             found.append(fit_mapping(*lessons, quick, task, seed, horizon_steps=horizon_steps))
         except TooLittleDataError:
             continue
-        step()
         if len(found) == count:
             break
     return found
@@ -74,6 +73,10 @@ class Refits:
     def __init__(self, run: TrainedRun, seed: int):
         self._run, self._seed, self._log = run, seed, open_log(run.folder)
         self._read: dict[str, TrainingEpisodes] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process opens the log itself, which can be larger than its memory."""
+        return Refits, (self._run, self._seed)
 
     def lessons(self, config: MappingConfig) -> TrainingEpisodes:
         """The training episodes of ``config``, read once: how late the instructor is takes seconds to find.
@@ -101,12 +104,10 @@ class Refits:
                 given.best, given.heard, config, task, seed, horizon_steps=horizon_steps, interpretation=meant
             )
 
-    def shuffled(
-        self, config: MappingConfig, horizon_steps: int, count: int, step: Callable[[], None]
-    ) -> list[ExpressionMapping]:
+    def shuffled(self, config: MappingConfig, horizon_steps: int, count: int) -> list[ExpressionMapping]:
         """At most ``count`` vocabularies, each from episodes with shuffled instructions; see ``fit_shuffled``."""
         lessons, task = self.lessons(config), self._run.task
-        return fit_shuffled(lessons.best, lessons.heard, config, task, self._seed, horizon_steps, count, step)
+        return fit_shuffled(lessons.best, lessons.heard, config, task, self._seed, horizon_steps, count)
 
     def random_clusters(self, config: MappingConfig, horizon_steps: int, count: int) -> list[ExpressionMapping]:
         """``count`` vocabularies with randomly drawn windows as cluster centres."""
@@ -114,8 +115,17 @@ class Refits:
         with self._enough():
             windows = best_windows(lessons.best, config, horizon_steps)
         task = self._run.task
-        drawn = [random_clusters(windows, clusters_of(config, task), random) for _ in range(count)]
+        drawn = random_clusters(windows, clusters_of(config, task), random, count)
         return [one if task.words is None else with_word_meanings(one, windows) for one in drawn]
+
+    def vocabulary_at(self, horizon_steps: int) -> ClusterMapping:
+        """The run's vocabulary for a horizon; if it has none, one learnt from its log."""
+        refreshed = {**self._run.spans, self._run.horizon_steps: self._run.mapping}
+        return refreshed.get(horizon_steps) or self.fit(self._run.config.mapping, horizon_steps)
+
+    def learn_at(self, horizon_steps: int, name: str, paper: MappingConfig, config: EvaluateConfig) -> Learnt:
+        """All that is learnt for one horizon, where the run's vocabulary is called ``name``; see ``learn``."""
+        return self.learn({name: self.vocabulary_at(horizon_steps)}, paper, horizon_steps, config)
 
     def learn(
         self,
@@ -123,9 +133,8 @@ class Refits:
         paper: MappingConfig,
         horizon_steps: int,
         config: EvaluateConfig,
-        step: Callable[[], None] = lambda: None,
     ) -> Learnt:
-        """Learn baselines and controls for the ``vocabularies`` at one horizon; ``step`` advances the progress bar.
+        """Learn baselines and controls for the ``vocabularies`` at one horizon.
 
         Raises:
             ConfigError: if the log is too small for it.
@@ -133,7 +142,7 @@ class Refits:
         own, random = self._run.config.mapping, np.random.default_rng(self._seed)
         ours = next(iter(vocabularies.values()))
         ensembles: dict[str, Sequence[ExpressionMapping]] = {
-            SHUFFLED_CONTROL: self.shuffled(own, horizon_steps, config.shuffles, step),
+            SHUFFLED_CONTROL: self.shuffled(own, horizon_steps, config.shuffles),
             "baseline:random_clusters": self.random_clusters(own, horizon_steps, config.shuffles),
             "baseline:random_names": [dealt(ours, random) for _ in range(config.shuffles)],
         }

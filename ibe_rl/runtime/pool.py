@@ -1,9 +1,11 @@
-"""A pool of processes, each with a copy of one object whose methods it calls."""
+"""Processes, each with a copy of one object whose methods it calls."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from itertools import cycle
 from typing import Any
 
@@ -43,6 +45,24 @@ class ProcessPool:
         """Stop the processes; pending calls are dropped."""
         for worker in self._workers:
             worker.shutdown(cancel_futures=True)
+
+
+def call_each(kept: Any, method: str, calls: Sequence[tuple[Any, ...]], processes: int) -> Iterator[Any]:
+    """Call a method of an object with the arguments of each call, in so many processes; 1: this one.
+
+    What a process that was killed has not done is done in this one.
+    """
+    done = 0
+    if processes > 1:
+        with closing(ProcessPool(kept, processes)) as pool:
+            try:
+                for result in pool.map(method, calls):
+                    done += 1
+                    yield result
+            except BrokenProcessPool:
+                pass
+    for arguments in calls[done:]:
+        yield getattr(kept, method)(*arguments)
 
 
 _kept: list[Any] = []

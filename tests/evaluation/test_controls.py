@@ -33,18 +33,18 @@ def windows() -> Windows:
 
 
 def test_random_clusters_are_windows_with_the_mean_of_the_instructions():
-    drawn = random_clusters(windows(), 3, np.random.default_rng(0))
+    [drawn] = random_clusters(windows(), 3, np.random.default_rng(0), 1)
     assert sorted(drawn.sizes.tolist()) == [4, 4, 4]
     assert sorted(drawn.ids.tolist()) == [0, 1, 2]
     np.testing.assert_allclose(drawn.express(heights(np.array([-2.1, 0.1, 1.9]))), column(-1, 0, 1))
     np.testing.assert_allclose(drawn.confidence(DELTA), 1)  # every cluster was told one thing only
-    two = {tuple(random_clusters(windows(), 2, np.random.default_rng(seed)).centres[:, 0]) for seed in range(20)}
+    two = {tuple(one.centres[:, 0]) for one in random_clusters(windows(), 2, np.random.default_rng(0), 20)}
     assert len(two) > 3
 
 
 def test_random_clusters_are_as_pure_as_the_instructions_in_them():
     """One cluster of four windows told down, four told nothing and four told up; its mean is nothing."""
-    one = random_clusters(windows(), 1, np.random.default_rng(0))
+    [one] = random_clusters(windows(), 1, np.random.default_rng(0), 1)
     assert (one.purities.tolist(), one.mean_instructions.tolist(), one.expressions.tolist()) == ([1 / 3], [[0]], [[0]])
     assert (one.sizes.tolist(), one.evidence.tolist(), one.ids.tolist()) == ([12], [12], [0])
 

@@ -44,16 +44,15 @@ def test_a_vocabulary_of_another_horizon(run: Run):
 
 
 def test_shuffled_lessons_teach_something_else_each_time(run: Run):
-    steps: list[int] = []
-    several = Refits(run(20), 0).shuffled(config(), 5, 6, lambda: steps.append(1))
+    several = Refits(run(20), 0).shuffled(config(), 5, 6)
     means = [np.abs(mapping.mean_instructions).max() for mapping in several]
-    assert len(means) == len(steps) == 6
+    assert len(means) == 6
     assert len(set(means)) > 1
     assert max(means) < 0.8  # what was told goes with nothing any more
 
 
 def test_a_shuffle_that_teaches_nothing_is_drawn_again_but_not_for_ever(run: Run, monkeypatch: pytest.MonkeyPatch):
-    refits, drawn, steps, real = Refits(run(20), 0), [], [], module.fit_mapping
+    refits, drawn, real = Refits(run(20), 0), [], module.fit_mapping
 
     def every_third(*given: Any, **more: Any) -> Any:
         drawn.append(given)
@@ -62,20 +61,20 @@ def test_a_shuffle_that_teaches_nothing_is_drawn_again_but_not_for_ever(run: Run
         return real(*given, **more)
 
     monkeypatch.setattr(module, "fit_mapping", every_third)
-    assert len(refits.shuffled(config(), 5, 2, lambda: steps.append(1))) == len(steps) == 2
+    assert len(refits.shuffled(config(), 5, 2)) == 2
     assert len(drawn) == 6
     monkeypatch.setattr(module, "MOST_REDRAWN", 2)
     drawn.clear()
-    assert len(refits.shuffled(config(), 5, 2, lambda: None)) == 1  # fewer than asked for
+    assert len(refits.shuffled(config(), 5, 2)) == 1  # fewer than asked for
     assert len(drawn) == 4
     monkeypatch.setattr(module, "MOST_REDRAWN", 1)
     drawn.clear()
-    assert refits.shuffled(config(), 5, 2, lambda: None) == []  # a control that is missing loses nothing else
+    assert refits.shuffled(config(), 5, 2) == []  # a control that is missing loses nothing else
     assert len(drawn) == 2
 
 
 def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    log, taught, steps = TrajectoryLog(tmp_path, 2_000, TASK.contexts), [], []
+    log, taught = TrajectoryLog(tmp_path, 2_000, TASK.contexts), []
     for _ in range(20):
         obey(log)
     episodes, real = log.read(range(60)), module.fit_mapping
@@ -85,8 +84,8 @@ def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Pa
         return real(best, *more, **others)
 
     monkeypatch.setattr(module, "fit_mapping", heard)
-    several = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3, lambda: steps.append(1))
-    assert len(several) == len(steps) == 3
+    several = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3)
+    assert len(several) == 3
     instruction = [[float(episode.instructions[0, 0]) for episode in episodes] for episodes in (episodes, *taught)]
     assert all(sorted(each) == sorted(instruction[0]) for each in instruction)
     assert len({tuple(each) for each in instruction}) == len(instruction)
@@ -98,10 +97,10 @@ def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Pa
 
 
 def test_episodes_that_teach_nothing_give_fewer_vocabularies_of_shuffled_ones(tmp_path: Path):
-    log, steps = TrajectoryLog(tmp_path, 2_000, TASK.contexts), []
+    log = TrajectoryLog(tmp_path, 2_000, TASK.contexts)
     obey(log)
     episodes = log.read(range(3))
-    assert fit_shuffled(episodes, episodes, config(), TASK, 0, 50, 2, lambda: steps.append(1)) == steps == []
+    assert fit_shuffled(episodes, episodes, config(), TASK, 0, 50, 2) == []
 
 
 def test_all_that_is_held_against_a_vocabulary(run: Run):
