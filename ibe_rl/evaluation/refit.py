@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -37,11 +37,12 @@ def fit_shuffled(
     seed: int,
     horizon_steps: int,
     count: int,
+    step: Callable[[], None] = lambda: None,
 ) -> list[ExpressionMapping]:
     """Learn ``count`` vocabularies, each from episodes with shuffled instructions.
 
     A shuffle that allows no vocabulary, for example if its axis hardly varies, is drawn again. After ``MOST_REDRAWN``
-    times ``count`` redraws fewer vocabularies are returned.
+    times ``count`` redraws fewer vocabularies are returned. ``step`` is called after each.
     """
     random = np.random.default_rng(seed)
     quick = config
@@ -54,6 +55,7 @@ def fit_shuffled(
             found.append(fit_mapping(*lessons, quick, task, seed, horizon_steps=horizon_steps))
         except TooLittleDataError:
             continue
+        step()
         if len(found) == count:
             break
     return found

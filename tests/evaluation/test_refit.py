@@ -84,8 +84,9 @@ def test_vocabularies_of_shuffled_episodes_need_no_log_of_their_own(tmp_path: Pa
         return real(best, *more, **others)
 
     monkeypatch.setattr(module, "fit_mapping", heard)
-    several = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3)
-    assert len(several) == 3
+    steps: list[int] = []
+    several = fit_shuffled(episodes, episodes, config(), TASK, 0, 5, 3, lambda: steps.append(1))
+    assert len(several) == len(steps) == 3
     instruction = [[float(episode.instructions[0, 0]) for episode in episodes] for episodes in (episodes, *taught)]
     assert all(sorted(each) == sorted(instruction[0]) for each in instruction)
     assert len({tuple(each) for each in instruction}) == len(instruction)
