@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -42,9 +43,16 @@ def _reason_against(cfg: TrainConfig, task: Task, actions: gymnasium.Space[Any])
         return "it is declared of the state, and the agent perceives something else (env.task.state)"
     if not takes(cfg.agent, "mirror"):
         return f"the constructor of agent={cfg.agent.kind} takes no mirror"
+    if torn := _torn(task.mirror, cfg.agent.ignores):
+        return f"agent.ignores={cfg.agent.ignores}: in the mirror image {torn[0]} and {torn[1]} change places"
     if odd := [width for width in cfg.agent.hidden if width % 2]:
         return f"agent.hidden={cfg.agent.hidden}: half of the units are mirror images, and {odd[0]} is odd"
     return None if _fits(task.mirror, actions) else f"its mirror image of actions does not fit {actions}"
+
+
+def _torn(mirror: Mirror, ignored: Sequence[str]) -> tuple[str, str] | None:
+    """Two dimensions that change places, of which the agent ignores only one."""
+    return next((pair for pair in mirror.swapped if len({*pair} & {*ignored}) == 1), None)
 
 
 def _fits(mirror: Mirror, actions: gymnasium.Space[Any]) -> bool:

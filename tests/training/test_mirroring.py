@@ -38,6 +38,9 @@ def decided(*settings: str) -> bool | None:
         (["instructor=flawed"], True),
         (["instructor=human"], False),  # what a person means by +1 is for the agent to find out
         (["agent.hidden=[63]"], False),
+        (["agent.ignores=[goal_x]"], True),
+        (["agent.ignores=[left_leg]"], False),
+        (["agent.ignores=[left_leg,right_leg]"], True),
     ],
 )
 def test_it_is_used_where_it_holds(settings: list[str], used: bool) -> None:
@@ -50,6 +53,7 @@ def test_it_is_used_where_it_holds(settings: list[str], used: bool) -> None:
         (["env=pendulum"], "Pendulum-v1 declares no mirror image"),
         (["instructor=human"], "instructor=human: what somebody's own instructions mean"),
         (["agent.hidden=[64,63]"], r"agent.hidden=\[64, 63\]: half of the units are mirror images, and 63 is odd"),
+        (["agent.ignores=[right_leg]"], r"agent.ignores=\['right_leg'\]: in the mirror image left_leg and right_leg"),
     ],
 )
 def test_asked_for_where_it_cannot_be_it_is_refused(settings: list[str], reason: str) -> None:
