@@ -12,7 +12,6 @@ from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
 from ibe_rl.evaluation.judging import judge, paired_of, rows_of
 from ibe_rl.evaluation.observers import add_errors, observe_all
 from ibe_rl.evaluation.own_metrics import OwnMetrics
-from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts
 from ibe_rl.evaluation.rows import Judged
@@ -72,11 +71,9 @@ def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingCo
     """Learn all mappings from scratch; the paper's is the baseline."""
     own = run.horizon_steps
     vocabularies: dict[str, ExpressionMapping] = {AS_REFRESHED: run.mapping}
-    with progress_bar("vocabularies", len(configs)) as step:
-        for name, config in configs.items():
-            prefix = "baseline:" if name == "paper" else "ibe:"
-            vocabularies[f"{prefix}{name}"] = refits.fit(config, own)
-            step()
+    fitted = refits.each("fit", [(config, own) for config in configs.values()], cfg.predictor.processes)
+    for name, mapping in zip(configs, fitted, strict=True):
+        vocabularies[f"{'baseline' if name == 'paper' else 'ibe'}:{name}"] = mapping
     heard = refits.lessons(run.config.mapping).heard
     return Learnt(vocabularies, {}, fit_state_regressors(heard, own, run.task, cfg.evaluate.seed))
 

@@ -22,14 +22,13 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.evaluation.refit import SHUFFLED_CONTROL, Refits
 from ibe_rl.evaluation.rollouts import Rollouts, horizons_of, seeds_for, take_moments
 from ibe_rl.evaluation.rows import Judged, OwnScores
-from ibe_rl.evaluation.run_predictor import crosses_processes, processes_for, shared_predictor
+from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
 from ibe_rl.evaluation.runs import kept_policies, kept_refreshes
 from ibe_rl.evaluation.step_by_step import judge_spoken
 from ibe_rl.evaluation.trained_run import SPOKEN_CALIBRATION, TrainedRun
 from ibe_rl.evaluation.what_if import WhatIf, judge_what_if
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.runtime.pool import call_each
 from ibe_rl.storage.run_folder import CALIBRATION, EVALUATION, FIGURES, write_json
 from ibe_rl.types import ExpressionMapping, Policy
 
@@ -50,7 +49,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
     own_metrics = OwnMetrics.of({**run.config.metrics, **cfg.metrics})
     report.make_folders(run.folder)
-    learnt = learn_all(run, refits, horizons, cfg, ours)
+    learnt = learn_all(refits, horizons, cfg, ours)
     with shared_predictor(run, cfg) as predictor:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
@@ -95,18 +94,10 @@ def step_by_step_seeds(cfg: ExplainConfig) -> tuple[range, range]:
     )
 
 
-def learn_all(
-    run: TrainedRun, refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str
-) -> dict[int, Learnt]:
+def learn_all(refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str) -> dict[int, Learnt]:
     """Learn all that each horizon needs from the log. This comes first, since the log may be too small."""
     asked = [(horizon, ours, choice("mapping", "paper"), cfg.evaluate) for horizon in horizons]
-    processes = processes_for(cfg.predictor.processes, run.policy) if crosses_processes(run) else 1
-    learnt = {}
-    with progress_bar("vocabularies", len(horizons)) as step:
-        for horizon, one in zip(horizons, call_each(refits, "learn_at", asked, processes), strict=True):
-            learnt[horizon] = one
-            step()
-    return learnt
+    return dict(zip(horizons, refits.each("learn_at", asked, cfg.predictor.processes), strict=True))
 
 
 def judge_all(

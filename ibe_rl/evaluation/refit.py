@@ -12,11 +12,14 @@ import numpy as np
 from ibe_rl.config.settings import EvaluateConfig, MappingConfig
 from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
+from ibe_rl.evaluation.progress_bar import progress_bar
+from ibe_rl.evaluation.run_predictor import processes_for
 from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.word_mapping import with_word_meanings
+from ibe_rl.runtime.pool import call_each, can_be_kept
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
@@ -79,6 +82,22 @@ class Refits:
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process opens the log itself, which can be larger than its memory."""
         return Refits, (self._run, self._seed)
+
+    def each(self, method: str, calls: Sequence[tuple[Any, ...]], processes: int | None) -> list[Any]:
+        """What a method learns from the arguments of each call, several at once.
+
+        Args:
+            method: ``fit`` or ``learn_at``.
+            calls: the arguments.
+            processes: see ``processes_for``; a run that cannot be sent to others has one.
+        """
+        several = processes_for(processes, self._run.policy) if can_be_kept(self) else 1
+        found = []
+        with progress_bar("vocabularies", len(calls)) as step:
+            for one in call_each(self, method, calls, several):
+                found.append(one)
+                step()
+        return found
 
     def lessons(self, config: MappingConfig) -> TrainingEpisodes:
         """The training episodes of ``config``, read once: how late the instructor is takes seconds to find.

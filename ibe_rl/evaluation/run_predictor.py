@@ -150,10 +150,10 @@ def processes_for(asked: int | None, policy: Policy) -> int:
     return 1
 
 
-def crosses_processes(sent_object: Any) -> bool:
-    """Whether an object, such as a policy, can be pickled for other processes."""
+def crosses_processes(policy: Policy) -> bool:
+    """Whether a policy can be pickled for other processes."""
     try:
-        sent = bytes(ForkingPickler.dumps(sent_object))
+        sent = bytes(ForkingPickler.dumps(policy))
         return b"__main__" not in sent  # classes of the script itself are unknown in other processes
     except Exception:  # pickling may raise anything
         return False

@@ -47,6 +47,15 @@ class ProcessPool:
             worker.shutdown(cancel_futures=True)
 
 
+def can_be_kept(kept: Any) -> bool:
+    """Whether the processes of a pool can have copies of an object."""
+    try:
+        cloudpickle.dumps(kept)
+    except Exception:  # pickling may raise anything
+        return False
+    return True
+
+
 def call_each(kept: Any, method: str, calls: Sequence[tuple[Any, ...]], processes: int) -> Iterator[Any]:
     """Call a method of an object with the arguments of each call, in so many processes; 1: this one.
 

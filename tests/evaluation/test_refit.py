@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
+from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 
@@ -30,7 +31,11 @@ def run(tmp_path: Path) -> Run:
             obey(log)
         log.flush()
         return SimpleNamespace(
-            folder=tmp_path, reactions=None, task=TASK, config=SimpleNamespace(mapping=config(**changes))
+            folder=tmp_path,
+            reactions=None,
+            task=TASK,
+            policy=None,
+            config=SimpleNamespace(mapping=config(**changes)),
         )
 
     return make
@@ -41,6 +46,24 @@ def test_a_vocabulary_of_another_horizon(run: Run):
     for steps in (3, 5):
         said = Refits(made, 0).fit(config(), steps).express(heights(np.array([-1.0 * steps, 0, steps])))
         np.testing.assert_allclose(said[:, 0], [-1, 0, 1], atol=0.05)
+
+
+def test_vocabularies_learnt_side_by_side_are_those_learnt_one_after_the_other(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+):
+    made, several, real = run(20), [], module.call_each
+
+    def counted(*given: Any) -> Any:
+        several.append(given[-1])
+        return real(*given)
+
+    monkeypatch.setattr(module, "call_each", counted)
+    calls = [(config(), 5), (config(), 3)]
+    one, two = (Refits(made, 0).each("fit", calls, processes) for processes in (1, None))
+    assert [mapping.to_dict() for mapping in two] == [mapping.to_dict() for mapping in one]
+    made.reactions = Lock()  # no other process can have it
+    assert len(Refits(made, 0).each("fit", calls, None)) == 2
+    assert several == [1, 2, 1]
 
 
 def test_shuffled_lessons_teach_something_else_each_time(run: Run):
