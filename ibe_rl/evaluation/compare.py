@@ -15,7 +15,7 @@ from ibe_rl.evaluation.own_metrics import OwnMetrics
 from ibe_rl.evaluation.refit import Refits
 from ibe_rl.evaluation.rollouts import Rollouts
 from ibe_rl.evaluation.rows import Judged
-from ibe_rl.evaluation.run_predictor import shared_predictor
+from ibe_rl.evaluation.run_predictor import processes_for, shared_predictor
 from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.metrics.bootstrap import episode_weights
 from ibe_rl.storage.run_folder import EVALUATION, write_json
@@ -71,7 +71,8 @@ def learn_mappings(run: TrainedRun, refits: Refits, configs: dict[str, MappingCo
     """Learn all mappings from scratch; the paper's is the baseline."""
     own = run.horizon_steps
     vocabularies: dict[str, ExpressionMapping] = {AS_REFRESHED: run.mapping}
-    fitted = refits.each("fit", [(config, own) for config in configs.values()], cfg.predictor.processes)
+    processes = processes_for(cfg.predictor.processes, run.policy)
+    fitted = refits.each("fit", [(config, own) for config in configs.values()], processes)
     for name, mapping in zip(configs, fitted, strict=True):
         vocabularies[f"{'baseline' if name == 'paper' else 'ibe'}:{name}"] = mapping
     heard = refits.lessons(run.config.mapping).heard

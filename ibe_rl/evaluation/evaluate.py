@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ibe_rl.config.hydra_setup import choice
-from ibe_rl.config.settings import ExplainConfig
+from ibe_rl.config.settings import EvaluateConfig, ExplainConfig
 from ibe_rl.evaluation import figures, report, tables
 from ibe_rl.evaluation.advice import lines_of, verdict_of
 from ibe_rl.evaluation.baselines import Learnt, StateRegressor
@@ -49,7 +49,7 @@ def evaluate(run: TrainedRun, cfg: ExplainConfig) -> None:
     refits, ours = Refits(run, cfg.evaluate.seed), f"ibe:{run.config.mapping.kind}"
     own_metrics = OwnMetrics.of({**run.config.metrics, **cfg.metrics})
     report.make_folders(run.folder)
-    learnt = learn_all(refits, horizons, cfg, ours)
+    learnt = learn_all(refits, horizons, cfg.evaluate, ours, processes_for(cfg.predictor.processes, run.policy))
     with shared_predictor(run, cfg) as predictor:
         rollouts = Rollouts(run, cfg, predictor)
         moments, held_out = rollouts.judged_and_held_out(horizons)
@@ -94,10 +94,12 @@ def step_by_step_seeds(cfg: ExplainConfig) -> tuple[range, range]:
     )
 
 
-def learn_all(refits: Refits, horizons: tuple[int, ...], cfg: ExplainConfig, ours: str) -> dict[int, Learnt]:
+def learn_all(
+    refits: Refits, horizons: tuple[int, ...], config: EvaluateConfig, ours: str, processes: int
+) -> dict[int, Learnt]:
     """Learn all that each horizon needs from the log. This comes first, since the log may be too small."""
-    asked = [(horizon, ours, choice("mapping", "paper"), cfg.evaluate) for horizon in horizons]
-    return dict(zip(horizons, refits.each("learn_at", asked, cfg.predictor.processes), strict=True))
+    asked = [(horizon, ours, choice("mapping", "paper"), config) for horizon in horizons]
+    return dict(zip(horizons, refits.each("learn_at", asked, processes), strict=True))
 
 
 def judge_all(

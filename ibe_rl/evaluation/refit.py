@@ -13,7 +13,6 @@ from ibe_rl.config.settings import EvaluateConfig, MappingConfig
 from ibe_rl.evaluation.baselines import Learnt, fit_state_regressors
 from ibe_rl.evaluation.controls import dealt, random_clusters, shuffle_instructions
 from ibe_rl.evaluation.progress_bar import progress_bar
-from ibe_rl.evaluation.run_predictor import processes_for
 from ibe_rl.evaluation.trained_run import TrainedRun, open_log
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.settings import IBEConfig
@@ -83,15 +82,15 @@ class Refits:
         """Another process opens the log itself, which can be larger than its memory."""
         return Refits, (self._run, self._seed)
 
-    def each(self, method: str, calls: Sequence[tuple[Any, ...]], processes: int | None) -> list[Any]:
+    def each(self, method: str, calls: Sequence[tuple[Any, ...]], processes: int) -> list[Any]:
         """What a method learns from the arguments of each call, several at once.
 
         Args:
             method: ``fit`` or ``learn_at``.
             calls: the arguments.
-            processes: see ``processes_for``; a run that cannot be sent to others has one.
+            processes: how many at once, 1 where other processes cannot have the run.
         """
-        several = processes_for(processes, self._run.policy) if can_be_kept(self) else 1
+        several = processes if can_be_kept(self) else 1
         found = []
         with progress_bar("vocabularies", len(calls)) as step:
             for one in call_each(self, method, calls, several):

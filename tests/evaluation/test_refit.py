@@ -59,10 +59,10 @@ def test_vocabularies_learnt_side_by_side_are_those_learnt_one_after_the_other(
 
     monkeypatch.setattr(module, "call_each", counted)
     calls = [(config(), 5), (config(), 3)]
-    one, two = (Refits(made, 0).each("fit", calls, processes) for processes in (1, None))
+    one, two = (Refits(made, 0).each("fit", calls, processes) for processes in (1, 2))
     assert [mapping.to_dict() for mapping in two] == [mapping.to_dict() for mapping in one]
     made.reactions = Lock()  # no other process can have it
-    assert len(Refits(made, 0).each("fit", calls, None)) == 2
+    assert len(Refits(made, 0).each("fit", calls, 2)) == 2
     assert several == [1, 2, 1]
 
 
