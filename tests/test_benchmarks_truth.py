@@ -200,7 +200,7 @@ def test_a_run_is_judged_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(truth, "write", lambda *_: None)
     for _ in range(2):
         truth.main([str(done), str(new)])
-    assert asked == [[f"run={new}", "task=evaluate", "viewer=off", "evaluate.spoken_episodes=40"]]
+    assert asked == [[f"run={new}", "task=evaluate", "viewer=off", *truth.FULL]]
 
 
 def test_what_cannot_be_judged_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
