@@ -237,7 +237,7 @@ class EvaluateConfig:
     episodes: int = setting(100, low=2, high=10_000)  # on which it is judged
     calibration_episodes: int = setting(60, low=2, high=10_000)  # held-out episodes to calibrate the confidence on
     changing_episodes: int = setting(40, low=0, high=10_000)  # with each kept policy; 0: skip
-    stride_steps: int = setting(4, low=1)  # between scored moments
+    stride_steps: int = setting(8, low=1)  # between scored moments
     what_if_stride_steps: int = setting(20, low=1)  # between the moments at which it is told something else
     spoken_episodes: int = setting(10, low=0, high=10_000)  # of those judged, also explained at every step; 0: skip
     horizons_steps: list[int] | None = None  # besides the run's own; null: 20, 40, 60, 100, up to half an episode
