@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.levels import Measured, Point, median, to_level
+from benchmarks.pages import fill
 from benchmarks.truth import interquartile
 from benchmarks.truth_report import BLUE, DOCS, GREEN, GREY, ORANGE, PINK
-from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.types import Array
 
 PAGE = DOCS / "INSTRUCTION.md"
@@ -33,26 +33,8 @@ def write_report(found: dict[str, Any], output: Path | None = None) -> None:
     pictures = output or DOCS / "img"
     for part, arms in found.items():
         draw(arms, TITLES[part], pictures / f"instruction_{part}.png")
-    tables = {part: table(arms) for part, arms in found.items()}
     page = output / PAGE.name if output else PAGE
-    places = "".join(f"<!-- {part}: python -m {COMMAND} -->\n<!-- end of {part} -->\n" for part in found)
-    text = page.read_text() if page.exists() else places
-    for part, lines in tables.items():
-        text = insert(text, part, lines, COMMAND)
-    write_atomically(page, lambda stream: stream.write(text.encode()))
-
-
-def insert(text: str, part: str, lines: Sequence[str], command: str) -> str:
-    """Replace what stands between the marks of a part.
-
-    Raises:
-        ValueError: if the page has no such marks.
-    """
-    begin, end = f"<!-- {part}: python -m {command} -->", f"<!-- end of {part} -->"
-    if begin not in text or end not in text:
-        raise ValueError(f"{PAGE.name}: has no place for the table {part}; allowed is one with {begin}")
-    before, _, rest = text.partition(begin)
-    return "\n".join([before + begin, "", *lines, "", end + rest.partition(end)[2]])
+    fill(page, {part: table(arms) for part, arms in found.items()}, COMMAND)
 
 
 def points(run: Sequence[dict[str, float]]) -> list[Point]:

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.instruction_report import insert
+from benchmarks.pages import fill
 from benchmarks.truth import interquartile
 from benchmarks.truth_report import BLUE, DOCS, GREY
-from ibe_rl.storage.run_folder import write_atomically
 from ibe_rl.types import Array
 
 PAGE = DOCS / "INSTRUCTION.md"
@@ -25,11 +24,7 @@ def write_report(found: dict[str, Any], output: Path | None = None) -> None:
     """Draw the curves and put the tables into docs/INSTRUCTION.md, or all into ``output``."""
     draw(found["curves"], (output or DOCS / "img") / "robustness.png")
     page = output / PAGE.name if output else PAGE
-    places = "".join(f"<!-- {part}: python -m {COMMAND} -->\n<!-- end of {part} -->\n" for part in ("flaws", "anew"))
-    text = page.read_text() if page.exists() else places
-    for part, lines in {"flaws": flaws_table(found["curves"]), "anew": anew_table(found["anew"])}.items():
-        text = insert(text, part, lines, COMMAND)
-    write_atomically(page, lambda stream: stream.write(text.encode()))
+    fill(page, {"flaws": flaws_table(found["curves"]), "anew": anew_table(found["anew"])}, COMMAND)
 
 
 def growth(records: list[dict[str, Any]], curve: str, mapping: str) -> dict[str, Array]:

@@ -6,10 +6,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks.instruction_report import insert
+from benchmarks.pages import fill
 from benchmarks.report import setting
 from benchmarks.truth_report import DOCS
-from ibe_rl.storage.run_folder import write_atomically
 
 PAGE = DOCS / "SCALING.md"
 COMMAND = "benchmarks.scaling"
@@ -24,12 +23,7 @@ def write_report(found: dict[str, Any], output: Path | None = None) -> None:
         "training": training(found["rounds"]),
         "limits": limits(found["rounds"]),
     }
-    page = output / PAGE.name if output else PAGE
-    places = "".join(f"<!-- {part}: python -m {COMMAND} -->\n<!-- end of {part} -->\n" for part in tables)
-    text = page.read_text() if page.exists() else places
-    for part, lines in tables.items():
-        text = insert(text, part, lines, COMMAND)
-    write_atomically(page, lambda stream: stream.write(text.encode()))
+    fill(output / PAGE.name if output else PAGE, tables, COMMAND)
 
 
 def conditions(found: dict[str, Any]) -> list[str]:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.pages import fill
 from ibe_rl.evaluation.tables import SPOKEN_ROWS
-from ibe_rl.storage.run_folder import write_atomically
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE, PICTURES = DOCS / "QUALITY.md", DOCS / "img"
-BEGIN, END = "<!-- tables: python -m benchmarks.truth -->", "<!-- end of tables -->"
 BLUE, ORANGE, GREY, GREEN, PINK = "#0072B2", "#E69F00", "#8C8C8C", "#009E73", "#CC79A7"
 AGENT_COLOURS = {"ppo": BLUE, "dqn": ORANGE}
 
@@ -90,11 +89,8 @@ OF_SEEDS = [
 
 def insert_tables(together: dict[str, Any], page: Path) -> None:
     """Put the tables between their marks in a page; a page that is not there gets the tables only."""
-    before, rest = (page.read_text() if page.exists() else f"{BEGIN}\n{END}\n").split(BEGIN)
-    after = rest.split(END)[1]
     parts = [part for agent in together["iqm"] for part in _tables(agent, together)]
-    text = f"{before}{BEGIN}\n\n" + "\n\n".join(parts) + f"\n\n{END}{after}"
-    write_atomically(page, lambda stream: stream.write(text.encode()))
+    fill(page, {"tables": ["\n\n".join(parts)]}, "benchmarks.truth")
 
 
 def _tables(agent: str, together: dict[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from processes import call
 
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
-from benchmarks.instruction_report import insert, success, table
+from benchmarks.instruction_report import success, table
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from ibe_rl.agents import check_agent
 from ibe_rl.collect.check import check_collect
@@ -205,17 +205,3 @@ def test_arms_are_told_by_their_curves():
         "| told | 0.70 [0.50, 0.90] | 0.95 [0.90, 1.00] | 0.65 [0.60, 0.70] | "
         "**>3,500** (3,000, >4,000) | **>7** (6, >8) |"
     ]
-
-
-def test_a_table_takes_the_place_of_the_one_before():
-    text = "above\n<!-- sight: python -m a -->\nold\n<!-- end of sight -->\nbelow\n"
-    once = insert(text, "sight", ["| new |"], "a")
-    assert once == "above\n<!-- sight: python -m a -->\n\n| new |\n\n<!-- end of sight -->\nbelow\n"
-    assert insert(once, "sight", ["| new |"], "a") == once
-
-
-@pytest.mark.parametrize("text", ["", "<!-- sight: python -m a -->", "<!-- end of sight -->", "<!-- sight: b -->"])
-def test_a_page_without_a_place_is_refused(text: str):
-    expected = r"^INSTRUCTION\.md: has no place for the table sight; allowed is one with <!-- sight: python -m a -->"
-    with pytest.raises(ValueError, match=expected):
-        insert(text, "sight", [], "a")

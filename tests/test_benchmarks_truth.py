@@ -9,7 +9,7 @@ import pytest
 from benchmarks import truth
 from benchmarks.truth import METRICS, RESULTS, put_together, read
 from benchmarks.truth_figures import draw
-from benchmarks.truth_report import BEGIN, END, insert_tables
+from benchmarks.truth_report import insert_tables
 from ibe_rl.storage.run_folder import read_json, write_json
 from ibe_rl.types import Array
 
@@ -101,7 +101,7 @@ def test_what_one_run_lacks_is_not_reported_of_all(together: dict[str, Any]) -> 
 
 def test_the_page_says_what_was_reached(together: dict[str, Any], tmp_path: Path) -> None:
     page = tmp_path / "QUALITY.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    page.write_text("before\n<!-- tables: python -m benchmarks.truth -->\nold\n<!-- end of tables -->\nafter\n")
     insert_tables(together, page)
     text = page.read_text()
     assert text.startswith("before\n")
