@@ -1,19 +1,23 @@
 """How wrong, late and absent may an instructor be? Vocabularies from corrupted instructions.
 
-python -m benchmarks.robustness                         three runs, corrupted, and six trained anew: an hour
+python -m benchmarks.robustness                         three runs, corrupted, and nine trained anew: an hour and more
 python -m benchmarks.robustness --runs A B C            runs that are there already, corrupted only
+python -m benchmarks.robustness --runs A B C --anew     the same, and three trained anew for each, as long as it
+python -m benchmarks.robustness --missing ...           only what the file does not hold yet of these runs or seeds
 python -m benchmarks.robustness --report                the report only
+
+It is written after each curve and each training. With ``--missing`` what was stopped goes on from there.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +26,7 @@ from rich.console import Console
 
 from benchmarks.child import run as run_command
 from benchmarks.robustness_report import write_report
+from benchmarks.which_training import training_of
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig, ViewerConfig
 from ibe_rl.evaluation.moments import Moments, Plan
 from ibe_rl.evaluation.refit import Refits
@@ -67,6 +72,8 @@ ANEW = {
     ),
 }
 """Trained with such an instructor from the beginning."""
+PARTS = ("curves", "predicted", "anew")
+"""Of the file: losses after corruption, those predicted for trainings with flawed instructors, and those after them."""
 PAPER = IBEConfig(delay_steps=0)
 COMMON = ("viewer=off", "total_frames=1_000_000", "keep_policy_every_frames=null", "eval_every_frames=500_000")
 QUICK = (
@@ -88,6 +95,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--corruptions", type=int, default=3, help="draws of the flaws for each run")
     parser.add_argument("--episodes", type=int, default=100, help="unseen ones that each run is judged on")
     parser.add_argument("--runs", type=Path, nargs="+", help="folders, corrupted instead of runs of the seeds")
+    parser.add_argument("--anew", action="store_true", help="with --runs: train anew as well, with flawed instructors")
+    parser.add_argument("--missing", action="store_true", help="only what was not measured of these runs or seeds")
     parser.add_argument("--report", action="store_true", help="train nothing")
     parser.add_argument("--quick", action="store_true", help="tiny trainings: does everything still work?")
     parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
@@ -95,15 +104,10 @@ def main(arguments: list[str] | None = None) -> None:
     if asked.quick and not asked.output:
         parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
     results = asked.output / RESULTS.name if asked.output else RESULTS
-    found: dict[str, Any] = json.loads(results.read_text()) if asked.report else {"curves": [], "anew": []}
+    held = asked.report or ((asked.missing or asked.runs) and results.exists())
+    found: dict[str, Any] = read_json(results) if held else {}
     if not asked.report:
-        size = Size(asked.corruptions, asked.episodes, QUICK if asked.quick else ())
-        if asked.runs and results.exists():
-            found["anew"] = json.loads(results.read_text())["anew"]
-        for seed in range(len(asked.runs)) if asked.runs else asked.seeds:
-            measure(found, seed, size, asked.runs[seed] if asked.runs else None)
-            results.parent.mkdir(parents=True, exist_ok=True)
-            write_json(results, found)
+        found = measure_all(found, asked, results)
     write_report(found, asked.output)
 
 
@@ -116,22 +120,106 @@ class Size:
     extra: Sequence[str] = ()
 
 
-def measure(found: dict[str, Any], seed: int, size: Size, folder: Path | None = None) -> None:
-    """Add what one seed shows, or the run in ``folder``."""
-    if folder:
-        run = load_run(folder)
-        found["curves"] += [*curves(run, fly(run, size.episodes), seed, size)]
-        return
-    with trained(seed, size) as (run, moments):
-        found["curves"] += [*curves(run, moments, seed, size)]
-        expected = {name: losses(run, moments, flaws, 0) for name, (_, flaws) in ANEW.items()}
-    for name, (overrides, flaws) in ANEW.items():
-        with trained(seed, size, *overrides) as (run, moments):
-            spoken = loss_of(run.mapping, moments, run)
-            told = {"delay": delay_of(run), "late": flaws.late_steps}
-            one = {"seed": seed, "name": name, "trained": spoken, "corrupted": expected[name]["own"]}
-            found["anew"].append(one | told)
-            console.print(f"seed {seed}, trained with {name}: loss {spoken}, predicted {expected[name]['own']}")
+@dataclass(frozen=True)
+class Source:
+    """Whose log is corrupted.
+
+    Attributes:
+        name: which training, and how many episodes it is judged on; what is kept of it has this name.
+        seed: of the training, or the place of the run among those that are asked for.
+        folder: of the run; None: it is trained for this.
+    """
+
+    name: str
+    seed: int
+    folder: Path | None = None
+
+
+def sources(asked: argparse.Namespace) -> list[Source]:
+    """The runs that are asked for, or those of the seeds."""
+    judged = f"{asked.episodes} episodes"
+    if asked.runs:
+        return [Source(f"{training_of(run)}, {judged}", place, run) for place, run in enumerate(asked.runs)]
+    return [Source(f"seed {seed}, {judged}", seed) for seed in asked.seeds]
+
+
+def measure_all(before: dict[str, Any], asked: argparse.Namespace, results: Path) -> dict[str, Any]:
+    """Measure what is asked for, writing after each piece; ``before`` is what the file held."""
+    size = Size(asked.corruptions, asked.episodes, QUICK if asked.quick else ())
+    several = sources(asked)
+    anew = asked.anew or not asked.runs
+    found = kept(before, several if asked.missing else [])
+    if not anew:
+        found["anew"] = before.get("anew", [])
+    results.parent.mkdir(parents=True, exist_ok=True)
+    for source in several:
+        for _ in measure(found, source, size, anew):
+            write_json(results, found)
+    write_json(results, found)  # without runs that are not asked for, also where nothing lacked
+    return found
+
+
+def kept(before: dict[str, Any], several: Sequence[Source]) -> dict[str, Any]:
+    """What was measured of these before, with the seeds that they have now."""
+    seeds = {one.name: one.seed for one in several}
+    parts = {part: [one for one in before.get(part, ()) if one.get("run") in seeds] for part in PARTS}
+    return parts | {"curves": [one | {"seed": seeds[one["run"]]} for one in parts["curves"]]}
+
+
+def measure(found: dict[str, Any], source: Source, size: Size, anew: bool) -> Iterator[None]:
+    """Add what ``found`` lacks of one run; pauses after each piece."""
+    lacking = [curve for curve in CURVES if not is_complete(found["curves"], source, curve, size)]
+    predicted = {one["name"] for one in found["predicted"] if one["run"] == source.name}
+    unknown = [name for name in ANEW if anew and name not in predicted]
+    if lacking or unknown:
+        with opened(source, size) as (run, moments):
+            for curve in lacking:
+                others = [one for one in found["curves"] if (one["run"], one["curve"]) != (source.name, curve)]
+                found["curves"] = [*others, *points_of(curve, run, moments, source, size)]
+                yield
+            for name in unknown:
+                found["predicted"].append(predict(name, run, moments, source))
+                yield
+    trained_before = {(one["run"], one["name"]) for one in found["anew"] if "run" in one}
+    for one in found["predicted"]:
+        if anew and one["run"] == source.name and (one["run"], one["name"]) not in trained_before:
+            found["anew"].append(train_anew(one, size))
+            yield
+
+
+def is_complete(records: Sequence[dict[str, Any]], source: Source, curve: str, size: Size) -> bool:
+    """Whether all points and draws of a curve are there."""
+    there = {(one["point"], one["draw"]) for one in records if (one["run"], one["curve"]) == (source.name, curve)}
+    return there == set(product(CURVES[curve], range(size.corruptions)))
+
+
+@contextmanager
+def opened(source: Source, size: Size) -> Iterator[tuple[TrainedRun, Moments]]:
+    """The run, trained if need be, and the moments that it is judged on."""
+    if source.folder:
+        run = load_run(source.folder)
+        yield run, fly(run, size.episodes)
+    else:
+        with trained(source.seed, size) as both:
+            yield both
+
+
+def predict(name: str, run: TrainedRun, moments: Moments, source: Source) -> dict[str, Any]:
+    """The loss after corrupting the log by the flaws of ``ANEW``, and what is trained to compare it with."""
+    loss = losses(run, moments, ANEW[name][1], 0)["own"]
+    frames = run.config.total_frames
+    return {"run": source.name, "seed": run.config.seed, "frames": frames, "name": name, "corrupted": loss}
+
+
+def train_anew(predicted: dict[str, Any], size: Size) -> dict[str, Any]:
+    """The loss after training with such an instructor, as long and with the same seed, beside the predicted one."""
+    name, seed, loss = (predicted[key] for key in ("name", "seed", "corrupted"))
+    overrides, flaws = ANEW[name]
+    with trained(seed, size, f"total_frames={predicted['frames']}", *overrides) as (run, moments):
+        spoken = loss_of(run.mapping, moments, run)
+        told = {"trained": spoken, "delay": delay_of(run), "late": flaws.late_steps}
+    console.print(f"seed {seed}, trained with {name}: loss {spoken}, predicted {loss}")
+    return predicted | told
 
 
 @contextmanager
@@ -156,14 +244,14 @@ def fly(run: TrainedRun, episodes: int) -> Moments:
     return moments[moments.regular]
 
 
-def curves(run: TrainedRun, moments: Moments, seed: int, size: Size) -> Iterator[dict[str, Any]]:
+def points_of(curve: str, run: TrainedRun, moments: Moments, source: Source, size: Size) -> Iterator[dict[str, Any]]:
     """The losses of vocabularies from ever more corrupted instructions."""
-    for curve, points in CURVES.items():
-        for point, flaws in points.items():
-            for draw in range(size.corruptions):
-                found = losses(run, moments, flaws, draw)
-                yield {"seed": seed, "curve": curve, "point": point, "draw": draw, **found}
-        console.print(f"seed {seed}: {curve}, at the worst {found}")
+    about = {"run": source.name, "seed": source.seed, "curve": curve}
+    for point, flaws in CURVES[curve].items():
+        for draw in range(size.corruptions):
+            found = losses(run, moments, flaws, draw)
+            yield {**about, "point": point, "draw": draw, **found}
+    console.print(f"{source.name}: {curve}, at the worst {found}")
 
 
 def losses(run: TrainedRun, moments: Moments, flaws: FlawedConfig, draw: int) -> dict[str, Any]:
