@@ -1,7 +1,8 @@
 """Words of one's own: are they told apart, and spoken as they were used? From the logs of trained runs, told anew.
 
 python -m benchmarks.words RUN RUN RUN                  lander runs that are there already; ten minutes
-python -m benchmarks.words --report                     the table only
+python -m benchmarks.words --missing RUN RUN RUN        only what benchmarks/words.json does not hold yet of these runs
+python -m benchmarks.words --report                     the table only, in docs/WORDS.md
 
 The states and actions of a log stay. At each step a rule says a word in place of the number. Vocabularies are learnt
 from that as in ``task=evaluate``, and judged on greedy episodes that are not in the log.
@@ -12,12 +13,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
+from benchmarks.pages import fill
+from benchmarks.truth_report import DOCS
+from benchmarks.which_training import training_of
 from ibe_rl.collect.rollout import play
 from ibe_rl.config.settings import InstructorConfig, MappingConfig
 from ibe_rl.envs.lander_task import LANDER_TASK
@@ -42,7 +47,7 @@ from ibe_rl.vocabulary.fitting import fit_mapping
 
 console = Console(highlight=False)
 STRIDE_STEPS, ENVS = 4, 50
-RESULTS = Path(__file__).parent / "words.json"
+RESULTS, PAGE = Path(__file__).parent / "words.json", DOCS / "WORDS.md"
 FLAWS = {
     "": FlawedConfig(),
     "a fifth wrong": FlawedConfig(wrong=0.2),
@@ -121,7 +126,7 @@ def measure(run: TrainedRun, real: Array, language: str, flaw: str, seed: int) -
     """One language and flaw on the log of one run."""
     refits, (task, truth), flaws = Refits(run, seed), LANGUAGES[language], FLAWS[flaw]
     paper: MappingConfig = IBEConfig(horizon_steps=run.horizon_steps)
-    row: dict[str, Any] = {"run": run.folder.name, "language": language, "flaw": flaw}
+    row: dict[str, Any] = {"language": language, "flaw": flaw}
     for name, config in {"ours": run.config.mapping, "paper": paper}.items():
         lessons = refits.lessons(config)
         best, heard = (told(part, task, flaws, seed) for part in (lessons.best, lessons.heard))
@@ -131,12 +136,11 @@ def measure(run: TrainedRun, real: Array, language: str, flaw: str, seed: int) -
             best, heard = caught_up(best, delay), caught_up(heard, delay)
         mapping = fit_mapping(best, heard, config, task, seed, horizon_steps=run.horizon_steps)
         row[name] = judged(mapping, real, task, truth)
-    console.print(row)
     return row
 
 
-def report(rows: Sequence[dict[str, Any]]) -> str:
-    """A table in markdown: means over the runs, and the least of them."""
+def table(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Means over the runs, and the least of them."""
     lines = [
         "| words | flaw | told apart (macro-F1) | the paper's | motion AUC | the paper's | delay found |",
         "|---|---|---|---|---|---|---|",
@@ -150,7 +154,7 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
             cells = [_least([one["f1"] for one in ours]), _least([one["f1"] for one in paper])]
             cells += [_aucs(ours), _aucs(paper), ", ".join(str(row["delay_steps"]) for row in here)]
             lines.append(f"| {language} | {flaw or 'none'} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    return lines
 
 
 def _least(values: Sequence[float]) -> str:
@@ -161,25 +165,43 @@ def _aucs(each: Sequence[dict[str, Any]]) -> str:
     return ", ".join(f"{value:.3f}" for value in np.mean([one["motion_auc"] for one in each], axis=0))
 
 
-def main() -> None:
-    """Measure, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("runs", nargs="*", type=Path, help="folders of lander runs")
-    parser.add_argument("--report", action="store_true", help="print the table of the last measurement")
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, and put the table into docs/WORDS.md, or alone into the folder that is asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.words", description=__doc__.splitlines()[0])
+    parser.add_argument("runs", nargs="*", type=Path, metavar="RUN", help="folders of lander runs")
+    parser.add_argument("--missing", action="store_true", help="only what was not measured of these runs")
+    parser.add_argument("--report", action="store_true", help="only the table of the last measurement")
     parser.add_argument("--episodes", type=int, default=100, help="greedy episodes to judge on")
     parser.add_argument("--output", type=Path, help="a folder for what is written, instead of the repository's")
-    asked = parser.parse_args()
+    asked = parser.parse_args(arguments)
+    if bool(asked.runs) == asked.report:
+        parser.error("RUN: allowed are one or more, or --report without any")
     results = asked.output / RESULTS.name if asked.output else RESULTS
-    if asked.runs:
+    rows = read_json(results)["rows"] if asked.report or (asked.missing and results.exists()) else []
+    if not asked.report:
         results.parent.mkdir(parents=True, exist_ok=True)
-        rows = []
-        runs = [load_run(folder) for folder in asked.runs]
-        real = [real_changes(run, asked.episodes) for run in runs]
-        for flaw in FLAWS:
-            for language in LANGUAGES:
-                rows += [measure(run, real[seed], language, flaw, seed) for seed, run in enumerate(runs)]
-                write_json(results, {"rows": rows})
-    console.print(report(read_json(results)["rows"]), soft_wrap=True)
+        rows = measure_all(rows, asked.runs, asked.episodes, results)
+    fill(asked.output / PAGE.name if asked.output else PAGE, {"words": table(rows)}, "benchmarks.words")
+
+
+def measure_all(before: Sequence[dict[str, Any]], folders: Sequence[Path], episodes: int, results: Path) -> list[Any]:
+    """The rows of all runs, written after each of them; those of ``before`` are not measured again."""
+    names = [f"{training_of(folder)}, {episodes} episodes" for folder in folders]
+    rows = [row for row in before if row["run"] in names]
+    known = {(row["run"], row["language"], row["flaw"]) for row in rows}
+    for seed, (name, folder) in enumerate(zip(names, folders, strict=True)):
+        lacking = [(one, flaw) for flaw, one in product(FLAWS, LANGUAGES) if (name, one, flaw) not in known]
+        if not lacking:
+            continue
+        run = load_run(folder)
+        real = real_changes(run, episodes)
+        for language, flaw in lacking:
+            row = {"run": name, **measure(run, real, language, flaw, seed)}
+            console.print(row)
+            rows = sorted([*rows, row], key=lambda one: names.index(one["run"]))
+            write_json(results, {"rows": rows})
+    write_json(results, {"rows": rows})  # without runs that are not asked for, also where nothing lacked
+    return rows
 
 
 if __name__ == "__main__":
