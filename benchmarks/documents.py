@@ -13,7 +13,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -21,16 +21,16 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks import instruction
+from benchmarks import robustness as flawed
 from benchmarks.child import ONE_THREAD
 from benchmarks.plan import ROOT
-from benchmarks.same_runs import DQN, FEW_FIGURES, SMALL
+from benchmarks.same_runs import DQN, SMALL
 from ibe_rl.apps.sweep.board import Board, failures
 from ibe_rl.apps.sweep.jobs import FAILED, RUN_FINISHED, Job, state_of
 from ibe_rl.apps.sweep.processes import run_all
 from ibe_rl.config.arguments import path_setting
 from ibe_rl.config.settings import TrainConfig
 from ibe_rl.runtime.console import PlainConsole
-from ibe_rl.storage.run_folder import SUMMARY
 
 console = Console(highlight=False, soft_wrap=True)
 FOLDER = ROOT / "runs" / "results"
@@ -38,7 +38,7 @@ SETTINGS = {"ppo": ("collect.processes=1", "collect.envs_per_process=128"), "dqn
 """Beside the defaults: as many environments as by default, in one process, so that two trainings fit side by side."""
 QUICK = {agent: (*SMALL, "mapping.horizon_steps=60", *more) for agent, more in {"ppo": (), "dqn": DQN[1:]}.items()}
 FEWER = 3
-"""So many PPO runs are corrupted and told in words, and so many seeds are trained without instruction."""
+"""So many PPO runs are corrupted, told in words and trained anew with flawed instructors, so many seeds without any."""
 
 
 @dataclass(frozen=True)
@@ -139,50 +139,44 @@ def truth(asked: Asked) -> None:
 
 
 def robustness(asked: Asked) -> None:
-    """Corrupt the logs of a few runs."""
+    """Corrupt the logs of a few runs, and train such runs anew with flawed instructors."""
+    refuse_unfinished(asked.few())
+    runs = ("--missing", "--anew", "--runs", *map(str, asked.few()))
     few = ("--quick", "--corruptions", "1", "--episodes", "3")
-    command = ("-m", "benchmarks.robustness", "--runs", *map(str, asked.few()), *asked.options(*few))
-    once(asked, "robustness", asked.few(), *command)
+    beside_the_runs(asked, "robustness", flawed.RESULTS, runs, few)
 
 
 def words(asked: Asked) -> None:
     """Tell the logs of a few runs in words."""
+    refuse_unfinished(asked.few())
     if asked.quick:
         console.print("  left out: the log of a tiny run is too short to learn flawed words from")
         return
-    once(asked, "words", asked.few(), "-m", "benchmarks.words", *map(str, asked.few()), *asked.options())
+    call("-m", "benchmarks.words", "--missing", *map(str, asked.few()), *asked.options())
 
 
 def instructed(asked: Asked) -> None:
-    """Train with and without instruction, beside the runs, since the repository's own file holds older trainings."""
-    module = ("-m", "benchmarks.instruction")
-    seeds = ("--seeds", *map(str, asked.seeds[:FEWER]))
+    """Train with and without instruction."""
+    seeds = ("--missing", "--seeds", *map(str, asked.seeds[:FEWER]))
+    beside_the_runs(asked, "instruction", instruction.RESULTS, seeds, ("--quick",))
+
+
+def beside_the_runs(asked: Asked, name: str, results: Path, options: Sequence[str], quick: Sequence[str]) -> None:
+    """Call a benchmark that goes on from its file, kept beside the runs: the repository's own holds older trainings."""
+    module = ("-m", f"benchmarks.{name}")
     if asked.output:
-        call(*module, "--missing", *seeds, *asked.options("--quick"))
+        call(*module, *options, *asked.options(*quick))
         return
-    made = asked.folder / "instruction"
-    call(*module, "--missing", *seeds, "--output", str(made))
-    shutil.copy(made / instruction.RESULTS.name, instruction.RESULTS)
+    made = asked.folder / name
+    call(*module, *options, "--output", str(made))
+    shutil.copy(made / results.name, results)
     call(*module, "--report")
 
 
 def paper(asked: Asked) -> None:
-    """Do the paper's experiments with the first PPO run."""
-    [run, *_] = asked.few()
-    few = FEW_FIGURES if asked.quick else ()
-    once(asked, "paper", [run], "explain.py", path_setting("run", run), "task=figures", "viewer=off", *few)
-
-
-def once(asked: Asked, name: str, runs: list[Path], *command: str) -> None:
-    """Call a command about finished runs, unless it has ended well since they were trained."""
-    refuse_unfinished(runs)
-    done, text = asked.folder / f"{name}.done", shlex.join(command)
-    newest = max((run / SUMMARY).stat().st_mtime for run in runs)
-    if done.exists() and done.read_text() == text and done.stat().st_mtime >= newest:
-        console.print(f"  done before; to do it again: rm {done}")
-        return
-    call(*command)
-    done.write_text(text)
+    """Do the paper's experiments with all runs; ``benchmarks.paper`` leaves out those that did them."""
+    refuse_unfinished(asked.runs())
+    call("-m", "benchmarks.paper", *map(str, asked.runs()), *asked.options("--quick"))
 
 
 def call(*command: str) -> None:
@@ -201,9 +195,9 @@ STEPS: dict[str, tuple[str, Callable[[Asked], None]]] = {
     "train": ("default trainings that are not finished yet", train),
     "truth": ("are the words true? docs/QUALITY.md", truth),
     "robustness": ("flawed instructors, docs/INSTRUCTION.md", robustness),
-    "words": ("words of one's own; the table is printed", words),
+    "words": ("words of one's own, docs/WORDS.md", words),
     "instruction": ("with and without instruction, docs/INSTRUCTION.md", instructed),
-    "paper": ("the paper's experiments, figures/report.html in the first PPO run", paper),
+    "paper": ("the paper's experiments, docs/PAPER.md", paper),
 }
 """Name to what it says and does."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import pytest
 from view_data import eventually
 
-from benchmarks import documents, instruction, words
+from benchmarks import documents, instruction, robustness
 from benchmarks.plan import ROOT
 from ibe_rl.apps.sweep.jobs import Job
 
@@ -43,81 +42,59 @@ def called(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 def test_each_step_is_called_with_its_runs(
     folder: Path, called: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    results = tmp_path / "instruction.json"
-    monkeypatch.setattr(instruction, "RESULTS", results)
-    (folder / "instruction").mkdir()
-    (folder / "instruction" / results.name).write_text("trained anew")
+    for module in (instruction, robustness):
+        name = module.RESULTS.name
+        monkeypatch.setattr(module, "RESULTS", tmp_path / name)
+        made = folder / name.removesuffix(".json") / name
+        made.parent.mkdir()
+        made.write_text(f"trained anew: {name}")
     documents.main(["--folder", str(folder)])
-    few = [str(folder / f"ppo{seed}") for seed in range(3)]
-    module = ["-m", "benchmarks.instruction"]
+    ten, few = [str(folder / name) for name in TEN], [str(folder / f"ppo{seed}") for seed in range(3)]
+    flawed, taught = ["-m", "benchmarks.robustness"], ["-m", "benchmarks.instruction"]
     assert called == [
-        ["-m", "benchmarks.truth", *(str(folder / name) for name in TEN)],
-        ["-m", "benchmarks.robustness", "--runs", *few],
-        ["-m", "benchmarks.words", *few],
-        [*module, "--missing", "--seeds", "0", "1", "2", "--output", str(folder / "instruction")],
-        [*module, "--report"],
-        ["explain.py", f"run={few[0]}", "task=figures", "viewer=off"],
+        ["-m", "benchmarks.truth", *ten],
+        [*flawed, "--missing", "--anew", "--runs", *few, "--output", str(folder / "robustness")],
+        [*flawed, "--report"],
+        ["-m", "benchmarks.words", "--missing", *few],
+        [*taught, "--missing", "--seeds", "0", "1", "2", "--output", str(folder / "instruction")],
+        [*taught, "--report"],
+        ["-m", "benchmarks.paper", *ten],
     ]
-    assert results.read_text() == "trained anew"
+    for name in ("robustness.json", "instruction.json"):
+        assert (tmp_path / name).read_text() == f"trained anew: {name}"
 
 
 def test_a_tiny_one_writes_nothing_into_the_repository(folder: Path, called: list[list[str]], tmp_path: Path):
     """Words cannot be learnt from it."""
     documents.main(["--quick", "--output", str(tmp_path), "--agents", "ppo", "--seeds", "4"])
     run, output = str(folder / "ppo4"), ["--output", str(tmp_path)]
+    few = ["--quick", "--corruptions", "1", "--episodes", "3"]
     assert called == [
         ["-m", "benchmarks.truth", run, *output, "--quick"],
-        ["-m", "benchmarks.robustness", "--runs", run, *output, "--quick", "--corruptions", "1", "--episodes", "3"],
+        ["-m", "benchmarks.robustness", "--missing", "--anew", "--runs", run, *output, *few],
         ["-m", "benchmarks.instruction", "--missing", "--seeds", "4", *output, "--quick"],
-        ["explain.py", f"run={run}", "task=figures", "viewer=off", *documents.FEW_FIGURES],
+        ["-m", "benchmarks.paper", run, *output, "--quick"],
     ]
     called.clear()
     documents.main(["--only", "words", "--output", str(tmp_path)])
     few = [str(folder / f"ppo{seed}") for seed in range(3)]
-    assert called == [["-m", "benchmarks.words", *few, *output]]
+    assert called == [["-m", "benchmarks.words", "--missing", *few, *output]]
 
 
 def test_steps_are_told_and_done_in_their_order(
     folder: Path, called: list[list[str]], capsys: pytest.CaptureFixture[str]
 ):
     documents.main(["--folder", str(folder), "--only", "paper", "truth"])
-    assert [command[1] for command in called] == ["benchmarks.truth", f"run={folder / 'ppo0'}"]
+    assert [command[1] for command in called] == ["benchmarks.truth", "benchmarks.paper"]
     assert capsys.readouterr().out.splitlines() == [
         "truth: are the words true? docs/QUALITY.md",
-        "paper: the paper's experiments, figures/report.html in the first PPO run",
+        "paper: the paper's experiments, docs/PAPER.md",
     ]
 
 
-@pytest.mark.parametrize("step", ["robustness", "words", "paper"])
-def test_what_was_done_is_left_out_until_a_run_is_trained_again(folder: Path, called: list[list[str]], step: str):
-    only = ["--folder", str(folder), "--only", step]
-    for _ in range(2):
-        documents.main(only)
-    assert len(called) == 1
-    documents.main([*only, "--seeds", "1", "2"])  # other runs
-    assert len(called) == 2
-    documents.main(only)
-    later = (folder / f"{step}.done").stat().st_mtime + 1
-    os.utime(folder / "ppo0" / "summary.json", (later, later))
-    documents.main(only)
-    assert len(called) == 4
-
-
-def test_what_failed_is_done_again(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    called: list[tuple[str, ...]] = []
-
-    def call(*command: str) -> None:
-        called.append(command)
-        raise SystemExit("no room")
-
-    monkeypatch.setattr(documents, "call", call)
-    for _ in range(2):
-        with pytest.raises(SystemExit, match="no room"):
-            documents.main(["--folder", str(folder), "--only", "words"])
-    assert len(called) == 2
-
-
-@pytest.mark.parametrize(("step", "name"), [("truth", "dqn3"), ("robustness", "ppo2"), ("paper", "ppo0")])
+@pytest.mark.parametrize(
+    ("step", "name"), [("truth", "dqn3"), ("robustness", "ppo2"), ("words", "ppo1"), ("paper", "dqn4")]
+)
 def test_runs_that_are_not_finished_are_refused(folder: Path, called: list[list[str]], step: str, name: str):
     finish(folder / name, stopped_early=True)
     with pytest.raises(SystemExit, match=rf"{name}: not a finished run; allowed is one .*\(--only train\)$"):
@@ -150,15 +127,6 @@ def test_a_training_is_begun_or_resumed(tmp_path: Path):
     train = [sys.executable, str(ROOT / "train.py")]
     assert documents.training(job, False) == [*train, "agent=ppo", "seed=3", f"run_dir={job.folder}", "viewer=off"]
     assert documents.training(job, True) == [*train, f"resume={job.folder}", "viewer=off"]
-
-
-def test_words_are_kept_apart_as_well(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
-    (tmp_path / "words.json").write_text('{"rows": []}')
-    monkeypatch.setattr(sys, "argv", ["words", "--report", "--output", str(tmp_path)])
-    words.main()
-    assert capsys.readouterr().out.splitlines() == words.report([]).splitlines()
 
 
 FINISHES = "import sys; open(sys.argv[1] + '/summary.json', 'w').write('{}')"
