@@ -25,6 +25,7 @@ import numpy as np
 from rich.console import Console
 
 from benchmarks.child import run as run_command
+from benchmarks.robustness_flaws import ANEW, CURVES
 from benchmarks.robustness_report import write_report
 from benchmarks.which_training import training_of
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig, ViewerConfig
@@ -44,34 +45,6 @@ from ibe_rl.vocabulary.who_is_late import INSTRUCTOR
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "robustness.json"
-CURVES: dict[str, dict[str, FlawedConfig]] = {
-    "wrong, drawn at every step": {
-        f"{p:g}": FlawedConfig(wrong=p, spell_steps=1) for p in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
-    },
-    "wrong, for 25 steps at a time": {f"{p:g}": FlawedConfig(wrong=p) for p in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)},
-    "late by so many steps": {f"{d}": FlawedConfig(late_steps=d) for d in (0, 10, 25, 50, 75, 100)},
-    "late, and a fifth wrong": {f"{d}": FlawedConfig(late_steps=d, wrong=0.2 * (d > 0)) for d in (0, 10, 25, 50, 75)},
-    "late, a fifth wrong, half absent": {
-        "0": FlawedConfig(),
-        "25": FlawedConfig(late_steps=25, wrong=0.2, present=0.5),
-    },
-    "key kept down so many steps too long": {f"{d}": FlawedConfig(lasting_steps=d) for d in (0, 10, 25, 50)},
-    "the same, and late by 25": {f"{d}": FlawedConfig(lasting_steps=d, late_steps=25 * (d > 0)) for d in (0, 10, 25)},
-    "present so much of the time": {f"{p:g}": FlawedConfig(present=p) for p in (1.0, 0.75, 0.5, 0.25, 0.1, 0.05)},
-}
-"""What is corrupted and how much, the first without any flaw."""
-ANEW = {
-    "wrong 0.2": (("instructor=flawed", "instructor.wrong=0.2"), FlawedConfig(wrong=0.2)),
-    "late 25, present 0.5": (
-        ("instructor=flawed", "instructor.late_steps=25", "instructor.present=0.5"),
-        FlawedConfig(late_steps=25, present=0.5),
-    ),
-    "late 25, wrong 0.2, present 0.5": (
-        ("instructor=flawed", "instructor.late_steps=25", "instructor.wrong=0.2", "instructor.present=0.5"),
-        FlawedConfig(late_steps=25, wrong=0.2, present=0.5),
-    ),
-}
-"""Trained with such an instructor from the beginning."""
 PARTS = ("curves", "predicted", "anew")
 """Of the file: losses after corruption, those predicted for trainings with flawed instructors, and those after them."""
 PAPER = IBEConfig(delay_steps=0)
@@ -95,7 +68,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--corruptions", type=int, default=3, help="draws of the flaws for each run")
     parser.add_argument("--episodes", type=int, default=100, help="unseen ones that each run is judged on")
     parser.add_argument("--runs", type=Path, nargs="+", help="folders, corrupted instead of runs of the seeds")
-    parser.add_argument("--anew", action="store_true", help="with --runs: train anew as well, with flawed instructors")
+    parser.add_argument(
+        "--anew", action="store_true", help="with --runs: also train, by default settings and as long, with flaws"
+    )
     parser.add_argument("--missing", action="store_true", help="only what was not measured of these runs or seeds")
     parser.add_argument("--report", action="store_true", help="train nothing")
     parser.add_argument("--quick", action="store_true", help="tiny trainings: does everything still work?")
@@ -104,6 +79,8 @@ def main(arguments: list[str] | None = None) -> None:
     if asked.quick and not asked.output:
         parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
     results = asked.output / RESULTS.name if asked.output else RESULTS
+    if asked.report and not results.exists():
+        parser.error(f"--report: allowed once something was measured ({results} is not there)")
     held = asked.report or ((asked.missing or asked.runs) and results.exists())
     found: dict[str, Any] = read_json(results) if held else {}
     if not asked.report:

@@ -177,6 +177,8 @@ def main(arguments: list[str] | None = None) -> None:
     if bool(asked.runs) == asked.report:
         parser.error("RUN: allowed are one or more, or --report without any")
     results = asked.output / RESULTS.name if asked.output else RESULTS
+    if asked.report and not results.exists():
+        parser.error(f"--report: allowed once something was measured ({results} is not there)")
     rows = read_json(results)["rows"] if asked.report or (asked.missing and results.exists()) else []
     if not asked.report:
         results.parent.mkdir(parents=True, exist_ok=True)

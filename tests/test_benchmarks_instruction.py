@@ -15,6 +15,7 @@ from processes import call
 
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
 from benchmarks.instruction_report import success, table
+from benchmarks.robustness_flaws import ANEW, CURVES
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from ibe_rl.agents import check_agent
 from ibe_rl.collect.check import check_collect
@@ -94,9 +95,9 @@ def test_instruction_is_measured_and_reported(
 def test_robustness_is_measured_and_reported(
     tmp_path: Path, in_this_process: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ):
-    ends = {curve: {p: points[p] for p in (min(points), max(points))} for curve, points in robustness.CURVES.items()}
+    ends = {curve: {p: points[p] for p in (min(points), max(points))} for curve, points in CURVES.items()}
     monkeypatch.setattr(robustness, "CURVES", ends)
-    monkeypatch.setattr(robustness, "ANEW", {"wrong 0.2": robustness.ANEW["wrong 0.2"]})
+    monkeypatch.setattr(robustness, "ANEW", {"wrong 0.2": ANEW["wrong 0.2"]})
     robustness.main(["--quick", "--seeds", "4", "--corruptions", "1", "--episodes", "3", "--output", str(tmp_path)])
     found = json.loads((tmp_path / "robustness.json").read_text())
     places = [(curve, point) for curve, points in ends.items() for point in points]
@@ -144,15 +145,15 @@ def test_every_arm_can_be_trained(part: str, name: str):
         assert f"{cfg.obedience.judge}, {cfg.obedience.weight:g}" == name
 
 
-@pytest.mark.parametrize("name", robustness.ANEW)
+@pytest.mark.parametrize("name", ANEW)
 def test_what_is_trained_again_has_the_flaws_that_are_predicted(name: str):
-    overrides, flaws = robustness.ANEW[name]
+    overrides, flaws = ANEW[name]
     assert composed(*robustness.COMMON, *overrides).instructor == flaws
 
 
-@pytest.mark.parametrize("curve", robustness.CURVES)
+@pytest.mark.parametrize("curve", CURVES)
 def test_every_curve_begins_without_flaws(curve: str):
-    first, *others = robustness.CURVES[curve].values()
+    first, *others = CURVES[curve].values()
     assert (first.wrong, first.late_steps, first.present) == (0, 0, 1)
     assert all(one != FlawedConfig(spell_steps=one.spell_steps) for one in others)
     for flaws in (first, *others):

@@ -121,3 +121,11 @@ def test_a_run_that_is_not_finished_is_refused(text: str | None, why: str, by_ha
     with pytest.raises(SystemExit, match=expected):
         robustness.main(["--output", str(tmp_path), "--runs", str(tmp_path / "ppo0")])
     assert by_hand == []
+
+
+def test_a_report_of_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit):
+        robustness.main(["--report", "--output", str(tmp_path)])
+    assert (
+        f"allowed once something was measured ({tmp_path / 'robustness.json'} is not there)" in capsys.readouterr().err
+    )

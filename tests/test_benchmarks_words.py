@@ -84,3 +84,9 @@ def test_runs_or_a_report_are_asked_for(arguments: list[str], capsys: pytest.Cap
 def test_docs_has_a_place_for_the_table():
     begin, end = "<!-- words: python -m benchmarks.words -->", "<!-- end of words -->"
     assert end in words.PAGE.read_text().partition(begin)[2]
+
+
+def test_a_report_of_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit):
+        words.main(["--report", "--output", str(tmp_path)])
+    assert f"allowed once something was measured ({tmp_path / 'words.json'} is not there)" in capsys.readouterr().err
