@@ -194,7 +194,7 @@ def call(*command: str) -> None:
 STEPS: dict[str, tuple[str, Callable[[Asked], None]]] = {
     "train": ("default trainings that are not finished yet", train),
     "truth": ("are the words true? docs/QUALITY.md", truth),
-    "robustness": ("flawed instructors, docs/INSTRUCTION.md", robustness),
+    "robustness": ("flawed instructors: logs corrupted, and trainings, docs/INSTRUCTION.md", robustness),
     "words": ("words of one's own, docs/WORDS.md", words),
     "instruction": ("with and without instruction, docs/INSTRUCTION.md", instructed),
     "paper": ("the paper's experiments, docs/PAPER.md", paper),

@@ -114,7 +114,7 @@ def near(runs: Runs) -> str:
     names = sorted({name for run in runs for name in run["near"]} - {"C"})
     counts = {name: [run["near"][name] for run in runs if name in run["near"]] for name in names}
     told = _and([f"{name} in {sum(found)} of {len(found)}" for name, found in counts.items()])
-    return f"As good as the paper's agent, up to 8 points: {told} runs. The nearest of the other runs count as well."
+    return f"As good as the paper's agent, up to 8 points: {told} runs. In the other runs the nearest policy counts."
 
 
 def _number(count: int) -> str:

@@ -105,8 +105,8 @@ def test_claims_are_counted_over_runs_and_agents(two: list[Path]):
         "worse in 0. Mean error 4.0 % without words, 1.0 % expecting it straight down, 6.0 % with its words, 2.5 % "
         "with ours. |",
         "",
-        "As good as the paper's agent, up to 8 points: A in 1 of 2 and B in 2 of 2 runs. The nearest of the other runs "
-        "count as well.",
+        "As good as the paper's agent, up to 8 points: A in 1 of 2 and B in 2 of 2 runs. In the other runs the "
+        "nearest policy counts.",
     ]
 
 
