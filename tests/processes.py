@@ -34,6 +34,9 @@ SMALL = [
     "log.capacity_frames=10000",
 ]
 
+SMALL_RUN = [*SMALL, "mapping.spans_steps=[10]", "mapping.meaning=assumed"]
+"""With two spans. Its few episodes cannot tell what the words mean."""
+
 
 def call(script: str, *arguments: str) -> None:
     """Run a script in this process, the way its ``__main__`` does.

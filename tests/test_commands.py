@@ -60,8 +60,8 @@ ELSEWHERE = {
         "apps/ray/test_ray_run.py::test_a_sweep_runs_on_the_cluster"
     ),
     "explain.py sweep=DIR": "apps/sweep/test_sweep_report.py::test_the_table_holds_every_condition_and_metric",
-    "explain.py task=evaluate": "test_scripts.py::test_what_the_agent_says_is_judged",
-    "explain.py task=compare": "test_scripts.py::test_mappings_are_compared_on_the_same_log",
+    "explain.py task=evaluate": "scripts/test_judging_scripts.py::test_what_the_agent_says_is_judged",
+    "explain.py task=compare": "scripts/test_judging_scripts.py::test_mappings_are_compared_on_the_same_log",
     "explain.py task=figures": "apps/paper/test_paper_report.py::test_the_numbers_are_all_there_and_strict_json",
     "explain.py task=summary": "apps/summary/test_summarising.py::test_it_says_the_most_important_in_the_terminal",
     "explain.py run=RUN task=summary with=OTHER": (
@@ -70,9 +70,11 @@ ELSEWHERE = {
     "explain.py run=RUN task=summary with_frame=400_000": (
         "apps/summary/test_summarising.py::test_it_holds_shares_moments_episodes_and_the_other_agent"
     ),
-    "explain.py run=RUN task=predictors": "test_scripts.py::test_predictors_are_held_against_the_exact_one",
+    "explain.py run=RUN task=predictors": (
+        "scripts/test_judging_scripts.py::test_predictors_are_held_against_the_exact_one"
+    ),
     "explain.py run=RUN predictor=ensemble": (
-        "test_scripts.py::test_an_episode_is_explained_by_what_is_learnt_from_the_log"
+        "scripts/test_judging_scripts.py::test_an_episode_is_explained_by_what_is_learnt_from_the_log"
     ),
     "-m ibe_rl.apps.study make run=demo serve=true": (
         "apps/study/test_study_commands.py::test_a_study_is_made_and_served"
