@@ -158,7 +158,8 @@ def _saved(agent: str, iqm: dict[str, Any], runs: list[dict[str, Any]]) -> str:
 
 
 def _paired_row(title: str, found: list[dict[str, Any]], sign: int) -> str:
-    clear = [sign * (each["low"] if sign > 0 else each["high"]) > 0 for each in found]
+    bounds = [each["low"] if sign > 0 else each["high"] for each in found]
+    clear = [bound is not None and sign * bound > 0 for bound in bounds]
     each = " ".join(_signed(one) for one in found)
     return f"| {title} | {sum(clear)} of {len(clear)} seeds | {each} | {_word(all(clear))} |"
 
