@@ -36,7 +36,8 @@ METRICS = (
     *("came_true", "came_true_voted", "phrase_changes_per_100", "flicker", "lag_steps"),
     *("observer_error", "ece", "risk_at_80", "risk_all", "size_cv", "size_max"),
 )
-
+MOST = 0.75
+"""Least share of the runs that a mean is of."""
 QUICK = (*FEW, "evaluate.spoken_episodes=2")
 FULL = ("evaluate.spoken_episodes=20", "what_if=false")
 """What is spoken is judged on twice as many episodes as by default: ten hold few changes of the phrase."""
@@ -142,7 +143,11 @@ def _paired(rows: list[dict[str, Any]], minus: str) -> Any:
 
 
 def put_together(runs: list[dict[str, Any]], summarise: Summarise) -> dict[str, Any]:
-    """Means over the runs of each kind of agent, with intervals; None for a metric that one of the runs lacks."""
+    """Means over the runs of each kind of agent, with intervals.
+
+    A metric that some runs lack, as one whose agent cannot tell what its words mean lacks calibration, is that of the
+    others, with how many they are (``runs``); None if they are fewer than ``MOST``.
+    """
     by_agent = defaultdict(list)
     for run in runs:
         by_agent[run["agent"]].append(run)
@@ -152,11 +157,16 @@ def put_together(runs: list[dict[str, Any]], summarise: Summarise) -> dict[str, 
 def _of_agent(runs: list[dict[str, Any]], summarise: Summarise) -> dict[str, Any]:
     names = list(runs[0]["values"])
     every = {(n, metric): [run["values"].get(n, {}).get(metric) for run in runs] for n in names for metric in METRICS}
-    known = {key: values for key, values in every.items() if None not in values}
-    means = summarise(np.array(list(known.values()), float).T)
+    whole = {key: values for key, values in every.items() if None not in values}
+    means = summarise(np.array(list(whole.values()), float).T)
     found: dict[str, Any] = {name: dict.fromkeys(METRICS) for name in names}
-    for (name, metric), mean in zip(known, means, strict=True):
+    for (name, metric), mean in zip(whole, means, strict=True):
         found[name][metric] = mean
+    for (name, metric), values in every.items():
+        known = [value for value in values if value is not None]
+        if MOST * len(values) <= len(known) < len(values):
+            [mean] = summarise(np.array(known, float)[:, None])
+            found[name][metric] = mean | {"runs": len(known)}
     return found
 
 

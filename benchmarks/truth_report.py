@@ -218,7 +218,10 @@ def _signed(told: dict[str, Any]) -> str:
 
 
 def _cell(told: dict[str, float] | None) -> str:
-    return NOT_TOLD if told is None else f"{_short(told['value'])} [{_short(told['low'])}, {_short(told['high'])}]"
+    if told is None:
+        return NOT_TOLD
+    of_some = f" ({told['runs']} runs)" if "runs" in told else ""
+    return f"{_short(told['value'])} [{_short(told['low'])}, {_short(told['high'])}]{of_some}"
 
 
 def _short(value: float | None) -> str:

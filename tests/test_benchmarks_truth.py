@@ -102,6 +102,16 @@ def test_what_one_run_lacks_is_not_reported_of_all(together: dict[str, Any]) -> 
     assert put_together(runs, middle)["iqm"]["ppo"]["ibe:axis"]["ece"] is None
 
 
+def test_a_mean_of_most_runs_says_how_many_they_are(tmp_path: Path) -> None:
+    runs = [read(judged(tmp_path / f"ppo{seed}", "ppo", seed, 0.99)) for seed in range(4)]
+    for run, ece in zip(runs, (0.01, None, 0.02, 0.03), strict=True):
+        run["values"]["ibe:axis"]["ece"] = ece
+    together = put_together(runs, middle)
+    assert together["iqm"]["ppo"]["ibe:axis"]["ece"] == estimate(0.02, 0.01, 0.03) | {"runs": 3}
+    insert_tables(together, tmp_path / "QUALITY.md")
+    assert "| .020 [.010, .030] (3 runs) |" in (tmp_path / "QUALITY.md").read_text()
+
+
 def test_the_page_says_what_was_reached(together: dict[str, Any], tmp_path: Path) -> None:
     page = tmp_path / "QUALITY.md"
     page.write_text("before\n<!-- tables: python -m benchmarks.truth -->\nold\n<!-- end of tables -->\nafter\n")
