@@ -6,7 +6,6 @@ python -m benchmarks.paper --report RUN RUN ...         the table only
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from rich.console import Console
 
 from benchmarks.child import run as run_command
 from benchmarks.paper_report import insert_table
+from benchmarks.run_arguments import finished_runs
 from benchmarks.same_runs import FEW_FIGURES
 from ibe_rl.apps.paper.answers import SURE
 from ibe_rl.apps.paper.names import CUT_NAMES, DEFAULT, NO_WORDS, PAPERS, SIGNS_KEPT, STRAIGHT
@@ -30,19 +30,7 @@ SIDES = ("left", "right")
 
 def main(arguments: list[str] | None = None) -> None:
     """Do the experiments with the runs that lack them, count, and write the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.paper", description=__doc__.splitlines()[0])
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="finished runs of the lander")
-    parser.add_argument("--report", action="store_true", help="do no experiments, only count what is there")
-    parser.add_argument("--quick", action="store_true", help="few episodes: does everything still work?")
-    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
-    asked = parser.parse_args(arguments)
-    if asked.quick and not asked.output:
-        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
-    if len({run.resolve() for run in asked.runs}) < len(asked.runs):
-        parser.error(f"RUN={' '.join(map(str, asked.runs))}: allowed is each run once")
-    for run in asked.runs:
-        if not (run / SUMMARY).is_file():
-            parser.error(f"RUN={run}: allowed is the folder of a finished run (it has no {SUMMARY})")
+    asked = finished_runs("benchmarks.paper", __doc__.splitlines()[0], arguments)
     if not asked.report:
         for run in asked.runs:
             experiment(run, FEW_FIGURES if asked.quick else ())

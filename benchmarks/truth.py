@@ -6,7 +6,6 @@ python -m benchmarks.truth --report runs/ppo0 ...                  the report on
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from benchmarks.run_arguments import finished_runs
 from benchmarks.same_runs import FEW
 from benchmarks.truth_figures import draw
 from benchmarks.truth_report import PAGE, PICTURES, insert_tables
@@ -45,17 +45,7 @@ FULL = ("evaluate.spoken_episodes=20", "what_if=false")
 
 def main(arguments: list[str] | None = None) -> None:
     """Judge the runs, put them together and write the report."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.truth", description=__doc__.splitlines()[0])
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="finished runs with their logs")
-    parser.add_argument("--report", action="store_true", help="do not judge, only put together what was judged")
-    parser.add_argument("--quick", action="store_true", help="few episodes: does everything still work?")
-    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
-    asked = parser.parse_args(arguments)
-    if asked.quick and not asked.output:
-        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
-    for run in asked.runs:
-        if not (run / SUMMARY).is_file():
-            parser.error(f"RUN={run}: allowed is the folder of a finished run (it has no {SUMMARY})")
+    asked = finished_runs("benchmarks.truth", __doc__.splitlines()[0], arguments)
     if not asked.report:
         for run in asked.runs:
             judge(run, QUICK if asked.quick else FULL)

@@ -129,7 +129,7 @@ def _above_regressor(runs: list[dict[str, Any]]) -> str:
 def _goal(
     title: str, explainer: str, metric: str, sign: str, bound: float, iqm: dict[str, Any], runs: list[dict[str, Any]]
 ) -> str:
-    """A row of ``GOALS``; where runs lack the metric, nothing is said of it."""
+    """A row of ``GOALS``; of a metric that too many runs lack, nothing is said."""
     name = runs[0][OURS] if explainer == OURS else explainer
     told = iqm.get(name, {}).get(metric)
     reached = told and (told["value"] >= bound if sign == "≥" else told["value"] <= bound)

@@ -239,6 +239,10 @@ def test_what_cannot_be_judged_is_refused(tmp_path: Path, capsys: pytest.Capture
     with pytest.raises(SystemExit):
         truth.main([str(tmp_path), "--quick"])
     assert "--quick: allowed with --output=FOLDER, its figures mean nothing" in capsys.readouterr().err
+    twice = judged(tmp_path / "run", "ppo", 0, 0.9)
+    with pytest.raises(SystemExit):
+        truth.main([str(twice), str(twice), "--report", "--output", str(tmp_path)])
+    assert f"RUN={twice} {twice}: allowed is each run once" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.ibe.settings import IBEConfig
 from ibe_rl.ibe.space import TooLittleDataError
 from ibe_rl.ibe.word_mapping import with_word_meanings
-from ibe_rl.runtime.pool import call_each, can_be_kept
+from ibe_rl.runtime.pool import call_each
 from ibe_rl.task import Task
 from ibe_rl.types import ConfigError, Episode, ExpressionMapping
 from ibe_rl.vocabulary.fitting import check_mapping, clusters_of, fit_mapping, interpret_lessons
@@ -44,7 +44,7 @@ def fit_shuffled(
     """Learn ``count`` vocabularies, each from episodes with shuffled instructions.
 
     A shuffle that allows no vocabulary, for example if its axis hardly varies, is drawn again. After ``MOST_REDRAWN``
-    times ``count`` redraws fewer vocabularies are returned. ``step`` is called after each.
+    times ``count`` redraws fewer vocabularies are returned. ``step`` is called after each vocabulary.
     """
     random = np.random.default_rng(seed)
     quick = config
@@ -88,12 +88,11 @@ class Refits:
         Args:
             method: ``fit`` or ``learn_at``.
             calls: the arguments.
-            processes: how many at once, 1 where other processes cannot have the run.
+            processes: how many at once.
         """
-        several = processes if can_be_kept(self) else 1
         found = []
         with progress_bar("vocabularies", len(calls)) as step:
-            for one in call_each(self, method, calls, several):
+            for one in call_each(self, method, calls, processes):
                 found.append(one)
                 step()
         return found

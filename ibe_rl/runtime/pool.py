@@ -47,8 +47,7 @@ class ProcessPool:
             worker.shutdown(cancel_futures=True)
 
 
-def can_be_kept(kept: Any) -> bool:
-    """Whether the processes of a pool can have copies of an object."""
+def _can_be_copied(kept: Any) -> bool:
     try:
         cloudpickle.dumps(kept)
     except Exception:  # pickling may raise anything
@@ -59,10 +58,10 @@ def can_be_kept(kept: Any) -> bool:
 def call_each(kept: Any, method: str, calls: Sequence[tuple[Any, ...]], processes: int) -> Iterator[Any]:
     """Call a method of an object with the arguments of each call, in so many processes; 1: this one.
 
-    What a process that was killed has not done is done in this one.
+    What cannot be copied to others is called in this one, as is what a killed process has left undone.
     """
     done = 0
-    if processes > 1:
+    if processes > 1 and _can_be_copied(kept):
         with closing(ProcessPool(kept, processes)) as pool:
             try:
                 for result in pool.map(method, calls):

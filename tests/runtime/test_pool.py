@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
+from threading import Lock
 
 import pytest
 
@@ -63,3 +64,9 @@ def test_calls_are_divided_between_processes_that_end_afterwards() -> None:
     for process in processes:
         with pytest.raises(ProcessLookupError):
             os.kill(process, 0)
+
+
+def test_what_cannot_be_copied_is_called_here() -> None:
+    mine = Counting()
+    mine.calls_of = Lock()  # type: ignore[attr-defined]
+    assert {process for *_, process in call_each(mine, "add", [(1,), (2,)], 2)} == {os.getpid()}
