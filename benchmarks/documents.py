@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.documents", description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=list(STEPS), default=list(STEPS), help="these steps")
     parser.add_argument("--agents", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2, 3, 4])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[5, 6, 7, 8, 9])
     parser.add_argument("--at-once", type=int, default=2, help="trainings side by side")
     parser.add_argument("--folder", type=Path, help="of the runs, instead of runs/results or OUTPUT/runs")
     parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")

@@ -39,8 +39,8 @@ METRICS = (
 MOST = 0.75
 """Least share of the runs that a mean is of."""
 QUICK = (*FEW, "evaluate.spoken_episodes=2")
-FULL = ("evaluate.spoken_episodes=20", "what_if=false")
-"""What is spoken is judged on twice as many episodes as by default: ten hold few changes of the phrase."""
+FULL = ("evaluate.spoken_episodes=40", "what_if=false")
+"""What is spoken is judged on four times as many episodes as by default: with 20, chance alone gave an ECE of .02."""
 
 
 def main(arguments: list[str] | None = None) -> None:

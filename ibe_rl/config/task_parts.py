@@ -6,9 +6,6 @@ from dataclasses import dataclass, field
 
 from ibe_rl.config.setting import MISSING
 
-DEGREES = {"slightly": 0.15, "moderately": 0.4, "": 0.75}
-"""Words for how much where a file gives none. They are no default of a setting: a file's would be merged with them."""
-
 
 @dataclass
 class PhrasesConfig:
@@ -17,7 +14,7 @@ class PhrasesConfig:
     zero: str = MISSING  # said for 0
     negative: str = MISSING  # said for negative numbers; {degree} is replaced by the degree word
     positive: str = MISSING  # the same for positive numbers
-    degrees: dict[str, float] = field(default_factory=dict)  # word: its lowest magnitude, rising; empty: DEGREES
+    degrees: dict[str, float] = field(default_factory=dict)  # word: its lowest magnitude, rising; empty: task.DEGREES
 
 
 @dataclass

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibe_rl.task import Phrases, Task
+from ibe_rl.task import DEGREES, Phrases, Task
 from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array
 
@@ -68,7 +68,7 @@ CART_POLE_TASK = Task(
             zero="staying",
             negative="going {degree}to the left",
             positive="going {degree}to the right",
-            degrees=((0.15, "slightly "), (0.4, "moderately "), (0.75, "")),
+            degrees=DEGREES,
         ),
     ),
     context=place_of,

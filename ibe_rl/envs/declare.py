@@ -9,12 +9,12 @@ import gymnasium
 import numpy as np
 
 from ibe_rl.config.settings import CODE_SETTINGS, TaskConfig
-from ibe_rl.config.task_parts import DEGREES, MirrorConfig, PhrasesConfig
+from ibe_rl.config.task_parts import MirrorConfig, PhrasesConfig
 from ibe_rl.envs.functions import CHECKS, checked_success, with_checks
 from ibe_rl.envs.sensing import Sense
 from ibe_rl.envs.wrappers import SUCCESS, Declared
 from ibe_rl.runtime.import_string import import_named
-from ibe_rl.task import Phrases, Task
+from ibe_rl.task import DEGREES, Phrases, Task
 from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array, ConfigError
 
@@ -144,9 +144,9 @@ def _names(key: str, names: Sequence[str], size: int, distinct: bool = True) -> 
 
 
 def _phrases(config: PhrasesConfig) -> Phrases:
-    degrees = tuple((limit, f"{word} " if word else "") for word, limit in (config.degrees or DEGREES).items())
-    try:
-        return Phrases(config.zero, config.negative, config.positive, degrees)
+    degrees = tuple((limit, f"{word} " if word else "") for word, limit in config.degrees.items())
+    try:  # a file's degrees are no default of the setting: they would be merged with it
+        return Phrases(config.zero, config.negative, config.positive, degrees or DEGREES)
     except ValueError as error:
         raise ConfigError(f"env.task.phrases: {error}") from None
 

@@ -19,7 +19,7 @@ from ibe_rl.envs.lander_task import (
     lander_instruction,
     lander_motion,
 )
-from ibe_rl.task import Phrases
+from ibe_rl.task import DEGREES, Phrases
 from ibe_rl.types import Array
 
 SPEED_AT_GROUND, SPEED_BY_HEIGHT = 0.08, 0.6
@@ -68,7 +68,7 @@ LANDER_SPEED_TASK = replace(
             zero="as fast as now",
             negative="{degree}faster",
             positive="{degree}slower",
-            degrees=((0.15, "slightly "), (0.4, "moderately "), (0.75, "")),
+            degrees=DEGREES,
         ),
     ),
     explained=(X, VY),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from gymnasium.envs.box2d import lunar_lander as game
 
-from ibe_rl.task import Phrases, Task
+from ibe_rl.task import DEGREES, Phrases, Task
 from ibe_rl.task.mirror import Mirror
 from ibe_rl.types import Array
 
@@ -89,7 +89,7 @@ LANDER_TASK = Task(
             zero="falling straight down",
             negative="falling {degree}to the left",
             positive="falling {degree}to the right",
-            degrees=((0.15, "slightly "), (0.4, "moderately "), (0.75, "")),
+            degrees=DEGREES,
         ),
     ),
     context=pad_of,

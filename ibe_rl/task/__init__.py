@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ibe_rl.task.mirror import Mirror as Mirror
+from ibe_rl.task.words import DEGREES as DEGREES
 from ibe_rl.task.words import Phrases as Phrases
 from ibe_rl.task.words import Words
 from ibe_rl.types import Array, Episode, Moment

@@ -306,20 +306,20 @@ def test_a_change_that_is_undone_at_once_is_not_said():
 
 def test_a_change_that_lasts_is_said_once_it_leads():
     said = spoken(*[[4, 4, 4]] * 5, *[[-4, -4, -4]] * 5)
-    assert [one.phrase for one in said] == [UP] * 7 + [DOWN] * 3
-    late = said[6]  # no future of this moment is called so any more
-    assert (late.delta_state.tolist(), late.agreement, late.of_the_moment) == ([4], pytest.approx(3 / 5), DOWN)
+    assert [one.phrase for one in said] == [UP] * 6 + [DOWN] * 4
+    late = said[5]  # no future of this moment is called so any more
+    assert (late.delta_state.tolist(), late.agreement, late.of_the_moment) == ([4], pytest.approx(2 / 3), DOWN)
 
 
 def test_a_lead_that_is_too_small_changes_nothing():
-    assert 1 / 21 < LEAD < 1 / 7
-    assert [one.phrase for one in spoken([0] * 7, [0, 0, 0, 4, 4, 4, 4], every_steps=5)] == [STAY, UP]
-    assert [one.phrase for one in spoken([0] * 21, [0] * 10 + [4] * 11, every_steps=5)] == [STAY, STAY]
+    assert 1 / 7 < LEAD < 3 / 7
+    assert [one.phrase for one in spoken([0] * 7, [0, 0, 4, 4, 4, 4, 4], every_steps=5)] == [STAY, UP]
+    assert [one.phrase for one in spoken([0] * 7, [0, 0, 0, 4, 4, 4, 4], every_steps=5)] == [STAY, STAY]
 
 
 def test_a_new_phrase_is_one_of_this_moment():
     """Up has most votes in the end, of moments before this one, but was never said."""
-    mostly_up = [4] * 6 + [0] * 3
+    mostly_up = [4] * 5 + [0] * 4
     said = spoken([0] * 9, *[mostly_up] * 4, [-4] * 9)
     assert [one.phrase for one in said] == [STAY] * 6
     assert said[-1].of_the_moment == DOWN

@@ -79,9 +79,10 @@ def test_several_numbers_are_joined():
     [
         (-1, "falling to the left"),
         (-0.5, "falling moderately to the left"),
-        (-0.2, "falling slightly to the left"),
+        (-0.3, "falling slightly to the left"),
+        (-0.2, "falling straight down"),
         (0, "falling straight down"),
-        (0.2, "falling slightly to the right"),
+        (0.3, "falling slightly to the right"),
         (0.5, "falling moderately to the right"),
         (1, "falling to the right"),
     ],
