@@ -252,6 +252,7 @@ class Film:
 
     def _send_spoken(self, take: _Take) -> None:
         said, success = take.said, take.watched.episode.success
+        self._send_alone(take)
         rows = picture.changes([one.in_time() for one in said])
         texts = [f"+{i}  {said[i].in_time(self._short)}" for i in rows]
         texts.append(f"+{len(said)}  end of the episode: {'success' if success else 'no success'}")
@@ -263,6 +264,14 @@ class Film:
         hits = [float(one.phrase == real) if one.meant else np.nan for one, real in zip(said, take.real, strict=True)]
         every = spoken_rows(words, said, np.array(hits), steady=False)
         self._send_texts("spoken", take, [0], [markdown(said, every)])
+
+    def _send_alone(self, take: _Take) -> None:
+        """What a moment alone says where an earlier phrase still holds: at a level that the viewer can hide."""
+        alone = [one.of_the_moment if one.meant else None for one in take.said]
+        if rows := [i for i in picture.changes(alone) if alone[i] is not None]:
+            texts = [f"+{i}  this moment alone: {self._short(str(alone[i]))}" for i in rows]
+            columns = rr.TextLog.columns(text=texts, level=["TRACE"] * len(rows))
+            self._send("log/alone", take.place.columns(rows), columns)
 
 
 def _shades(said: Sequence[Explanation]) -> Array:

@@ -244,6 +244,21 @@ def test_the_panels_tell_what_is_said_of_all_spans_of_time(tmp_path: Path) -> No
     assert f"said {HORIZON_STEPS} steps ago: {DOES_NOT_KNOW}: it was {happened[10]}" in at[10 + HORIZON_STEPS][0]
 
 
+def test_the_log_keeps_what_a_moment_alone_says(tmp_path: Path) -> None:
+    watched, refresh = flights()[WATCHED[1]], refreshed()
+    said = explain(watched, refresh)
+    alone = {3: "falling far left", 4: "falling far left", 8: "falling far right"}
+    said = [replace(one, of_the_moment=alone.get(i)) for i, one in enumerate(said)]
+    said[8] = replace(said[8], meant=False, known=False)
+    recorder = Recorder(tmp_path / "recording.rrd", TASK, "run", training=False)
+    recorder.watched(0, watched, said, [one.phrase for one in said])
+    recorder.close()
+    rows = read(tmp_path / "recording.rrd")["/log/alone"]
+    short = wording.shortener(TASK.phrases)("falling far left")
+    assert column(rows, "TextLog:text") == [[f"+3  this moment alone: {short}"]]
+    assert column(rows, "TextLog:level") == [["TRACE"]]
+
+
 def test_words_without_a_known_meaning_are_nowhere_in_the_film(tmp_path: Path) -> None:
     watched, refresh = flights()[WATCHED[1]], refreshed()
     said = [replace(one, meant=False, known=False) for one in explain(watched, refresh)]
