@@ -1,6 +1,7 @@
 """Does instruction help to learn? Trainings with and without it, with the goal in sight and not, with extra reward.
 
-python -m benchmarks.instruction                        train all arms, three seeds each, then the report: 40 minutes
+python -m benchmarks.instruction                        train all arms, three seeds each, then the report: hours
+python -m benchmarks.instruction --parts sight flaws    some of the tables
 python -m benchmarks.instruction --missing              only what benchmarks/instruction.json does not hold yet
 python -m benchmarks.instruction --report               the report only
 """
@@ -29,6 +30,14 @@ SIGHT = {
     "silent, goal hidden": ("instructor=silent", HIDDEN),
 }
 """Learning curves; no vocabulary is learnt."""
+FLAWED = ("instructor=flawed", "instructor.late_steps=20", "instructor.wrong=0.1", "instructor.present=0.5")
+WRONG = ("instructor=flawed", "instructor.wrong=1.0")
+FLAWS = {
+    f"{name}, goal {sight}": (*given, *hidden)
+    for sight, hidden in (("seen", ()), ("hidden", (HIDDEN,)))
+    for name, given in (("late 20, wrong .1, present .5", FLAWED), ("always wrong", WRONG))
+}
+"""The same curves with an instructor as people are, and the price of bad advice."""
 REWARDS = {
     "nothing": (),
     **{
@@ -40,8 +49,11 @@ REWARDS = {
 """Extra reward for having done what one was told; the vocabulary is learnt early, so that there is a judge."""
 COMMON = ("total_frames=700_000", "keep_policy_every_frames=null", "viewer=off")
 OFTEN = ("refresh_every_frames=50_000", "first_refresh_episodes=0", "eval_every_frames=25_000")
+CURVE = ("refresh_every_frames=null", "eval_every_frames=50_000")
 PARTS: dict[str, dict[str, tuple[str, ...]]] = {
-    "sight": {name: (*given, "refresh_every_frames=null", "eval_every_frames=50_000") for name, given in SIGHT.items()},
+    "sight": {name: (*given, *CURVE) for name, given in SIGHT.items()},
+    "flaws": {name: (*given, *CURVE) for name, given in FLAWS.items()},
+    "dqn": {name: ("agent=dqn", *given, *CURVE) for name, given in SIGHT.items()},
     "reward": {name: (*given, *OFTEN, "eval_episodes=50") for name, given in REWARDS.items()},
 }
 QUICK = (
@@ -60,6 +72,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Train what is asked for, keeping what is found after each run, and write the report."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.instruction", description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="tables to train for")
     parser.add_argument("--missing", action="store_true", help="only what was not trained yet")
     parser.add_argument("--report", action="store_true", help="train nothing")
     parser.add_argument("--quick", action="store_true", help="tiny trainings: does everything still work?")
@@ -70,14 +83,21 @@ def main(arguments: list[str] | None = None) -> None:
     results = asked.output / RESULTS.name if asked.output else RESULTS
     found = json.loads(results.read_text()) if results.exists() and (asked.missing or asked.report) else {}
     if not asked.report:
-        train_all(found, asked.seeds, QUICK if asked.quick else (), results)
+        parts = {part: PARTS[part] for part in asked.parts}
+        train_all(found, parts, asked.seeds, QUICK if asked.quick else (), results)
     write_report(found, asked.output)
 
 
-def train_all(found: dict[str, Any], seeds: list[int], extra: tuple[str, ...], results: Path) -> None:
+def train_all(
+    found: dict[str, Any],
+    parts: dict[str, dict[str, tuple[str, ...]]],
+    seeds: list[int],
+    extra: tuple[str, ...],
+    results: Path,
+) -> None:
     """Fill in what ``found`` lacks: part to arm to seed to the evaluations of a run."""
     for seed in seeds:
-        for part, arms in PARTS.items():
+        for part, arms in parts.items():
             for name, overrides in arms.items():
                 runs = found.setdefault(part, {}).setdefault(name, {})
                 if str(seed) not in runs:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.stats import trim_mean
 
 from benchmarks.levels import Measured, Point, median, to_level
 from benchmarks.pages import fill
@@ -19,8 +20,11 @@ from ibe_rl.types import Array
 PAGE = DOCS / "INSTRUCTION.md"
 COMMAND = "benchmarks.instruction"
 LEVEL = 0.83
+RESAMPLES = 5_000
 TITLES = {
     "sight": "with and without instruction",
+    "flaws": "with an instructor's flaws",
+    "dqn": "DQN with and without instruction",
     "reward": "extra reward for having done what it was told, judged by",
 }
 COLOURS = (BLUE, GREY, ORANGE, PINK, GREEN)
@@ -34,7 +38,15 @@ def write_report(found: dict[str, Any], output: Path | None = None) -> None:
     for part, arms in found.items():
         draw(arms, TITLES[part], pictures / f"instruction_{part}.png")
     page = output / PAGE.name if output else PAGE
-    fill(page, {part: table(arms) for part, arms in found.items()}, COMMAND)
+    fill(page, {part: table(arms, baselines(part, found)) for part, arms in found.items()}, COMMAND)
+
+
+def baselines(part: str, found: dict[str, dict[str, Runs]]) -> dict[str, Runs]:
+    """What each arm of a part is compared with: runs without instruction and the same goal, or without extra reward."""
+    silent = found.get("dqn" if part == "dqn" else "sight", {})
+    names = {name: "nothing" if part == "reward" else f"silent, {name.rpartition(', ')[2]}" for name in found[part]}
+    others = silent | found[part]
+    return {name: others[other] for name, other in names.items() if other in others and other != name}
 
 
 def points(run: Sequence[dict[str, float]]) -> list[Point]:
@@ -48,19 +60,41 @@ def success(runs: Runs) -> tuple[Array, Array]:
     return np.array([point.frames for point in every[0]]), np.array([[p.success for p in run] for run in every])
 
 
-def table(arms: dict[str, Runs]) -> list[str]:
-    """Success in the middle and in the end, and frames and seconds to skill."""
+def table(arms: dict[str, Runs], others: dict[str, Runs]) -> list[str]:
+    """Success in the middle and in the end, frames and seconds to skill, and frames relative to those of ``others``."""
     lines = [
-        f"| | success half way | at the end | mean of the curve | frames to {LEVEL:.0%} | seconds to {LEVEL:.0%} |",
-        "|---|---|---|---|---|---|",
+        f"| | success half way | at the end | mean of the curve | frames to {LEVEL:.0%} | seconds to {LEVEL:.0%} "
+        "| frames, relative |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, runs in arms.items():
         _, curves = success(runs)
         columns = np.stack([curves[:, curves.shape[1] // 2 - 1], curves[:, -1], curves.mean(axis=1)], axis=1)
         told = [f"{one['value']:.2f} [{one['low']:.2f}, {one['high']:.2f}]" for one in interquartile(columns)]
         times = [_times(runs, unit) for unit in ("frames", "seconds")]
-        lines.append(f"| {name} | {' | '.join([*told, *times])} |")
+        relative = relative_frames(runs, others[name]) if name in others else "-"
+        lines.append(f"| {name} | {' | '.join([*told, *times, relative])} |")
     return lines
+
+
+def relative_frames(runs: Runs, others: Runs) -> str:
+    """Frames to skill over those of other runs: the ratio of interquartile means with its interval over both.
+
+    A run that did not get there counts as long as it lasted: "<" if some of the others did not, ">" if some of these
+    did not, "?" if some of both did not.
+    """
+    one, two = ([to_level(points(run), LEVEL, "frames") for run in each.values()] for each in (runs, others))
+    draw = np.random.default_rng(0).integers
+    means = []
+    for each in (one, two):
+        values = np.array([single.value for single in each])
+        drawn = values[draw(len(values), size=(RESAMPLES, len(values)))]
+        means.append((trim_mean(values, 0.25), trim_mean(drawn, 0.25, axis=1)))
+    (value, drawn), (other, other_drawn) = means
+    low, high = np.percentile(drawn / other_drawn, [2.5, 97.5])
+    endless = tuple(not all(single.reached for single in each) for each in (one, two))
+    sign = {(False, False): "", (False, True): "<", (True, False): ">", (True, True): "?"}[endless]
+    return f"{sign}{value / other:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def _times(runs: Runs, unit: str) -> str:

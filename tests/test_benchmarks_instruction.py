@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from processes import call
 
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
-from benchmarks.instruction_report import success, table
+from benchmarks.instruction_report import baselines, relative_frames, success, table
 from benchmarks.robustness_flaws import ANEW, CURVES
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from ibe_rl.agents import check_agent
@@ -31,6 +31,8 @@ from ibe_rl.vocabulary.tracker import check_refreshing
 ROOT = Path(__file__).parent.parent
 DIFFERENT = {
     "sight": ("instructed, goal seen", "silent, goal hidden"),
+    "flaws": ("late 20, wrong .1, present .5, goal hidden",),
+    "dqn": ("instructed, goal seen",),
     "reward": ("nothing", "mapping, 0.5", "oracle, 0.5"),
 }
 """Arms that differ in kind, of each part; the others differ from one of these in a number or in one setting."""
@@ -81,7 +83,7 @@ def test_instruction_is_measured_and_reported(
     assert all("seed=4" in overrides for overrides in in_this_process)
     page = (tmp_path / "INSTRUCTION.md").read_text()
     for part, name in ((p, n) for p in some for n in some[p]):
-        assert "\n".join(table(found[part])) in page
+        assert "\n".join(table(found[part], baselines(part, found))) in page
         assert f"| {name} | 0." in page or f"| {name} | 1." in page
     for part in found:
         assert (tmp_path / f"instruction_{part}.png").stat().st_size > 10_000
@@ -202,7 +204,45 @@ def test_arms_are_told_by_their_curves():
     frames, curves = success(runs)
     assert frames.tolist() == [1_000, 2_000, 3_000, 4_000]
     assert curves.tolist() == [[0, 0.9, 0.9, 1.0], [0.5, 0.5, 0.5, 0.9]]
-    assert table({"told": runs})[2:] == [
+    assert table({"told": runs}, {})[2:] == [
         "| told | 0.70 [0.50, 0.90] | 0.95 [0.90, 1.00] | 0.65 [0.60, 0.70] | "
-        "**>3,500** (3,000, >4,000) | **>7** (6, >8) |"
+        "**>3,500** (3,000, >4,000) | **>7** (6, >8) | - |"
     ]
+    assert table({"told": runs}, {"told": runs})[2].endswith("| ?1.00 [0.75, 1.33] |")
+
+
+SOON, LATE, NEVER = run(0.9, 0.9, 0, 0), run(0, 0, 0.9, 0.9), run(0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "told"),
+    [
+        (SOON, LATE, "0.50 [0.50, 0.50]"),
+        (SOON, NEVER, "<0.50 [0.50, 0.50]"),
+        (NEVER, SOON, ">2.00 [2.00, 2.00]"),
+        (NEVER, NEVER, "?1.00 [1.00, 1.00]"),
+    ],
+)
+def test_frames_are_told_relative_to_those_of_other_runs(one: Any, other: Any, told: str):
+    assert relative_frames({"0": one, "1": one}, {"7": other}) == told
+
+
+def test_an_arm_is_compared_with_the_silent_one_of_the_same_goal():
+    def of(name: str) -> Any:
+        return {"0": name}
+
+    sight = {name: of(name) for name in instruction.PARTS["sight"]}
+    found: Any = {
+        "sight": sight,
+        "flaws": {"always wrong, goal hidden": of("wrong")},
+        "dqn": {"instructed, goal seen": of("deep"), "silent, goal seen": of("still")},
+        "reward": {"nothing": of("nothing"), "oracle, 0.5": of("more")},
+    }
+    assert baselines("sight", found) == {
+        "instructed, goal seen": of("silent, goal seen"),
+        "instructed, goal hidden": of("silent, goal hidden"),
+    }
+    assert baselines("flaws", found) == {"always wrong, goal hidden": of("silent, goal hidden")}
+    assert baselines("dqn", found) == {"instructed, goal seen": of("still")}
+    assert baselines("reward", found) == {"oracle, 0.5": of("nothing")}
+    assert baselines("flaws", {"flaws": found["flaws"]}) == {}
