@@ -38,6 +38,8 @@ METRICS = (
 )
 MOST = 0.75
 """Least share of the runs that a mean is of."""
+JUDGED_BY = ("episodes", "calibration_episodes", "changing_episodes", "stride", "futures", "resamples", "seed")
+"""Of the protocol: what all runs of a report have in common."""
 QUICK = (*FEW, "evaluate.spoken_episodes=2")
 FULL = ("evaluate.spoken_episodes=40", "what_if=false")
 """What is spoken is judged on four times as many episodes as by default: with 20, chance alone gave an ECE of .02."""
@@ -49,7 +51,29 @@ def main(arguments: list[str] | None = None) -> None:
     if not asked.report:
         for run in asked.runs:
             judge(run, QUICK if asked.quick else FULL)
+    refuse_mixed(asked.runs)
     write(put_together([read(run) for run in asked.runs], interquartile), asked.output)
+
+
+def refuse_mixed(runs: Sequence[Path]) -> None:
+    """See that all runs were judged in the same way: what is there may be of other settings.
+
+    Raises:
+        SystemExit: naming two that were not.
+    """
+    first, *others = runs
+    for run in others:
+        if (one := _judged_by(run)) != (other := _judged_by(first)):
+            raise SystemExit(
+                f"{run}: judged with {one}, {first} with {other}; allowed are runs judged alike: "
+                f"without its folder {EVALUATION} a run is judged again"
+            )
+
+
+def _judged_by(run: Path) -> dict[str, Any]:
+    quality = json.loads((run / EVALUATION / "quality.json").read_text())
+    about = {name: quality["protocol"].get(name) for name in JUDGED_BY}
+    return about | {"spoken_episodes": quality.get("spoken", {}).get("episodes")}
 
 
 def write(together: dict[str, Any], output: Path | None) -> None:

@@ -230,6 +230,17 @@ def test_a_run_is_judged_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert asked == [[f"run={new}", "task=evaluate", "viewer=off", *truth.FULL]]
 
 
+def test_runs_that_were_judged_otherwise_are_not_put_together(tmp_path: Path) -> None:
+    runs = [judged(tmp_path / name, "ppo", seed, 0.9, aloud(0.9, 1.0)) for seed, name in enumerate(("old", "new"))]
+    truth.refuse_mixed(runs)
+    new = runs[1] / "evaluation" / "quality.json"
+    quality = read_json(new)
+    for part, name, value in (("protocol", "stride", 4), ("spoken", "episodes", 20)):
+        write_json(new, quality | {part: quality[part] | {name: value}})
+        with pytest.raises(SystemExit, match=rf"new: judged with .*{name}': {value}\b.* allowed are runs judged alike"):
+            truth.main([str(runs[0]), str(runs[1])])
+
+
 def test_what_cannot_be_judged_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         truth.main([str(tmp_path)])
