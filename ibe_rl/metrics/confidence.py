@@ -95,9 +95,16 @@ def risk_coverage(confidence: Array, true: Array) -> tuple[Array, Array]:
     return spoken / len(confidence), false / spoken
 
 
+EDGE = 0.02
+"""Keeps the log-odds of 0 and 1 finite: about 4 in size, those of 1 in 50."""
+
+
 @dataclass(frozen=True)
 class Calibration:
     """Logistic regression from features of a moment to the probability that its explanation comes true.
+
+    Features are shares, in [0, 1], and the regression is on their log-odds: where three of four futures agree, about
+    three of four such explanations come true. On the shares themselves it is too sure of the low ones (docs/LOG.md).
 
     Attributes:
         names: ``F`` names of the features.
@@ -105,6 +112,7 @@ class Calibration:
         scale: ``(F,)`` divisor after that, above 0.
         coefficients: ``(F,)``.
         intercept: ``(1,)``.
+        log_odds: whether it is on the log-odds; False: on the features as they are, as in earlier runs.
     """
 
     names: tuple[str, ...]
@@ -112,6 +120,7 @@ class Calibration:
     scale: Array
     coefficients: Array
     intercept: Array
+    log_odds: bool = False
 
     def __post_init__(self) -> None:
         sizes = {"mean": len(self.names), "scale": len(self.names), "coefficients": len(self.names), "intercept": 1}
@@ -128,30 +137,32 @@ class Calibration:
         """Fit to moments with known outcomes.
 
         Args:
-            features: ``(N, F)``.
+            features: ``(N, F)`` in [0, 1].
             true: ``(N,)`` bool; if all are equal, the probability is the constant (n + 1) / (N + 2), smoothed from
                 the n true ones.
             names: ``F`` names.
 
         Raises:
-            ValueError: if a feature is not finite, or the number of names is not that of the features.
+            ValueError: if a feature is not in [0, 1], or the number of names is not that of the features.
         """
         size, n_true = features.shape[1], int(np.sum(true))
+        features = _log_odds(_checked(features, "a feature of the confidence is ", rounding=1e-6))
         if n_true in (0, len(true)):
             share = logit((n_true + 1) / (len(true) + 2))
-            return cls(tuple(names), np.zeros(size), np.ones(size), np.zeros(size), np.array([share]))
+            return cls(tuple(names), np.zeros(size), np.ones(size), np.zeros(size), np.array([share]), log_odds=True)
         mean = features.mean(axis=0)
         scale = np.where(np.ptp(features, axis=0) > 0, features.std(axis=0), 1.0)
         model = LogisticRegression().fit((features - mean) / scale, np.asarray(true, bool))
-        return cls(tuple(names), mean, scale, model.coef_[0], model.intercept_)
+        return cls(tuple(names), mean, scale, model.coef_[0], model.intercept_, log_odds=True)
 
     def probability(self, features: Array) -> Array:
         """Features ``(N, F)``, in the order of ``names``, to probabilities ``(N,)``."""
+        features = _log_odds(features) if self.log_odds else features
         return expit((features - self.mean) / self.scale @ self.coefficients + self.intercept)
 
-    def to_dict(self) -> dict[str, list[Any]]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain lists, for JSON."""
-        return {name: list(np.asarray(getattr(self, name)).tolist()) for name in self.__dataclass_fields__}
+        return {name: np.asarray(getattr(self, name)).tolist() for name in self.__dataclass_fields__}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
@@ -161,14 +172,21 @@ class Calibration:
             ValueError: if a value is missing, not a number, or of the wrong shape.
         """
         try:
-            names = tuple(str(name) for name in values["names"])
-            return cls(names, **{name: values[name] for name in cls.__dataclass_fields__ if name != "names"})
+            names, log_odds = tuple(str(name) for name in values["names"]), values.get("log_odds", False)
+            if not isinstance(log_odds, bool):
+                raise ValueError(f"log_odds={log_odds!r}: allowed are true and false")
+            numbers = {name: values[name] for name in cls.__dataclass_fields__ if name not in ("names", "log_odds")}
+            return cls(names, **numbers, log_odds=log_odds)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"the calibration is damaged: {error!r}") from None
 
 
-def _checked(confidence: Array) -> Array:
-    outside = ~((confidence >= 0) & (confidence <= 1))  # NaN is outside too
+def _log_odds(shares: Array) -> Array:
+    return logit((np.clip(shares, 0, 1) + EDGE) / (1 + 2 * EDGE))  # a sum of shares can be 1 and a rounding
+
+
+def _checked(confidence: Array, what: str = "confidence=", rounding: float = 0.0) -> Array:
+    outside = ~((confidence >= -rounding) & (confidence <= 1 + rounding))  # NaN is outside too
     if outside.any():
-        raise ValueError(f"confidence={confidence[outside][0]}: allowed is 0 to 1")
+        raise ValueError(f"{what}{confidence[outside][0]}: allowed is 0 to 1")
     return confidence

@@ -9,7 +9,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import brier_score_loss
 
 from ibe_rl.metrics.bootstrap import episode_weights
-from ibe_rl.metrics.confidence import Calibration, brier, ece, risk_at, risk_coverage
+from ibe_rl.metrics.confidence import EDGE, Calibration, brier, ece, risk_at, risk_coverage
 from ibe_rl.types import Array
 
 NAN = float("nan")
@@ -128,20 +128,37 @@ def test_the_curve_goes_from_the_most_confident_to_all():
 
 @pytest.fixture
 def learnt() -> tuple[Array, Array]:
-    """Two features of different size, the first one tells something, a third one never moves."""
+    """Two features of different spread, the first one is the probability itself, a third one never moves."""
     random = np.random.default_rng(0)
-    features = np.column_stack([random.normal(5, 100, 4000), random.normal(0, 0.01, 4000), np.full(4000, 3.0)])
-    return features, random.random(4000) < 1 / (1 + np.exp(-(features[:, 0] - 5) / 50))
+    features = np.column_stack([random.random(4000), random.uniform(0.4, 0.42, 4000), np.full(4000, 0.3)])
+    return features, random.random(4000) < features[:, 0]
 
 
-NAMES = ("margin", "noise", "constant")
+NAMES = ("share", "noise", "constant")
+
+
+def log_odds(shares: Array) -> Array:
+    return np.log((shares + EDGE) / (1 - shares + EDGE))
 
 
 def test_a_calibration_is_a_logistic_regression(learnt: tuple[Array, Array]):
     features, true = learnt
     found = Calibration.fit(features, true, NAMES).probability(features)
-    plain = LogisticRegression(C=np.inf, tol=1e-8).fit(features[:, :2] * [0.01, 100], true)
-    assert found == pytest.approx(plain.predict_proba(features[:, :2] * [0.01, 100])[:, 1], abs=2e-3)
+    plain = LogisticRegression(C=np.inf, tol=1e-8).fit(log_odds(features[:, :2]) * [1, 100], true)
+    assert found == pytest.approx(plain.predict_proba(log_odds(features[:, :2]) * [1, 100])[:, 1], abs=2e-3)
+
+
+def test_shares_that_are_probabilities_stay_what_they_are(learnt: tuple[Array, Array]):
+    fitted = Calibration.fit(learnt[0][:, :1], learnt[1], ["share"])
+    shares = np.array([[0.1], [0.4], [0.75], [0.9]])
+    assert fitted.probability(shares) == pytest.approx(shares[:, 0], abs=0.03)
+    assert np.ptp(fitted.probability(np.array([[1 + 1e-9], [1.0]]))) == 0
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, NAN])
+def test_what_is_no_share_is_no_feature(value: float):
+    with pytest.raises(ValueError, match=rf"a feature of the confidence is {value}: allowed is 0 to 1"):
+        Calibration.fit(np.array([[0.5], [value]]), np.array([True, False]), ["a"])
 
 
 def test_a_feature_that_never_moved_says_nothing(learnt: tuple[Array, Array]):
@@ -149,7 +166,7 @@ def test_a_feature_that_never_moved_says_nothing(learnt: tuple[Array, Array]):
     features, true = learnt
     features[:, 2] = 0.1
     fitted = Calibration.fit(features, true, NAMES)
-    assert fitted.probability(features + np.eye(3)[2]) == pytest.approx(fitted.probability(features))
+    assert fitted.probability(features + 0.5 * np.eye(3)[2]) == pytest.approx(fitted.probability(features))
 
 
 def test_a_calibration_tells_the_true_from_the_false(learnt: tuple[Array, Array]):
@@ -161,14 +178,14 @@ def test_a_calibration_tells_the_true_from_the_false(learnt: tuple[Array, Array]
     assert brier(rest, outcome, once) == pytest.approx(brier_score_loss(outcome, rest))
     assert brier(rest, outcome, once) < 0.8 * brier(np.full(2000, outcome.mean()), outcome, once)
     assert ece(rest, outcome, once) < 0.05
-    assert risk_at(rest, outcome, once, 0.5) < 0.5 * risk_at(rest, outcome, once, 1.0)
+    assert risk_at(rest, outcome, once, 0.5) < 0.6 * risk_at(rest, outcome, once, 1.0)
 
 
 @pytest.mark.parametrize(
     ("outcomes", "share"), [([True] * 8, 9 / 10), ([False] * 8, 1 / 10), ([True], 2 / 3), ([], 1 / 2)]
 )
 def test_one_outcome_gives_the_smoothed_share(outcomes: list[bool], share: float):
-    features = np.arange(2.0 * len(outcomes)).reshape(-1, 2)
+    features = np.linspace(0, 1, 2 * len(outcomes)).reshape(-1, 2)
     fitted = Calibration.fit(features, np.array(outcomes, bool), ("a", "b"))
     assert fitted.probability(np.array([[0.0, 0], [100, -100]])) == pytest.approx([share, share])
 
@@ -184,10 +201,16 @@ def test_a_calibration_goes_through_json(learnt: tuple[Array, Array]):
 SAVED = {"names": ["a", "b"], "mean": [0, 1], "scale": [1, 2], "coefficients": [3, 4], "intercept": [5]}
 
 
-def test_a_calibration_is_what_was_saved():
-    """(3 * (2 - 0) / 1 + 4 * (-3 - 1) / 2) + 5 = 3."""
+def test_a_calibration_of_an_earlier_run_is_what_was_saved():
+    """On the features as they are: (3 * (2 - 0) / 1 + 4 * (-3 - 1) / 2) + 5 = 3."""
     fitted = Calibration.from_dict(SAVED)
     assert fitted.probability(np.array([[2.0, -3.0]])) == pytest.approx([1 / (1 + np.exp(-3))])
+
+
+def test_a_calibration_on_log_odds_is_what_was_saved():
+    """(3 * (0 - 0) / 1 + 4 * (log(.52 / .52) - 1) / 2) + 5 = 3."""
+    fitted = Calibration.from_dict(SAVED | {"log_odds": True})
+    assert fitted.probability(np.array([[0.5, 0.5]])) == pytest.approx([1 / (1 + np.exp(-3))])
 
 
 @pytest.mark.parametrize(
@@ -210,6 +233,11 @@ def test_a_damaged_calibration_is_refused(name: str, value: Any):
         Calibration.from_dict(SAVED | {name: value})
     with pytest.raises(ValueError, match=f"the calibration is damaged: KeyError.*{name}"):
         Calibration.from_dict({key: kept for key, kept in SAVED.items() if key != name})
+
+
+def test_log_odds_are_yes_or_no():
+    with pytest.raises(ValueError, match=r"the calibration is damaged.*log_odds=1: allowed are true and false"):
+        Calibration.from_dict(SAVED | {"log_odds": 1})
 
 
 @pytest.mark.parametrize("saved", [None, [], "text", 3])
