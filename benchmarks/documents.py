@@ -37,6 +37,8 @@ FOLDER = ROOT / "runs" / "results"
 SETTINGS = {"ppo": ("collect.processes=1", "collect.envs_per_process=128"), "dqn": ()}
 """Beside the defaults: as many environments as by default, in one process, so that two trainings fit side by side."""
 QUICK = {agent: (*SMALL, "mapping.horizon_steps=60", *more) for agent, more in {"ppo": (), "dqn": DQN[1:]}.items()}
+SEEDS = (5, 6, 7, 8, 9)
+"""On 0 to 4 choices were made."""
 FEWER = 3
 """So many PPO runs are corrupted, told in words and trained anew with flawed instructors, so many seeds without any."""
 
@@ -79,7 +81,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.documents", description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=list(STEPS), default=list(STEPS), help="these steps")
     parser.add_argument("--agents", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=[5, 6, 7, 8, 9])
+    parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
     parser.add_argument("--at-once", type=int, default=2, help="trainings side by side")
     parser.add_argument("--folder", type=Path, help="of the runs, instead of runs/results or OUTPUT/runs")
     parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")

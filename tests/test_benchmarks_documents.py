@@ -14,7 +14,7 @@ from benchmarks import documents, instruction, robustness
 from benchmarks.plan import ROOT
 from ibe_rl.apps.sweep.jobs import Job
 
-TEN = [f"{agent}{seed}" for agent in ("ppo", "dqn") for seed in range(5)]
+TEN = [f"{agent}{seed}" for agent in ("ppo", "dqn") for seed in range(5, 10)]
 
 
 def finish(run: Path, **summary: object) -> Path:
@@ -49,14 +49,14 @@ def test_each_step_is_called_with_its_runs(
         made.parent.mkdir()
         made.write_text(f"trained anew: {name}")
     documents.main(["--folder", str(folder)])
-    ten, few = [str(folder / name) for name in TEN], [str(folder / f"ppo{seed}") for seed in range(3)]
+    ten, few = [str(folder / name) for name in TEN], [str(folder / f"ppo{seed}") for seed in range(5, 8)]
     flawed, taught = ["-m", "benchmarks.robustness"], ["-m", "benchmarks.instruction"]
     assert called == [
         ["-m", "benchmarks.truth", *ten],
         [*flawed, "--missing", "--anew", "--runs", *few, "--output", str(folder / "robustness")],
         [*flawed, "--report"],
         ["-m", "benchmarks.words", "--missing", *few],
-        [*taught, "--missing", "--seeds", "0", "1", "2", "--output", str(folder / "instruction")],
+        [*taught, "--missing", "--seeds", "5", "6", "7", "--output", str(folder / "instruction")],
         [*taught, "--report"],
         ["-m", "benchmarks.paper", *ten],
     ]
@@ -66,18 +66,18 @@ def test_each_step_is_called_with_its_runs(
 
 def test_a_tiny_one_writes_nothing_into_the_repository(folder: Path, called: list[list[str]], tmp_path: Path):
     """Words cannot be learnt from it."""
-    documents.main(["--quick", "--output", str(tmp_path), "--agents", "ppo", "--seeds", "4"])
-    run, output = str(folder / "ppo4"), ["--output", str(tmp_path)]
+    documents.main(["--quick", "--output", str(tmp_path), "--agents", "ppo", "--seeds", "9"])
+    run, output = str(folder / "ppo9"), ["--output", str(tmp_path)]
     few = ["--quick", "--corruptions", "1", "--episodes", "3"]
     assert called == [
         ["-m", "benchmarks.truth", run, *output, "--quick"],
         ["-m", "benchmarks.robustness", "--missing", "--anew", "--runs", run, *output, *few],
-        ["-m", "benchmarks.instruction", "--missing", "--seeds", "4", *output, "--quick"],
+        ["-m", "benchmarks.instruction", "--missing", "--seeds", "9", *output, "--quick"],
         ["-m", "benchmarks.paper", run, *output, "--quick"],
     ]
     called.clear()
     documents.main(["--only", "words", "--output", str(tmp_path)])
-    few = [str(folder / f"ppo{seed}") for seed in range(3)]
+    few = [str(folder / f"ppo{seed}") for seed in range(5, 8)]
     assert called == [["-m", "benchmarks.words", "--missing", *few, *output]]
 
 
@@ -93,7 +93,7 @@ def test_steps_are_told_and_done_in_their_order(
 
 
 @pytest.mark.parametrize(
-    ("step", "name"), [("truth", "dqn3"), ("robustness", "ppo2"), ("words", "ppo1"), ("paper", "dqn4")]
+    ("step", "name"), [("truth", "dqn8"), ("robustness", "ppo7"), ("words", "ppo6"), ("paper", "dqn9")]
 )
 def test_runs_that_are_not_finished_are_refused(folder: Path, called: list[list[str]], step: str, name: str):
     finish(folder / name, stopped_early=True)
