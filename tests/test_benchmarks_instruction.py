@@ -30,10 +30,10 @@ from ibe_rl.vocabulary.tracker import check_refreshing
 
 ROOT = Path(__file__).parent.parent
 DIFFERENT = {
-    "sight": ("instructed, goal seen", "silent, goal hidden"),
+    "sight": ("silent, goal hidden",),
     "flaws": ("late 20, wrong .1, present .5, goal hidden",),
     "dqn": ("instructed, goal seen",),
-    "reward": ("nothing", "mapping, 0.5", "oracle, 0.5"),
+    "reward": ("mapping, 0.5", "oracle, 0.5"),
 }
 """Arms that differ in kind, of each part; the others differ from one of these in a number or in one setting."""
 ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}
@@ -72,7 +72,7 @@ def test_instruction_is_measured_and_reported(
 ):
     some = {part: {name: arms[name] for name in DIFFERENT[part]} for part, arms in instruction.PARTS.items()}
     monkeypatch.setattr(instruction, "PARTS", some)
-    arguments = ["--quick", "--seeds", "4", "--output", str(tmp_path)]
+    arguments = ["--quick", "--parts", *some, "--seeds", "4", "--output", str(tmp_path)]
     instruction.main(arguments)
     found = json.loads((tmp_path / "instruction.json").read_text())
     assert {(part, name) for part, arms in found.items() for name in arms} == {(p, n) for p in some for n in some[p]}
