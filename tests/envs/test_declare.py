@@ -33,7 +33,7 @@ def test_what_is_declared_is_the_task():
     assert (task.explained, task.explained_band, task.instruction_size) == ((2,), (0.2,), 1)
     assert (task.instruction_values, task.max_episode_steps) == ((-1.0, 0.0, 1.0), 500)
     assert task.rule(np.array([[2.0, 0, 0, 0], [-2.0, 0, 0, 0]])).tolist() == [[-1], [1]]
-    said = [phrase(np.array([value]), task.phrases) for value in (0.1, -0.4, 0.9)]
+    said = [phrase(np.array([value]), task.phrases) for value in (0.1, -0.3, 0.9)]
     assert said == ["standing", "going slightly left", "going right"]
     assert (task.contexts, task.context(np.zeros(4))) == (("any",), "any")
 
@@ -183,7 +183,7 @@ def test_degrees_of_a_file_take_the_place_of_the_default_ones():
     own = {"zero": "a", "negative": "{degree}b", "positive": "{degree}c"}
     default, given = (OmegaConf.to_object(OmegaConf.merge(PhrasesConfig, own | more)) for more in ({}, FEW_DEGREES))
     words = [task_of(cart_pole(phrases=[one])).phrases[0] for one in (default, given)]
-    assert words[0].degrees == ((0.3, "slightly "), (0.5, "moderately "), (0.9, ""))
+    assert words[0].degrees == ((0.3, "slightly "), (0.4, "moderately "), (0.9, ""))
     assert words[1].degrees == ((0.3, ""),)
 
 

@@ -34,7 +34,7 @@ def test_both_numbers_follow_from_the_state(where: np.ndarray, instruction: list
 
 
 def test_both_are_said_in_one_phrase():
-    said = [phrase(np.array(each), LANDER_SPEED_TASK.phrases) for each in ([-1.0, 1], [0, 0], [0.4, -0.5])]
+    said = [phrase(np.array(each), LANDER_SPEED_TASK.phrases) for each in ([-1.0, 1], [0, 0], [0.3, -0.5])]
     assert said == [
         "falling to the left and slower",
         "falling straight down and as fast as now",
