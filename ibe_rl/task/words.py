@@ -16,9 +16,10 @@ import numpy as np
 
 MOST_WORDS, LONGEST_WORD, PHRASES_KEPT = 12, 40, 30
 DEGREES = ((0.3, "slightly "), (0.4, "moderately "), (0.9, ""))
-"""Words for how much, for ``Phrases.degrees``, where a task needs no others. The largest movement of a vocabulary has the
-magnitude 1. The limits lie where default vocabularies have no clusters: between 0 to .24, .51 to .84, and 1 (docs/LOG.md).
-"""
+"""Words for how much, for ``Phrases.degrees``, where a task needs no others.
+
+The largest movement of a vocabulary has the magnitude 1. The limits lie where default vocabularies have no clusters:
+theirs are at 0 to .24, .51 to .84, and 1 (docs/LOG.md)."""
 
 
 @dataclass(frozen=True)
