@@ -19,6 +19,8 @@ MEMORY_STEPS, LEAD = 2, 0.2
 Chosen on 72 greedy episodes of three default agents (docs/LOG.md): 1.2 to 1.6 changes in 100 steps instead of 4 to 5,
 hardly any of them undone, none later than before, and a little more of it comes true.
 """
+DOUBT_STEPS = 4
+"""The confidence of so many earlier steps counts too: a moment of doubt is not worth a word."""
 
 
 class SteadySpeaker:
@@ -70,16 +72,16 @@ class _Voice:
         return self._last
 
     def _known(self, said: Explanation, step: int) -> Explanation:
-        """Whether it is sure enough, on the average of the same steps: a moment of doubt is not worth a word."""
+        """Whether it is sure enough, on the average of the last steps."""
         self._sure.append((step, said.confidence))
-        _forget(self._sure, step)
+        _forget(self._sure, step - DOUBT_STEPS)
         mean = np.mean([confidence for _, confidence in self._sure])
         return replace(said, known=said.meant and bool(mean >= self._explainer.min_confidence))
 
     def _votes(self, one: Explanation, step: int) -> dict[str, float]:
         """Mean votes of this and the last steps, by phrase."""
         self._heard.append((step, self._votes_of(one)))
-        _forget(self._heard, step)
+        _forget(self._heard, step - MEMORY_STEPS)
         phrases = dict.fromkeys(phrase for _, votes in self._heard for phrase in votes)
         return {each: float(np.mean([votes.get(each, 0.0) for _, votes in self._heard])) for each in phrases}
 
@@ -119,8 +121,8 @@ class _Voice:
         }
 
 
-def _forget(heard: deque[tuple[int, Any]], step: int) -> None:
-    while heard[0][0] < step - MEMORY_STEPS:
+def _forget(heard: deque[tuple[int, Any]], before_step: int) -> None:
+    while heard[0][0] < before_step:
         heard.popleft()
 
 

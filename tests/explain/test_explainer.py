@@ -18,7 +18,7 @@ from ibe_rl.explain.phrasing import (
     majority_phrases,
     put_in_words,
 )
-from ibe_rl.explain.steady import LEAD, MEMORY_STEPS, say_steadily
+from ibe_rl.explain.steady import DOUBT_STEPS, LEAD, MEMORY_STEPS, say_steadily
 from ibe_rl.ibe.mapping import movements_said
 from ibe_rl.ibe.space import along
 from ibe_rl.metrics.confidence import Calibration
@@ -337,6 +337,14 @@ def test_the_confidence_is_that_in_what_is_spoken():
     assert said[1].confidence == pytest.approx(2 / 3)  # a purity of 1
     assert [one.known for one in said] == [True, True]  # .83 on the average of both
     assert [one.known for one in spoken([4, 4, 4], [-4, -4, 4], [-4, -4, 4], state=state)] == [True, True, False]
+
+
+def test_doubt_is_remembered_longer_than_votes():
+    """The confidence is 1, 2/3, 5/9 and then 1/3, and is averaged over five steps; it is sure from .6 on."""
+    state = replace(LIFT, min_confidence=0.6)
+    said = spoken([4, 4, 4], *[[4, -4, 0]] * 5, state=state)
+    assert DOUBT_STEPS > MEMORY_STEPS
+    assert [one.known for one in said] == [True, True, True, True, False, False]
 
 
 def test_each_span_holds_for_itself():
