@@ -40,7 +40,7 @@ lint: $(INSTALLED)
 check: lint ## for every edit: format, lint, types and the fast tests, in a minute and a half
 	$(BIN)/pytest --numprocesses auto --dist loadfile -m 'not slow and not soak'
 
-test: lint ## everything: format, lint, types, all tests, in thirteen minutes on two idle cores
+test: lint ## everything: format, lint, types, all tests, in half an hour on two cores
 	$(BIN)/pytest --numprocesses $(TESTERS) --dist loadfile --durations 20
 
 $(SOAK): $(INSTALLED)
