@@ -24,6 +24,7 @@ from benchmarks import instruction
 from benchmarks import robustness as flawed
 from benchmarks.child import ONE_THREAD
 from benchmarks.plan import ROOT
+from benchmarks.run_arguments import with_output
 from benchmarks.same_runs import DQN, SMALL
 from ibe_rl.apps.sweep.board import Board, failures
 from ibe_rl.apps.sweep.jobs import FAILED, RUN_FINISHED, Job, state_of
@@ -84,11 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
     parser.add_argument("--at-once", type=int, default=2, help="trainings side by side")
     parser.add_argument("--folder", type=Path, help="of the runs, instead of runs/results or OUTPUT/runs")
-    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
-    parser.add_argument("--quick", action="store_true", help="tiny: does everything still work?")
-    given = parser.parse_args(arguments)
-    if given.quick and not given.output:
-        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
+    given = with_output(parser, arguments)
     if given.at_once < 1:
         parser.error(f"--at-once={given.at_once}: allowed is at least 1")
     output = given.output.absolute() if given.output else None

@@ -18,6 +18,7 @@ from rich.console import Console
 
 from benchmarks import ours
 from benchmarks.instruction_report import write_report
+from benchmarks.run_arguments import with_output
 from ibe_rl.storage.run_folder import write_json
 
 console = Console(highlight=False)
@@ -75,15 +76,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=["sight", "reward"], help="tables")
     parser.add_argument("--missing", action="store_true", help="only what was not trained yet")
     parser.add_argument("--report", action="store_true", help="train nothing")
-    parser.add_argument("--quick", action="store_true", help="tiny trainings: does everything still work?")
-    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
-    asked = parser.parse_args(arguments)
-    if asked.quick and not asked.output:
-        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
+    asked = with_output(parser, arguments)
     results = asked.output / RESULTS.name if asked.output else RESULTS
-    found = json.loads(results.read_text()) if results.exists() and (asked.missing or asked.report) else {}
+    found = json.loads(results.read_text()) if results.exists() else {}
     if not asked.report:
         parts = {part: PARTS[part] for part in asked.parts}
+        if not asked.missing:
+            found = {part: arms for part, arms in found.items() if part not in parts}
         train_all(found, parts, asked.seeds, QUICK if asked.quick else (), results)
     write_report(found, asked.output)
 

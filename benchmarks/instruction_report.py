@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.stats import trim_mean
 
 from benchmarks.levels import Measured, Point, median, to_level
 from benchmarks.pages import fill
 from benchmarks.truth import interquartile
 from benchmarks.truth_report import BLUE, DOCS, GREEN, GREY, ORANGE, PINK
+from ibe_rl.apps.sweep.intervals import interquartile_ratio
 from ibe_rl.types import Array
 
 PAGE = DOCS / "INSTRUCTION.md"
 COMMAND = "benchmarks.instruction"
 LEVEL = 0.83
-RESAMPLES = 5_000
 TITLES = {
     "sight": "with and without instruction",
     "flaws": "with an instructor's flaws",
@@ -83,18 +82,11 @@ def relative_frames(runs: Runs, others: Runs) -> str:
     A run that did not get there counts as long as it lasted: "<" if some of the others did not, ">" if some of these
     did not, "?" if some of both did not.
     """
-    one, two = ([to_level(points(run), LEVEL, "frames") for run in each.values()] for each in (runs, others))
-    draw = np.random.default_rng(0).integers
-    means = []
-    for each in (one, two):
-        values = np.array([single.value for single in each])
-        drawn = values[draw(len(values), size=(RESAMPLES, len(values)))]
-        means.append((trim_mean(values, 0.25), trim_mean(drawn, 0.25, axis=1)))
-    (value, drawn), (other, other_drawn) = means
-    low, high = np.percentile(drawn / other_drawn, [2.5, 97.5])
-    endless = tuple(not all(single.reached for single in each) for each in (one, two))
+    one, other = ([to_level(points(run), LEVEL, "frames") for run in each.values()] for each in (runs, others))
+    ratio = interquartile_ratio(*(np.array([single.value for single in each]) for each in (one, other)))
+    endless = tuple(not all(single.reached for single in each) for each in (one, other))
     sign = {(False, False): "", (False, True): "<", (True, False): ">", (True, True): "?"}[endless]
-    return f"{sign}{value / other:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{sign}{ratio['value']:.2f} [{ratio['low']:.2f}, {ratio['high']:.2f}]"
 
 
 def _times(runs: Runs, unit: str) -> str:

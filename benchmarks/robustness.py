@@ -27,6 +27,7 @@ from rich.console import Console
 from benchmarks.child import run as run_command
 from benchmarks.robustness_flaws import ANEW, CURVES
 from benchmarks.robustness_report import write_report
+from benchmarks.run_arguments import with_output
 from benchmarks.which_training import training_of
 from ibe_rl.config.settings import EvaluateConfig, ExplainConfig, PredictorConfig, ViewerConfig
 from ibe_rl.evaluation.moments import Moments, Plan
@@ -73,11 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--missing", action="store_true", help="only what was not measured of these runs or seeds")
     parser.add_argument("--report", action="store_true", help="train nothing")
-    parser.add_argument("--quick", action="store_true", help="tiny trainings: does everything still work?")
-    parser.add_argument("--output", type=Path, help="a folder for all that is written, instead of the repository's")
-    asked = parser.parse_args(arguments)
-    if asked.quick and not asked.output:
-        parser.error("--quick: allowed with --output=FOLDER, its figures mean nothing")
+    asked = with_output(parser, arguments)
     results = asked.output / RESULTS.name if asked.output else RESULTS
     if asked.report and not results.exists():
         parser.error(f"--report: allowed once something was measured ({results} is not there)")

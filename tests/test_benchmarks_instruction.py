@@ -30,10 +30,10 @@ from ibe_rl.vocabulary.tracker import check_refreshing
 
 ROOT = Path(__file__).parent.parent
 DIFFERENT = {
-    "sight": ("silent, goal hidden",),
+    "sight": ("instructed, goal seen", "silent, goal hidden"),
     "flaws": ("late 20, wrong .1, present .5, goal hidden",),
     "dqn": ("instructed, goal seen",),
-    "reward": ("mapping, 0.5", "oracle, 0.5"),
+    "reward": ("nothing", "mapping, 0.5", "oracle, 0.5"),
 }
 """Arms that differ in kind, of each part; the others differ from one of these in a number or in one setting."""
 ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}
@@ -88,6 +88,9 @@ def test_instruction_is_measured_and_reported(
     for part in found:
         assert (tmp_path / f"instruction_{part}.png").stat().st_size > 10_000
     trained = len(in_this_process)
+    monkeypatch.setattr(instruction, "train", lambda *_: found["dqn"]["instructed, goal seen"]["4"])
+    instruction.main(["--quick", "--parts", "dqn", "--seeds", "4", "--output", str(tmp_path)])
+    assert json.loads((tmp_path / "instruction.json").read_text()).keys() == found.keys()  # the other parts are kept
     instruction.main([*arguments, "--missing"])
     instruction.main(["--report", "--output", str(tmp_path)])
     assert len(in_this_process) == trained

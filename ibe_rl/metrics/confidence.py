@@ -104,7 +104,7 @@ class Calibration:
     """Logistic regression from features of a moment to the probability that its explanation comes true.
 
     Features are shares, in [0, 1], and the regression is on their log-odds: where three of four futures agree, about
-    three of four such explanations come true. On the shares themselves it is too sure of the low ones (docs/LOG.md).
+    three of four such explanations come true. On the shares themselves the low ones get too little (docs/LOG.md).
 
     Attributes:
         names: ``F`` names of the features.

@@ -25,6 +25,14 @@ def interquartile(values: Array, reps: int = REPS) -> list[dict[str, float]]:
     return [_interval(column, drawn) for column in values.T]
 
 
+def interquartile_ratio(one: Array, other: Array, reps: int = REPS) -> dict[str, float]:
+    """The interquartile mean of runs ``(n,)`` over that of others ``(m,)``, with its interval over both, as above."""
+    draw = np.random.default_rng(0).integers
+    means = [trim_mean(each[draw(len(each), size=(reps, len(each)))], 0.25, axis=1) for each in (one, other)]
+    low, high = np.percentile(means[0] / means[1], [2.5, 97.5])
+    return {"value": float(trim_mean(one, 0.25) / trim_mean(other, 0.25)), "low": float(low), "high": float(high)}
+
+
 def _interval(each: Array, drawn: Array) -> dict[str, float]:
     low, high = np.percentile(trim_mean(each[drawn], 0.25, axis=1), [2.5, 97.5])
     return {"value": float(trim_mean(each, 0.25)), "low": float(low), "high": float(high)}

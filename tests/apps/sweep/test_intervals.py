@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from ibe_rl.apps.sweep.intervals import common_frames, interquartile, of_runs
+from ibe_rl.apps.sweep.intervals import common_frames, interquartile, interquartile_ratio, of_runs
 
 
 def test_the_mean_is_that_of_the_middle_half() -> None:
@@ -68,3 +68,11 @@ def test_a_long_curve_is_thinned_and_keeps_its_ends() -> None:
     frames = np.arange(1, 1001)
     found = common_frames([(frames, frames.astype(float))] * 2)
     assert (len(found), found[0], found[-1]) == (60, 1, 1000)
+
+
+def test_a_ratio_is_that_of_the_interquartile_means():
+    """Means of 2 and 4; 1000 and 5 are left out."""
+    found = interquartile_ratio(np.array([1.0, 2, 2, 1000]), np.array([4.0, 4, 4, 5]))
+    assert found["value"] == 0.5
+    assert found["low"] < 0.5 < found["high"]
+    assert interquartile_ratio(np.array([3.0]), np.array([6.0])) == {"value": 0.5, "low": 0.5, "high": 0.5}
