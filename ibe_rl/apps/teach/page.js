@@ -173,6 +173,7 @@ const hear = {
   scene(message) {
     now.scene = message;
     now.explanation = now.otherwise = null;
+    at("whatever").textContent = "";
     trail = [];
     say.now();
   },
@@ -191,9 +192,9 @@ const hear = {
   },
   explanation(message) {
     now.explanation = message;
-    if (!message.what_if || !message.what_if.length) return;
-    now.otherwise = { ...message, at: performance.now() };
-    at("whatever").textContent = message.whatever ? `whatever you say now: ${message.whatever}` : "";
+    if (message.what_if && message.what_if.length) now.otherwise = { ...message, at: performance.now() };
+    const same = now.otherwise && now.otherwise.whatever; // asked a moment ago: said only as long as it still fits
+    at("whatever").textContent = same && same === message.said ? `whatever you say now: ${same}` : "";
   },
   vocabulary(message) {
     now.vocabulary = message;

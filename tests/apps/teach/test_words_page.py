@@ -18,6 +18,8 @@ from ibe_rl.task.words import Words
 
 ABOUT = {"name": "a game", "run": "a run", "total_frames": 1_000, "hold_steps": 0, "others": 0, "oracle": False}
 SQUARE = {"points": [[0, 0], [9, 0], [9, 9]], "colour": [200, 100, 50], "closed": True}
+WHATEVER = "document.getElementById('whatever').textContent === 'whatever you say now: halt'"
+NOTHING = "document.getElementById('whatever').textContent === ''"
 SAID = {
     "said": "links",
     "in_time": "links",
@@ -170,8 +172,9 @@ def test_what_it_would_do_if_it_were_told_otherwise(page: Page, room: Room):
         {"told": word, "said": "halt", "path": [[300, 300], [300 + 200 * way, 100]]}
         for way, (word, _) in zip((-1, 0, 1), shares, strict=True)
     ]
-    room.server.post("explanation", {**SAID, "shares": shares, "what_if": answers, "whatever": "halt", "listens": 0.1})
-    until(page, "document.getElementById('whatever').textContent === 'whatever you say now: halt'")
+    asked = {**SAID, "shares": shares, "what_if": answers, "whatever": "halt", "listens": 0.1}
+    room.server.post("explanation", {**asked, "said": "halt"})
+    until(page, WHATEVER)
     until(page, "document.getElementById('instruction').textContent === 'you say links'")
     assert page.locator("#shares li").count() == 3
     assert page.locator("#gauge").is_hidden()
@@ -181,6 +184,25 @@ def test_what_it_would_do_if_it_were_told_otherwise(page: Page, room: Room):
       return pixels.some((one) => one > 0);
     }"""
     until(page, f"({painted})()")
+
+
+def test_what_it_does_whatever_it_is_told_is_said_only_while_it_says_the_same(page: Page, room: Room):
+    shares = [["links", 0.7], ["halt", 0.2], ["יָמִינָה", 0.1]]
+    answers = [{"told": word, "said": "halt", "path": None} for word, _ in shares]
+    asked = {**SAID, "said": "halt", "shares": shares, "what_if": answers, "whatever": "halt", "listens": 0.1}
+    between = {**asked, "what_if": [], "whatever": None, "listens": None}
+    for message, expected in (
+        (asked, WHATEVER),
+        (between, WHATEVER),
+        ({**between, "said": "links"}, NOTHING),
+        (asked, WHATEVER),
+        ({**asked, "said": "links"}, NOTHING),
+        (asked, WHATEVER),
+    ):
+        room.server.post("explanation", message)
+        until(page, f"{expected} && lesson.now.explanation.said === '{message['said']}'")
+    room.server.post("scene", {"episode": 1, "size": [600, 400], "background": []})
+    until(page, NOTHING)
 
 
 def test_the_lesson_in_sum(page: Page, room: Room):
