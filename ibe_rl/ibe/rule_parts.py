@@ -6,6 +6,7 @@ import numpy as np
 from sklearn.linear_model import LogisticRegression
 from sklearn.tree import DecisionTreeClassifier
 
+from ibe_rl.ibe.mistakes import fit_despite_mistakes
 from ibe_rl.types import Array
 
 MOST_LEVELS, LEVELS = 9, 5
@@ -13,9 +14,8 @@ MOST_LEVELS, LEVELS = 9, 5
 MOST_DIMENSIONS = 5
 MOST_PARTS, MIN_PART_STEPS = 16, 20
 RIDGE = 1e-6
-MIN_MISTAKES = 0.01
 ROUNDS = 3
-"""Of learning who was mistaken, and the axes without them."""
+"""Of learning which steps are mistakes, and the axes without them."""
 
 
 def levels_of(column: Array, given: Array) -> Array:
@@ -45,19 +45,10 @@ def supports(states: Array, said: Array) -> list[tuple[list[int], Array]]:
 def axes_of(states: Array, kinds: Array) -> Array:
     """Axes ``(S, D)`` along which what is said changes, ``D`` below the number of classes.
 
-    A logistic regression with mistakes: a step counts as much as it is likely to be none. ``kinds`` ``(N,)``.
+    A logistic regression of ``kinds`` ``(N,)``, some of which are mistakes.
     """
-    weight, classes = np.ones(len(kinds)), np.unique(kinds, return_inverse=True)[1]
-    share = 0.1
     model = LogisticRegression(C=100, solver="newton-cholesky", max_iter=30, warm_start=True)
-    for _ in range(ROUNDS):
-        likely = model.fit(states, classes, sample_weight=weight).predict_proba(states)
-        likely = likely[np.arange(len(classes)), classes]
-        wrong = np.bincount(classes, 1.001 - weight)
-        wrong = (wrong / wrong.sum())[classes]
-        for _ in range(3):
-            weight = (1 - share) * likely / ((1 - share) * likely + share * wrong)
-            share = max(MIN_MISTAKES, 1 - float(weight.mean()))
+    fit_despite_mistakes(model, states, np.unique(kinds, return_inverse=True)[1], ROUNDS)
     _, sizes, axes = np.linalg.svd(model.coef_, full_matrices=False)
     kept = sizes > 1e-6 * sizes[0]
     directions: Array = (axes[kept] * sizes[kept, None]).T

@@ -14,6 +14,7 @@ from sklearn.linear_model import LassoCV, LogisticRegression, Ridge
 from sklearn.neural_network import MLPRegressor
 from sklearn.preprocessing import StandardScaler
 
+from ibe_rl.ibe.mistakes import best_fit
 from ibe_rl.types import Array, read_only
 
 MAX_CLASSES = 10
@@ -21,8 +22,7 @@ MAX_CLASSES = 10
 SPARSITY_THRESHOLDS, MAX_ACCURACY_LOSS = (0.4, 0.2, 0.1), 0.025
 """Dimensions below such a share of the largest coefficient are dropped if the accuracy hardly falls.
 
-Mistakes of the instructor spread the rule over all dimensions. With 20 % mistakes, dropping these cost up to .022 of
-accuracy; dropping a dimension that the rule does read cost .07 (docs/INSTRUCTION.md).
+Dropping a dimension that the rule does read cost .07 (docs/INSTRUCTION.md).
 """
 MIN_REGRESSION_WINDOWS = 20
 """Some of them are held out for cross-validation or early stopping."""
@@ -178,12 +178,12 @@ def _gradient(standard: Array, instruction: Array, moving: Array, seed: int) -> 
     if len(values) > MAX_CLASSES:
         direction: Array = Ridge().fit(standard, instruction).coef_
         return direction
-    # hardly regularised: shrinkage would spread the rule over correlated dimensions that it does not read
-    model = LogisticRegression(C=1_000, max_iter=1_000, random_state=seed)
+    fit, model = best_fit(standard, kinds, seed)
     found, accuracy = _direction(model, standard, kinds, values)
     shares = np.abs(found) / (np.abs(found).max() or 1.0)
     for share in SPARSITY_THRESHOLDS:
-        sparse, without = _direction(model, np.where(shares < share, 0, standard), kinds, values)
+        kept = np.where(shares < share, 0, standard)
+        sparse, without = _direction(fit(kept, kinds, seed), kept, kinds, values)
         if without >= accuracy - MAX_ACCURACY_LOSS and np.any(sparse[moving]):
             return sparse
     return found
@@ -191,7 +191,7 @@ def _gradient(standard: Array, instruction: Array, moving: Array, seed: int) -> 
 
 def _direction(model: LogisticRegression, standard: Array, kinds: Array, values: Array) -> tuple[Array, float]:
     """The direction ``(S,)`` in which the expected instruction rises, and the accuracy of the model."""
-    coefficients = model.fit(standard, kinds).coef_
+    coefficients = model.coef_
     direction = (values[1] - values[0]) * coefficients[0] if len(values) == 2 else values @ coefficients
     return direction, float(model.score(standard, kinds))
 

@@ -13,6 +13,7 @@ from sklearn.preprocessing import StandardScaler
 
 from ibe_rl.ibe.delta import Windows
 from ibe_rl.ibe.mapping import ClusterMapping, gap_between, purities_of
+from ibe_rl.ibe.mistakes import best_fit, regression
 from ibe_rl.ibe.space import SPARSITY_THRESHOLDS, Space, TooLittleDataError, along
 from ibe_rl.ibe.split import count_distinct, split
 from ibe_rl.ibe.word_meaning import MIN_HEARD, auc_of, balanced_shares, word_meanings
@@ -150,7 +151,8 @@ def word_axes(
     some = rows[often[said[rows]]]
     weights = _axes_of_states(states[often[heard]], heard[often[heard]], seed)
     if weights is None:
-        weights = _regression(delta[some] / np.where(spread > 0, spread, 1), said[some], seed)[0]
+        moves = delta[some] / np.where(spread > 0, spread, 1)
+        weights = _judged(regression(moves, said[some], seed), moves, said[some])[0]
         weights = weights / np.where(spread > 0, spread, 1)
     else:
         moved = _consequences(delta, said, often, spread)
@@ -175,11 +177,12 @@ def _needed(places: Array, words: Array, seed: int) -> int:
         seed: of the solver.
     """
     standard = StandardScaler().fit_transform(places)
-    all_of_them = _regression(standard, words, seed)[2]
-    enough = (
-        p for p in range(1, places.shape[1]) if _regression(standard[:, :p], words, seed)[2] >= all_of_them - LOSS
-    )
-    return next(enough, places.shape[1])
+
+    def told_apart(count: int) -> float:
+        return _judged(regression(standard[:, :count], words, seed), standard[:, :count], words)[2]
+
+    enough = told_apart(places.shape[1]) - LOSS
+    return next((count for count in range(1, places.shape[1]) if told_apart(count) >= enough), places.shape[1])
 
 
 def _axes_of_states(states: Array, heard: Array, seed: int) -> Array | None:
@@ -188,22 +191,23 @@ def _axes_of_states(states: Array, heard: Array, seed: int) -> Array | None:
         return None
     scaler = StandardScaler().fit(states)
     standard = scaler.transform(states)
-    weights, accuracy, balanced = _regression(standard, heard, seed)
+    kinds = np.unique(heard, return_inverse=True)[1]
+    fit, model = best_fit(standard, kinds, seed)
+    weights, accuracy, balanced = _judged(model, standard, kinds)
     if balanced < 1 / len(np.unique(heard)) + GAIN:
         return None
     largest = np.abs(weights).max(axis=0)
     for share in SPARSITY_THRESHOLDS:
         counts = largest >= share * largest.max()
-        sparse, without, balanced_without = _regression(standard * counts, heard, seed)
+        sparse, without, balanced_without = _judged(fit(standard * counts, kinds, seed), standard * counts, kinds)
         if without >= accuracy - MAX_LOSS and balanced_without >= balanced - MAX_BALANCED_LOSS:
             weights = sparse * counts
             break
     return weights / scaler.scale_
 
 
-def _regression(features: Array, words: Array, seed: int) -> tuple[Array, float, float]:
+def _judged(model: LogisticRegression, features: Array, words: Array) -> tuple[Array, float, float]:
     """Weights ``(words, S)`` of a multinomial logistic regression, its accuracy and its balanced accuracy."""
-    model = LogisticRegression(C=1_000, max_iter=1_000, random_state=seed).fit(features, words)
     weights = model.coef_ if len(model.classes_) > 2 else np.concatenate([-model.coef_, model.coef_])
     guessed = model.predict(features)
     return weights, float(np.mean(guessed == words)), float(balanced_accuracy_score(words, guessed))

@@ -67,6 +67,26 @@ def test_wrong_instructions_hardly_turn_it():
     instruction = rule(seen)
     wrong = random.random(len(instruction)) < 0.2
     instruction[wrong] = random.choice([-1.0, 0.0, 1.0], (wrong.sum(), 1))
+    assert angle(rule_axes(seen, instruction, 0), HIDDEN, seen) < 1
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_wrong_instructions_draw_nothing_in_that_is_not_read(share: float):
+    """An agent that does as it is told has the speed that goes with the instruction, which does not depend on it."""
+    seen, random = states(), np.random.default_rng(1)
+    instruction = rule(seen)
+    seen[:, 3] = instruction[:, 0] + 0.5 * random.normal(size=len(seen))
+    wrong = random.random(len(instruction)) < share
+    instruction[wrong] = random.choice([-1.0, 0.0, 1.0], (wrong.sum(), 1))
+    axes = rule_axes(seen, instruction, 0)
+    assert np.flatnonzero(axes).tolist() == [X, GOAL]
+    assert axes[X, 0] / axes[GOAL, 0] == pytest.approx(-1, abs=0.05)
+
+
+def test_a_rule_that_is_no_line_is_not_taken_for_mistakes():
+    """Nothing is said far out on either side: the plain regression is right more often than one that ignores that."""
+    seen = states()
+    instruction = rule(seen) * (np.abs(seen[:, [GOAL]] - seen[:, [X]]) < 1.5)
     assert angle(rule_axes(seen, instruction, 0), HIDDEN, seen) < 10
 
 
