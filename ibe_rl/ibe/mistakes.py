@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
-
-from ibe_rl.types import Array
 
 MIN_MISTAKES, FIRST_GUESS = 0.01, 0.1
 """Least share of mistakes, and the share before anything is known."""
 SHARE_ROUNDS = 3
 """Of weighing steps and counting mistakes between two fits."""
-ROUNDS, SETTLED_WEIGHT = 20, 0.005
+MISTAKE_ROUNDS, SETTLED_WEIGHT = 20, 0.005
 """Of fitting and weighing. At 30 % of mistakes it takes 16 to 19 until the weights hardly change."""
 FEW_MISTAKES = 0.025
 """A regression that misses no more is taken as it is."""
 
-Fit = Callable[[Array, Array, int], LogisticRegression]
+Fit = Callable[[NDArray[Any], NDArray[Any], int], LogisticRegression]
 """From features ``(N, S)``, classes ``(N,)`` from 0 and a seed to a fitted regression."""
 
 
-def best_fit(features: Array, kinds: Array, seed: int) -> tuple[Fit, LogisticRegression]:
+def best_fit(features: NDArray[Any], kinds: NDArray[Any], seed: int) -> tuple[Fit, LogisticRegression]:
     """The plain regression, or the one despite mistakes where that is right more often; and what it found.
 
     It is not where a rule is no line in the state: what the regression misses then is no mistake.
@@ -35,20 +35,20 @@ def best_fit(features: Array, kinds: Array, seed: int) -> tuple[Fit, LogisticReg
     return regression, plain
 
 
-def regression(features: Array, kinds: Array, seed: int) -> LogisticRegression:
+def regression(features: NDArray[Any], kinds: NDArray[Any], seed: int) -> LogisticRegression:
     """Hardly regularised: shrinkage would spread the rule over correlated dimensions that it does not read."""
     return LogisticRegression(C=1_000, max_iter=1_000, random_state=seed).fit(features, kinds)
 
 
-def regression_despite_mistakes(features: Array, kinds: Array, seed: int) -> LogisticRegression:
+def regression_despite_mistakes(features: NDArray[Any], kinds: NDArray[Any], seed: int) -> LogisticRegression:
     """The same, of an instructor who makes mistakes."""
     model = LogisticRegression(C=1_000, max_iter=1_000, warm_start=True, random_state=seed)
-    fit_despite_mistakes(model, features, kinds, ROUNDS, SETTLED_WEIGHT)
+    fit_despite_mistakes(model, features, kinds, MISTAKE_ROUNDS, SETTLED_WEIGHT)
     return model
 
 
 def fit_despite_mistakes(
-    model: LogisticRegression, features: Array, kinds: Array, rounds: int, settled: float = 0.0
+    model: LogisticRegression, features: NDArray[Any], kinds: NDArray[Any], rounds: int, settled: float = 0.0
 ) -> None:
     """Fit by expectation maximisation: each step counts as much as it is likely to be no mistake.
 
