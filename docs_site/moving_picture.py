@@ -25,6 +25,8 @@ TOOLBAR_ROWS = 34
 """Of rerun's window; it names the machine's graphics driver."""
 STEPS_PER_PICTURE, SHOWN_MS, LAST_SHOWN_MS = 4, 120, 2500
 START_S, SETTLE_S = 60.0, 10.0
+NOTICE_S = 8.0
+"""So long rerun shows a notice over the view once it has started."""
 
 
 @contextmanager
@@ -76,6 +78,7 @@ def shoot(recording: Path) -> list[Image.Image]:
         [opened] = viewer.get_state().recordings
         [steps] = [line for line in opened.timelines if line.name == FILM]
         end, pictures = steps.end or 0, []
+        time.sleep(NOTICE_S)
         for step in [*range(STEPS_PER_PICTURE, end, STEPS_PER_PICTURE), end]:
             viewer.set_time(FILM, sequence=step, play_state="paused")
             pictures.append(settled(viewer))

@@ -23,9 +23,15 @@ Fit = Callable[[NDArray[Any], NDArray[Any], int], LogisticRegression]
 
 
 def best_fit(features: NDArray[Any], kinds: NDArray[Any], seed: int) -> tuple[Fit, LogisticRegression]:
-    """The plain regression, or the one despite mistakes where that is right more often; and what it found.
+    """The plain regression, or the one despite mistakes where that is right more often.
 
-    It is not where a rule is no line in the state: what the regression misses then is no mistake.
+    Args:
+        features: ``(N, S)``.
+        kinds: ``(N,)`` classes from 0.
+        seed: of the solver.
+
+    Returns:
+        How it is fitted, for fits on fewer features; and fitted on all of them.
     """
     plain = regression(features, kinds, seed)
     if (accuracy := plain.score(features, kinds)) < 1 - FEW_MISTAKES:

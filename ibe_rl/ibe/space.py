@@ -191,8 +191,7 @@ def _gradient(standard: Array, instruction: Array, moving: Array, seed: int) -> 
 
 def _direction(model: LogisticRegression, standard: Array, kinds: Array, values: Array) -> tuple[Array, float]:
     """The direction ``(S,)`` in which the expected instruction rises, and the accuracy of the model."""
-    coefficients = model.coef_
-    direction = (values[1] - values[0]) * coefficients[0] if len(values) == 2 else values @ coefficients
+    direction = (values[1] - values[0]) * model.coef_[0] if len(values) == 2 else values @ model.coef_
     return direction, float(model.score(standard, kinds))
 
 

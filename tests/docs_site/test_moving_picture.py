@@ -1,6 +1,7 @@
 """The moving picture is put together from what a viewer shows."""
 
 import io
+import time
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,13 +15,13 @@ from ibe_rl.view.blueprint import FILM
 
 
 class Viewer:
-    """Shows the step as a shade of grey, at the second look."""
+    """Shows the step as a shade of grey, at the second look; before that, for a while, a white notice."""
 
     def __init__(self) -> None:
         self.step, self.looks = 0, 0
 
     def open(self, url: str) -> None:
-        self.opened = url
+        self.opened, self.free_at = url, time.monotonic() + 0.1
 
     def get_state(self) -> SimpleNamespace:
         line = SimpleNamespace(name=FILM, start=0, end=10)
@@ -31,7 +32,7 @@ class Viewer:
 
     def take_screenshot(self) -> bytes:
         self.looks += 1
-        shade = 20 * self.step if self.looks > 1 else 255
+        shade = 20 * self.step if self.looks > 1 and time.monotonic() > self.free_at else 255
         stream = io.BytesIO()
         Image.new("RGB", (100, 84), (shade, shade, shade)).save(stream, "PNG")
         return stream.getvalue()
@@ -45,6 +46,7 @@ def test_every_fourth_step_and_the_last_one_are_shown_once_they_are_drawn(
         yield Viewer()
 
     monkeypatch.setattr(moving_picture, "headless_viewer", viewer)
+    monkeypatch.setattr(moving_picture, "NOTICE_S", 0.2)
     moving_picture.main(tmp_path / "demo.rrd", tmp_path / "moving.webp")
     with Image.open(tmp_path / "moving.webp") as image:
         assert image.n_frames == 3

@@ -83,8 +83,8 @@ def test_wrong_instructions_draw_nothing_in_that_is_not_read(share: float):
     assert axes[X, 0] / axes[GOAL, 0] == pytest.approx(-1, abs=0.05)
 
 
-def test_a_rule_that_is_no_line_is_not_taken_for_mistakes():
-    """Nothing is said far out on either side: the plain regression is right more often than one that ignores that."""
+def test_the_axis_stays_where_nothing_is_asked_far_out():
+    """0 is said near the goal and far from it on either side."""
     seen = states()
     instruction = rule(seen) * (np.abs(seen[:, [GOAL]] - seen[:, [X]]) < 1.5)
     assert angle(rule_axes(seen, instruction, 0), HIDDEN, seen) < 10
