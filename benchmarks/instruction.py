@@ -1,16 +1,20 @@
 """Does instruction help to learn? Trainings with and without it, with the goal in sight and not, with extra reward.
 
-python -m benchmarks.instruction                        train the first and the last part, three seeds each: 40 minutes
-python -m benchmarks.instruction --parts flaws dqn      the others: a flawed instructor and bad advice, DQN; hours
+python -m benchmarks.instruction                        train all of it: hours
+python -m benchmarks.instruction --parts reward         some of the tables
 python -m benchmarks.instruction --missing              only what benchmarks/instruction.json does not hold yet
 python -m benchmarks.instruction --report               the report only
+
+Several may go on at the same time with one file, with --missing and other seeds or parts.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +61,7 @@ PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "dqn": {name: ("agent=dqn", *given, *CURVE) for name, given in SIGHT.items()},
     "reward": {name: (*given, *OFTEN, "eval_episodes=50") for name, given in REWARDS.items()},
 }
+SEEDS: dict[str, tuple[int, ...]] = dict.fromkeys(PARTS, tuple(range(10))) | {"reward": (5, 6, 7)}
 QUICK = (
     *(
         "collect.processes=1",
@@ -72,43 +77,47 @@ QUICK = (
 def main(arguments: list[str] | None = None) -> None:
     """Train what is asked for, keeping what is found after each run, and write the report."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.instruction", description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
-    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=["sight", "reward"], help="tables")
+    parser.add_argument("--seeds", type=int, nargs="+", help="instead of ten, three for the part reward")
+    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="tables")
     parser.add_argument("--missing", action="store_true", help="only what was not trained yet")
     parser.add_argument("--report", action="store_true", help="train nothing")
     asked = with_output(parser, arguments)
     results = asked.output / RESULTS.name if asked.output else RESULTS
-    found = json.loads(results.read_text()) if results.exists() else {}
     if not asked.report:
-        parts = {part: PARTS[part] for part in asked.parts}
         if not asked.missing:
-            found = {part: arms for part, arms in found.items() if part not in parts}
-        train_all(found, parts, asked.seeds, QUICK if asked.quick else (), results)
-    write_report(found, asked.output)
+            keep(results, {part: arms for part, arms in kept(results).items() if part not in asked.parts})
+        for part in asked.parts:
+            train_part(part, asked.seeds or SEEDS[part], QUICK if asked.quick else (), results)
+    write_report(kept(results), asked.output)
 
 
-def train_all(
-    found: dict[str, Any],
-    parts: dict[str, dict[str, tuple[str, ...]]],
-    seeds: list[int],
-    extra: tuple[str, ...],
-    results: Path,
-) -> None:
-    """Fill in what ``found`` lacks: part to arm to seed to the evaluations of a run."""
-    for seed in seeds:
-        for part, arms in parts.items():
-            for name, overrides in arms.items():
-                runs = found.setdefault(part, {}).setdefault(name, {})
-                if str(seed) not in runs:
-                    runs[str(seed)] = train(seed, *COMMON, *overrides, *extra)
-                    console.print(f"{part}: {name}, seed {seed}: {runs[str(seed)][-1]['success']:.0%} in the end")
-                    results.parent.mkdir(parents=True, exist_ok=True)
-                    write_json(results, found)
+def train_part(part: str, seeds: Sequence[int], extra: tuple[str, ...], results: Path) -> None:
+    """Train the runs of a part that are not among the results."""
+    for seed, (name, overrides) in product(map(str, seeds), PARTS[part].items()):
+        if seed in kept(results).get(part, {}).get(name, {}):
+            continue
+        run = train(f"seed={seed}", *COMMON, *overrides, *extra)
+        found = kept(results)  # again: another process may have added to it
+        found.setdefault(part, {}).setdefault(name, {})[seed] = run
+        keep(results, found)
+        console.print(f"{part}: {name}, seed {seed}: {run[-1]['success']:.0%} in the end")
 
 
-def train(seed: int, *overrides: str) -> list[dict[str, float]]:
+def kept(results: Path) -> dict[str, Any]:
+    """What was found so far: part to arm to seed to the evaluations of a run."""
+    found: dict[str, Any] = json.loads(results.read_text()) if results.exists() else {}
+    return found
+
+
+def keep(results: Path, found: dict[str, Any]) -> None:
+    """Write what was found."""
+    results.parent.mkdir(parents=True, exist_ok=True)
+    write_json(results, found)
+
+
+def train(*overrides: str) -> list[dict[str, float]]:
     """The evaluations of one run."""
-    return [asdict(point) for point in ours.train(f"seed={seed}", *overrides).points]
+    return [asdict(point) for point in ours.train(*overrides).points]
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.levels import Measured, Point, median, to_level
+from benchmarks.levels import Measured, Point, highest, lowest, median, to_level
 from benchmarks.pages import fill
 from benchmarks.truth import interquartile
 from benchmarks.truth_report import BLUE, DOCS, GREEN, GREY, ORANGE, PINK
@@ -60,9 +60,9 @@ def success(runs: Runs) -> tuple[Array, Array]:
 
 
 def table(arms: dict[str, Runs], others: dict[str, Runs]) -> list[str]:
-    """Success in the middle and in the end, frames and seconds to skill, and frames relative to those of ``others``."""
+    """Success in the middle and in the end, frames to skill, and these relative to those of ``others``."""
     lines = [
-        f"| | success half way | at the end | mean of the curve | frames to {LEVEL:.0%} | seconds to {LEVEL:.0%} "
+        f"| | success half way | at the end | mean of the curve | frames to {LEVEL:.0%} | runs that get there "
         "| frames, relative |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -70,9 +70,8 @@ def table(arms: dict[str, Runs], others: dict[str, Runs]) -> list[str]:
         _, curves = success(runs)
         columns = np.stack([curves[:, curves.shape[1] // 2 - 1], curves[:, -1], curves.mean(axis=1)], axis=1)
         told = [f"{one['value']:.2f} [{one['low']:.2f}, {one['high']:.2f}]" for one in interquartile(columns)]
-        times = [_times(runs, unit) for unit in ("frames", "seconds")]
         relative = relative_frames(runs, others[name]) if name in others else "-"
-        lines.append(f"| {name} | {' | '.join([*told, *times, relative])} |")
+        lines.append(f"| {name} | {' | '.join([*told, *_frames_to_skill(runs), relative])} |")
     return lines
 
 
@@ -89,10 +88,11 @@ def relative_frames(runs: Runs, others: Runs) -> str:
     return f"{sign}{ratio['value']:.2f} [{ratio['low']:.2f}, {ratio['high']:.2f}]"
 
 
-def _times(runs: Runs, unit: str) -> str:
-    """The median and each run; a run that did not get there counts as longer than it lasted."""
-    each = [to_level(points(run), LEVEL, unit) for run in runs.values()]
-    return f"**{_told(median(each))}** ({', '.join(map(_told, each))})"
+def _frames_to_skill(runs: Runs) -> list[str]:
+    """Median, least and most, and how many get there; one that does not counts as longer than it lasted."""
+    each = [to_level(points(run), LEVEL, "frames") for run in runs.values()]
+    told = f"**{_told(median(each))}** ({_told(lowest(each))} to {_told(highest(each))})"
+    return [told, f"{sum(one.reached for one in each)} of {len(each)}"]
 
 
 def _told(one: Measured) -> str:

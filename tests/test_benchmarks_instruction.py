@@ -97,6 +97,33 @@ def test_instruction_is_measured_and_reported(
     assert (tmp_path / "INSTRUCTION.md").read_text() == page
 
 
+def test_two_processes_add_to_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What another one wrote while this one trained is kept, and not trained again."""
+    monkeypatch.setattr(instruction, "PARTS", {"reward": {"nothing": ("a",), "oracle, 0.5": ("b",)}})
+    results, trained = tmp_path / "instruction.json", []
+
+    def train(*overrides: str) -> list[dict[str, float]]:
+        trained.append((overrides[0], overrides[-1]))
+        if len(trained) == 1:
+            instruction.keep(results, {"reward": {"oracle, 0.5": {"8": run(0.5)}}})
+        return run(1.0)
+
+    monkeypatch.setattr(instruction, "train", train)
+    instruction.train_part("reward", [8, 9], (), results)
+    assert trained == [("seed=8", "a"), ("seed=9", "a"), ("seed=9", "b")]
+    assert instruction.kept(results) == {
+        "reward": {"oracle, 0.5": {"8": run(0.5), "9": run(1.0)}, "nothing": {"8": run(1.0), "9": run(1.0)}}
+    }
+
+
+@pytest.mark.parametrize(("part", "seeds"), [("sight", 10), ("flaws", 10), ("dqn", 10), ("reward", 3)])
+def test_each_part_has_its_seeds(part: str, seeds: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(instruction, "train", lambda *_: run(0.5, 1.0))
+    instruction.main(["--parts", part, "--output", str(tmp_path)])
+    found = instruction.kept(tmp_path / "instruction.json")
+    assert {name: len(runs) for name, runs in found[part].items()} == dict.fromkeys(instruction.PARTS[part], seeds)
+
+
 def test_robustness_is_measured_and_reported(
     tmp_path: Path, in_this_process: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ):
@@ -209,7 +236,7 @@ def test_arms_are_told_by_their_curves():
     assert curves.tolist() == [[0, 0.9, 0.9, 1.0], [0.5, 0.5, 0.5, 0.9]]
     assert table({"told": runs}, {})[2:] == [
         "| told | 0.70 [0.50, 0.90] | 0.95 [0.90, 1.00] | 0.65 [0.60, 0.70] | "
-        "**>3,500** (3,000, >4,000) | **>7** (6, >8) | - |"
+        "**>3,500** (3,000 to >4,000) | 1 of 2 | - |"
     ]
     assert table({"told": runs}, {"told": runs})[2].endswith("| ?1.00 [0.75, 1.33] |")
 
