@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
-from benchmarks import curves, ours, picture, skill, starting
+from benchmarks import curves, ours, picture, sb3, skill, starting
 from benchmarks.curves import Curve
 from benchmarks.levels import Point
 from benchmarks.plan import FORMS, Plan, make_plan
@@ -146,7 +146,6 @@ def test_the_command_line_changes_what_it_names():
 
 
 def test_both_steps_give_stable_baselines3_the_same_numbers():
-    sb3 = pytest.importorskip("benchmarks.sb3")
     lean, theirs = sb3.make_told("lean"), sb3.make_told("gymnasium")
     assert (lean.unwrapped.lean, theirs.unwrapped.lean) == (True, False)
     random = np.random.default_rng(0)
@@ -162,7 +161,6 @@ def test_both_steps_give_stable_baselines3_the_same_numbers():
 
 
 def test_stable_baselines3_learns_the_same_with_either_step():
-    sb3 = pytest.importorskip("benchmarks.sb3")
     sizes = {"evaluate_every": 1000, "episodes": 4, "levels": [0.95], "cap_frames": 3000, "rollout_steps": 64}
     runs = [sb3.to_skill("ppo", 0, "dummy", step, cap_seconds=600.0, **sizes) for step in ("lean", "gymnasium")]
     lean, theirs = ([(point["frames"], point["success"]) for point in points] for points in runs)

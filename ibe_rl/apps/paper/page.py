@@ -43,7 +43,13 @@ CHARTS = {
         ),
         ("claim.png", "The claim, tested with each episode counted once.", charts.claim_chart),
     ],
-    "words": [("expressions.png", "The paper's figure of m^i, and ours.", charts.expressions_chart)],
+    "words": [
+        (
+            "expressions.png",
+            "What each cluster is called (m^i in the paper): by the paper's mapping and by ours.",
+            charts.expressions_chart,
+        )
+    ],
     "straight": [
         (
             "straight.png",
