@@ -28,38 +28,45 @@ from ibe_rl.storage.run_folder import write_json
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "instruction.json"
 HIDDEN = "agent.ignores=[goal_x]"
-SIGHT = {
-    "instructed, goal seen": (),
-    "silent, goal seen": ("instructor=silent",),
-    "instructed, goal hidden": (HIDDEN,),
-    "silent, goal hidden": ("instructor=silent", HIDDEN),
-}
-"""Learning curves; no vocabulary is learnt."""
+FOLLOWING = ("obedience.judge=mapping", "obedience.weight=0.5")
+SILENT = ("instructor=silent",)
 FLAWED = ("instructor=flawed", "instructor.late_steps=20", "instructor.wrong=0.1", "instructor.present=0.5")
 WRONG = ("instructor=flawed", "instructor.wrong=1.0")
-FLAWS = {
-    f"{name}, goal {sight}": (*given, *hidden)
-    for sight, hidden in (("seen", ()), ("hidden", (HIDDEN,)))
-    for name, given in (("late 20, wrong .1, present .5", FLAWED), ("always wrong", WRONG))
-}
-"""The same curves with an instructor as people are, and the price of bad advice."""
+CURVE = ("eval_every_frames=50_000", "refresh_every_frames=null")
+JUDGED = ("eval_every_frames=50_000", "refresh_every_frames=50_000", *FOLLOWING)
+OFTEN = ("eval_every_frames=25_000", "refresh_every_frames=50_000", "first_refresh_episodes=0", "eval_episodes=50")
+"""Without extra reward no vocabulary is learnt; for comparing judges it is learnt late."""
+
+
+def seen_and_hidden(**arms: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Each arm with the goal in the agent's observation and without it."""
+    sights = {"seen": (), "hidden": (HIDDEN,)}
+    return {
+        f"{name.replace('_', ' ')}, goal {sight}": (*arms[name], *sights[sight]) for sight in sights for name in arms
+    }
+
+
+SIGHT = seen_and_hidden(rewarded=JUDGED, instructed=CURVE, silent=(*SILENT, *CURVE))
+"""Rewarded: instructed, and paid for following as the learnt vocabulary understands it."""
 REWARDS = {
     "nothing": (),
     **{
-        f"{judge}, {weight:g}": (f"obedience.judge={judge}", f"obedience.weight={weight}")
+        f"{judge}, {weight:g}{'' if centred else ', not centred'}": (
+            *(f"obedience.judge={judge}", f"obedience.weight={weight}"),
+            *(() if centred else ("obedience.centred=false",)),
+        )
+        for centred in (True, False)
         for judge in ("mapping", "oracle")
         for weight in (0.1, 0.5)
     },
 }
-"""Extra reward for having done what one was told; the vocabulary is learnt early, so that there is a judge."""
+"""Extra reward for having done what one was told, by judge and weight."""
 COMMON = ("total_frames=700_000", "keep_policy_every_frames=null", "viewer=off")
-OFTEN = ("refresh_every_frames=50_000", "first_refresh_episodes=0", "eval_every_frames=25_000")
-CURVE = ("refresh_every_frames=null", "eval_every_frames=50_000")
 PARTS: dict[str, dict[str, tuple[str, ...]]] = {
-    "sight": {name: (*given, *CURVE) for name, given in SIGHT.items()},
-    "flaws": {name: (*given, *CURVE) for name, given in FLAWS.items()},
-    "dqn": {name: ("agent=dqn", *given, *CURVE) for name, given in SIGHT.items()},
-    "reward": {name: (*given, *OFTEN, "eval_episodes=50") for name, given in REWARDS.items()},
+    "sight": SIGHT,
+    "flaws": seen_and_hidden(flawed=(*FLAWED, *JUDGED), always_wrong=(*WRONG, *JUDGED)),
+    "dqn": {name: ("agent=dqn", *given) for name, given in SIGHT.items()},
+    "reward": {name: (*given, *OFTEN) for name, given in REWARDS.items()},
 }
 SEEDS: dict[str, tuple[int, ...]] = dict.fromkeys(PARTS, tuple(range(10))) | {"reward": (5, 6, 7)}
 QUICK = (

@@ -7,6 +7,7 @@ falls to 0; from then on the optimal policy is that of the environment's own rew
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -22,6 +23,8 @@ from ibe_rl.types import Array, ConfigError
 
 Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to their meaning ``(W, d)`` on the instructor's scale."""
+REMEMBERED = 10_000
+"""Judged steps that the mean agreement is taken over."""
 
 
 class InstructionReward:
@@ -38,12 +41,15 @@ class InstructionReward:
     ):
         self._config, self._horizon_steps, self._judge = config, horizon_steps, judge
         self._before: dict[str, Array] | None = None
+        self._mean, self._judged = 0.0, 0
 
     def add(self, batch: TensorDictBase, frames: int) -> dict[str, float]:
         """Reward a batch ``[N, T]`` under ``("next", "extra_reward")``, in the environment's units.
 
         The last of n steps gets ``weight * (1 - |meaning - instruction|)``, within plus or minus the current weight.
-        It gets 0 without an instruction, or before n steps of its episode.
+        With ``centred`` the mean of the newest judged steps is subtracted (reward centering, Naik et al. 2024): else
+        every further step would pay an agent that does as told. It gets 0 without an instruction, or before n steps
+        of its episode.
 
         Args:
             batch: row i of every batch continues the same environment.
@@ -61,21 +67,33 @@ class InstructionReward:
             return {"obeyed": float("nan"), "extra_reward": 0.0}
         start, delta, valid = self._windows(batch, steps)
         judge = self._judge() if weight and valid.any() else None
-        agreement = np.zeros(valid.shape)
+        extra, mean = np.zeros(valid.shape), math.nan
         if judge is not None:
-            agreement[valid] = 1 - np.abs(judge(delta[valid]) - start["instruction"][valid]).max(axis=-1)
-        extra = torch.from_numpy(weight * agreement).float().unsqueeze(-1)
-        batch["next", "extra_reward"] = extra
-        mean = float(agreement[valid].mean()) if judge is not None else float("nan")
+            agreement = 1 - np.abs(judge(delta[valid]) - start["instruction"][valid]).max(axis=-1)
+            mean = float(agreement.mean())
+            extra[valid] = weight * (agreement - self._baseline(mean, len(agreement)))
+        batch["next", "extra_reward"] = torch.from_numpy(extra).float().unsqueeze(-1)
         return {"obeyed": mean, "extra_reward": float(extra.mean())}
 
+    def _baseline(self, mean: float, judged: int) -> float:
+        """What is subtracted from the agreement, after ``judged`` further steps with this mean."""
+        if not self._config.centred:
+            return 0.0
+        self._judged = min(self._judged + judged, REMEMBERED)
+        self._mean += (mean - self._mean) * min(1.0, judged / self._judged)
+        return self._mean
+
     def state_dict(self) -> dict[str, Any]:
-        """The newest steps, where the next windows begin, as arrays."""
-        return dict(self._before or {})
+        """The newest steps, where the next windows begin, and the mean agreement, as arrays."""
+        mean = {"mean": np.array([self._mean, self._judged])} if self._judged else {}
+        return dict(self._before or {}) | mean
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """The inverse of ``state_dict``."""
-        self._before = dict(state) or None
+        steps = dict(state)
+        mean, judged = steps.pop("mean", np.zeros(2))
+        self._mean, self._judged = float(mean), int(judged)
+        self._before = steps or None
 
     def _windows(self, batch: TensorDictBase, horizon_steps: int) -> tuple[dict[str, Array], Array, Array]:
         """First steps of the windows, changes over them, and which can be judged: ``(N, T, ...)``."""

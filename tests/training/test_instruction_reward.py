@@ -30,7 +30,7 @@ from ibe_rl.training.instruction_reward import (
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 
-ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000)
+ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000, centred=False)
 
 
 def made(cfg: TrainConfig, development: VocabularyTracker, task: Task = TASK) -> InstructionReward:
@@ -146,6 +146,46 @@ def test_of_several_numbers_the_worst_counts():
     assert judged(make(1, lambda: lambda _: np.array([[0.75, 0.5]])), batch) == [-0.25]
 
 
+def centred() -> InstructionReward:
+    return InstructionReward(replace(ORACLE, centred=True), lambda: 1, lambda: way)
+
+
+def test_less_the_mean_agreement_the_reward_adds_up_to_nothing():
+    """Agreement of a batch 1, -1, 1, 1, so that the mean is a half; what is not judged gets nothing."""
+    batch = climbing([1, -1, None, 1, 1])
+    assert centred().add(batch, 0) == {"obeyed": 0.5, "extra_reward": pytest.approx(0)}
+    assert batch["next", "extra_reward"][0, :, 0].tolist() == [0.25, -0.75, 0, 0.25, 0.25]
+
+
+def test_the_mean_agreement_is_that_of_the_newest_steps(monkeypatch: pytest.MonkeyPatch):
+    """Of batches of one step too; after more than is remembered it is that of a batch."""
+    monkeypatch.setattr("ibe_rl.training.instruction_reward.REMEMBERED", 4)
+    reward = centred()
+    assert judged(reward, climbing([1])) == [0]
+    assert judged(reward, climbing([-1])) == [0.5 * (-1 - 0)]
+    assert judged(reward, climbing([1, 1])) == [0.5 * (1 - 0.5)] * 2
+    assert judged(reward, climbing([-1])) == [0.5 * (-1 - 0.125)]  # a quarter of the way from .5 to -1
+    assert judged(reward, climbing([1] * 8)) == [0] * 8
+
+
+def test_the_mean_agreement_is_resumed():
+    one, other = centred(), centred()
+    judged(one, climbing([1, -1, 1]))
+    other.load_state_dict(one.state_dict())
+    assert judged(other, climbing([-1, 1])) == judged(one, climbing([-1, 1]))
+    assert judged(other, climbing([1])) != judged(centred(), climbing([1]))
+
+
+def test_a_state_of_before_the_mean_was_subtracted_is_resumed():
+    reward = make(3)
+    judged(reward, climbing([1, -1]))
+    state = reward.state_dict()
+    assert "mean" not in state
+    later = InstructionReward(replace(ORACLE, centred=True), lambda: 3, lambda: way)
+    later.load_state_dict(state)
+    assert judged(later, climbing([0, 1], start=2)) == [0.5, -0.5]  # agreement 1 and -1, mean 0
+
+
 def by_the_definition(batch: TensorDictBase, horizon_steps: int) -> Array:
     """Step by step: agreement ``(N, T)``, 0 where nothing is judged."""
     done, given = batch["next", "done"][..., 0].numpy(), batch["instruction_given"][..., 0].numpy()
@@ -178,7 +218,7 @@ def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, 
 
 
 def settings(judge: str, **changes: Any) -> TrainConfig:
-    obedience = ObedienceConfig(judge=judge, weight=0.5, until_frames=1_000)
+    obedience = replace(ORACLE, judge=judge)
     return TrainConfig(
         instructor=InstructorConfig("oracle"),
         obedience=obedience,
