@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -100,11 +100,11 @@ def _told(one: Measured) -> str:
 
 
 def draw(arms: dict[str, Runs], title: str, picture: Path) -> None:
-    """One line an arm with its interval, thin ones for the runs."""
+    """One line an arm with its interval."""
     figure = Figure(figsize=(8, 4), layout="constrained")
     panel = figure.subplots()
-    for colour, (name, runs) in zip(COLOURS, arms.items(), strict=False):
-        _curve(panel, *success(runs), name, colour)
+    for (name, runs), (colour, line) in zip(arms.items(), looks(arms), strict=True):
+        _curve(panel, *success(runs), name, colour, line)
     panel.axhline(LEVEL, color="#999999", linewidth=0.7, linestyle=":")
     panel.set(title=title, xlabel="frames", ylabel="success on unseen episodes", ylim=(-0.02, 1.02))
     panel.legend(framealpha=0.9, fontsize=9)
@@ -112,10 +112,15 @@ def draw(arms: dict[str, Runs], title: str, picture: Path) -> None:
     figure.savefig(picture, dpi=130, metadata={"Software": None})
 
 
-def _curve(panel: Axes, frames: Array, curves: Array, name: str, colour: str) -> None:
+def looks(names: Iterable[str]) -> list[tuple[str, str]]:
+    """Colour and line of each arm; dashed where it is that of another one with the goal hidden, or not centred."""
+    solid = {name: name.replace(", goal hidden", ", goal seen").removesuffix(", not centred") for name in names}
+    colours = dict(zip(dict.fromkeys(solid.values()), COLOURS, strict=False))
+    return [(colours[other], "-" if name == other else "--") for name, other in solid.items()]
+
+
+def _curve(panel: Axes, frames: Array, curves: Array, name: str, colour: str, line: str) -> None:
     means = interquartile(curves)
     low, middle, high = ([one[key] for one in means] for key in ("low", "value", "high"))
-    panel.plot(frames, middle, color=colour, label=name)
-    panel.fill_between(frames, low, high, color=colour, alpha=0.18, linewidth=0)
-    for curve in curves:
-        panel.plot(frames, curve, color=colour, alpha=0.35, linewidth=0.6)
+    panel.plot(frames, middle, color=colour, linestyle=line, label=name)
+    panel.fill_between(frames, low, high, color=colour, alpha=0.12, linewidth=0)

@@ -14,9 +14,10 @@ from omegaconf import OmegaConf
 from processes import call
 
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
-from benchmarks.instruction_report import baselines, relative_frames, success, table
+from benchmarks.instruction_report import baselines, looks, relative_frames, success, table
 from benchmarks.robustness_flaws import ANEW, CURVES
 from benchmarks.robustness_report import anew_table, flaws_table, growth
+from benchmarks.truth_report import BLUE, GREY
 from ibe_rl.agents import check_agent
 from ibe_rl.collect.check import check_collect
 from ibe_rl.config.kind_files import register
@@ -30,10 +31,10 @@ from ibe_rl.vocabulary.tracker import check_refreshing
 
 ROOT = Path(__file__).parent.parent
 DIFFERENT = {
-    "sight": ("instructed, goal seen", "silent, goal hidden"),
-    "flaws": ("late 20, wrong .1, present .5, goal hidden",),
+    "sight": ("rewarded, goal seen", "silent, goal hidden"),
+    "flaws": ("flawed, goal hidden",),
     "dqn": ("instructed, goal seen",),
-    "reward": ("nothing", "mapping, 0.5", "oracle, 0.5"),
+    "reward": ("nothing", "mapping, 0.5", "oracle, 0.5, not centred"),
 }
 """Arms that differ in kind, of each part; the others differ from one of these in a number or in one setting."""
 ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}
@@ -173,8 +174,10 @@ def test_every_arm_can_be_trained(part: str, name: str):
     assert cfg.total_frames == 700_000
     assert (cfg.instructor.kind == "silent") == name.startswith("silent")
     assert (cfg.agent.ignores == ["goal_x"]) == name.endswith("hidden")
+    assert (cfg.obedience.judge == "none") == (name.partition(",")[0] in ("instructed", "silent", "nothing"))
     if part == "reward" and name != "nothing":
-        assert f"{cfg.obedience.judge}, {cfg.obedience.weight:g}" == name
+        less = "" if cfg.obedience.centred else ", not centred"
+        assert f"{cfg.obedience.judge}, {cfg.obedience.weight:g}{less}" == name
 
 
 @pytest.mark.parametrize("name", ANEW)
@@ -257,6 +260,15 @@ def test_frames_are_told_relative_to_those_of_other_runs(one: Any, other: Any, t
     assert relative_frames({"0": one, "1": one}, {"7": other}) == told
 
 
+def test_arms_that_differ_in_one_thing_have_one_colour():
+    for arms in instruction.PARTS.values():
+        seen = dict(zip(arms, looks(arms), strict=True))
+        assert len(set(seen.values())) == len(arms)
+    names = ("nothing", "mapping, 0.5", "mapping, 0.5, not centred")
+    assert looks(names) == [(BLUE, "-"), (GREY, "-"), (GREY, "--")]
+    assert looks(("silent, goal seen", "silent, goal hidden")) == [(BLUE, "-"), (BLUE, "--")]
+
+
 def test_an_arm_is_compared_with_the_silent_one_of_the_same_goal():
     def of(name: str) -> Any:
         return {"0": name}
@@ -269,8 +281,9 @@ def test_an_arm_is_compared_with_the_silent_one_of_the_same_goal():
         "reward": {"nothing": of("nothing"), "oracle, 0.5": of("more")},
     }
     assert baselines("sight", found) == {
-        "instructed, goal seen": of("silent, goal seen"),
-        "instructed, goal hidden": of("silent, goal hidden"),
+        f"{how}, goal {sight}": of(f"silent, goal {sight}")
+        for how in ("rewarded", "instructed")
+        for sight in ("seen", "hidden")
     }
     assert baselines("flaws", found) == {"always wrong, goal hidden": of("silent, goal hidden")}
     assert baselines("dqn", found) == {"instructed, goal seen": of("still")}
