@@ -263,7 +263,9 @@ def make_parts(cfg: TrainConfig, folder: Path, owned: ExitStack, stop: StopReque
             task.parts,
             task.mirror,
         ),
-        reward=make_instruction_reward(cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of),
+        reward=make_instruction_reward(
+            cfg, task, lambda: vocabulary.horizons_steps, vocabulary.mapping_of, lambda: vocabulary.delays
+        ),
         log=log,
         vocabulary=vocabulary,
         predictor=owned.enter_context(closing(predictor)),

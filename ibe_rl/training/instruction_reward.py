@@ -20,6 +20,7 @@ from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.instructors import speaks
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, Delays
 
 Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to their meaning ``(W, d)`` on the instructor's scale."""
@@ -34,12 +35,17 @@ class InstructionReward:
         config: see ``ObedienceConfig``.
         horizon_steps: n; None until it has been found.
         judge: the current judge; None until there is one.
+        delay_steps: d, by which the instructor is late, as far as it has been found.
     """
 
     def __init__(
-        self, config: ObedienceConfig, horizon_steps: Callable[[], int | None], judge: Callable[[], Judge | None]
+        self,
+        config: ObedienceConfig,
+        horizon_steps: Callable[[], int | None],
+        judge: Callable[[], Judge | None],
+        delay_steps: Callable[[], int] = lambda: 0,
     ):
-        self._config, self._horizon_steps, self._judge = config, horizon_steps, judge
+        self._config, self._horizon_steps, self._judge, self._delay_steps = config, horizon_steps, judge, delay_steps
         self._before: dict[str, Array] | None = None
         self._mean, self._judged = 0.0, 0
 
@@ -47,6 +53,7 @@ class InstructionReward:
         """Reward a batch ``[N, T]`` under ``("next", "extra_reward")``, in the environment's units.
 
         The last of n steps gets ``weight * (1 - |meaning - instruction|)``, within plus or minus the current weight.
+        An instruction about their beginning is heard d steps later, and the reward comes when both are over.
         With ``centred`` the mean of the newest judged steps is subtracted (reward centering, Naik et al. 2024): else
         every further step would pay an agent that does as told. It gets 0 without an instruction, or before n steps
         of its episode.
@@ -65,11 +72,11 @@ class InstructionReward:
         if steps is None:
             batch["next", "extra_reward"] = torch.zeros(*batch.shape, 1)
             return {"obeyed": float("nan"), "extra_reward": 0.0}
-        start, delta, valid = self._windows(batch, steps)
+        instruction, delta, valid = self._windows(batch, steps, self._delay_steps())
         judge = self._judge() if weight and valid.any() else None
         extra, mean = np.zeros(valid.shape), math.nan
         if judge is not None:
-            agreement = 1 - np.abs(judge(delta[valid]) - start["instruction"][valid]).max(axis=-1)
+            agreement = 1 - np.abs(judge(delta[valid]) - instruction[valid]).max(axis=-1)
             mean = float(agreement.mean())
             extra[valid] = weight * (agreement - self._baseline(mean, len(agreement)))
         batch["next", "extra_reward"] = torch.from_numpy(extra).float().unsqueeze(-1)
@@ -95,29 +102,36 @@ class InstructionReward:
         self._mean, self._judged = float(mean), int(judged)
         self._before = steps or None
 
-    def _windows(self, batch: TensorDictBase, horizon_steps: int) -> tuple[dict[str, Array], Array, Array]:
-        """First steps of the windows, changes over them, and which can be judged: ``(N, T, ...)``."""
+    def _windows(self, batch: TensorDictBase, horizon_steps: int, delay_steps: int) -> tuple[Array, Array, Array]:
+        """What was said about the windows, changes over them, and which can be judged: ``(N, T, ...)``."""
         now = {
             "state": batch["state"].numpy(),
+            "after": batch["next", "state"].numpy(),
             "instruction": batch["instruction"].numpy(),
             "given": batch["instruction_given"].numpy()[..., 0] > 0,
             "done": batch["next", "done"].numpy()[..., 0],
         }
-        steps, back = now["done"].shape[1], horizon_steps - 1
+        steps, back = now["done"].shape[1], max(horizon_steps - 1, delay_steps)
         before = self._before
-        if before is None or before["done"].shape[1] != back:  # the first batch, or n has changed
-            before = {name: _none(column, back) for name, column in now.items()}
+        if (
+            before is None or before.keys() != now.keys() or before["done"].shape[1] != back
+        ):  # the first, or n has changed
+            before = {name: _none(column, back, name == "done") for name, column in now.items()}
         whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
         self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
-        start = {name: column[:, :steps] for name, column in whole.items()}
+
+        def later(name: str, by: int) -> Array:
+            return whole[name][:, by : by + steps]
+
         ends = np.pad(whole["done"].cumsum(axis=1), ((0, 0), (1, 0)))
         unbroken = ends[:, back : back + steps] == ends[:, :steps]
-        return start, batch["next", "state"].numpy() - start["state"], unbroken & start["given"]
+        delta = later("after", horizon_steps - 1) - later("state", 0)
+        return later("instruction", delay_steps), delta, unbroken & later("given", delay_steps)
 
 
-def _none(like: Array, steps: int) -> Array:
-    """Padding before the first step: no instruction."""
-    return np.zeros((len(like), steps, *like.shape[2:]), like.dtype)
+def _none(like: Array, steps: int, value: bool) -> Array:
+    """Padding before the first step, which is done: no window begins there."""
+    return np.full((len(like), steps, *like.shape[2:]), value, like.dtype)
 
 
 def make_instruction_reward(
@@ -125,6 +139,7 @@ def make_instruction_reward(
     task: Task,
     horizons_steps: Callable[[], Sequence[int]],
     mapping_of: Callable[[int], ClusterMapping | None],
+    delays: Callable[[], Delays] = dict,
 ) -> InstructionReward:
     """Make the reward of ``cfg``; it judges over the shortest span that a vocabulary is learnt for.
 
@@ -133,6 +148,7 @@ def make_instruction_reward(
         task: of the environment.
         horizons_steps: all horizons explained, n first; empty until n has been found.
         mapping_of: the vocabulary of a horizon, None before the first refresh.
+        delays: how late those who instruct are; a person's own game counts as the others.
     """
 
     def shortest() -> int | None:
@@ -148,7 +164,11 @@ def make_instruction_reward(
             return None
         return mapping.express
 
-    return InstructionReward(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt)
+    def late() -> int:
+        found = delays().get(INSTRUCTOR)
+        return found.steps if found else 0
+
+    return InstructionReward(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt, late)
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:

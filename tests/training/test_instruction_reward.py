@@ -17,6 +17,7 @@ from ibe_rl.config.settings import InstructorConfig, ObedienceConfig, TrainConfi
 from ibe_rl.envs import LANDER_ID, LANDER_TASK
 from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.envs.make import make_gym
+from ibe_rl.ibe.delay import Delay
 from ibe_rl.instructors import make_instructor
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.task import Task
@@ -29,12 +30,15 @@ from ibe_rl.training.instruction_reward import (
 )
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.tracker import VocabularyTracker
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER
 
 ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000, centred=False)
 
 
 def made(cfg: TrainConfig, development: VocabularyTracker, task: Task = TASK) -> InstructionReward:
-    return make_instruction_reward(cfg, task, lambda: development.horizons_steps, development.mapping_of)
+    return make_instruction_reward(
+        cfg, task, lambda: development.horizons_steps, development.mapping_of, lambda: development.delays
+    )
 
 
 def way(delta: Array) -> Array:
@@ -186,22 +190,38 @@ def test_a_state_of_before_the_mean_was_subtracted_is_resumed():
     assert judged(later, climbing([0, 1], start=2)) == [0.5, -0.5]  # agreement 1 and -1, mean 0
 
 
-def by_the_definition(batch: TensorDictBase, horizon_steps: int) -> Array:
+@pytest.mark.parametrize(("late", "expected"), [(0, [0, 1, -1, -1]), (1, [0, -1, -1, -1]), (2, [0, 0, -1, -1])])
+def test_an_instruction_that_comes_late_is_held_against_what_it_is_about(late: int, expected: list[float]):
+    """Windows of two steps; told up at first, then down, always gone up. The reward comes once it was heard."""
+    reward = InstructionReward(replace(ORACLE, weight=1.0), lambda: 2, lambda: way, lambda: late)
+    assert judged(reward, climbing([1, -1, -1, -1])) == expected
+
+
+def test_a_delay_that_is_found_later_counts_from_then_on():
+    late = [0]
+    reward = InstructionReward(replace(ORACLE, weight=1.0), lambda: 1, lambda: way, lambda: late[0])
+    assert judged(reward, climbing([1, 1])) == [1, 1]
+    late[0] = 2
+    assert judged(reward, climbing([1, 1, -1, 1])) == [0, 0, -1, 1]
+
+
+def by_the_definition(batch: TensorDictBase, horizon_steps: int, late: int) -> Array:
     """Step by step: agreement ``(N, T)``, 0 where nothing is judged."""
     done, given = batch["next", "done"][..., 0].numpy(), batch["instruction_given"][..., 0].numpy()
     found = np.zeros(batch.shape)
     for n, t in np.ndindex(*batch.shape):
-        start = t - horizon_steps + 1
-        if start < 0 or done[n, start:t].any() or not given[n, start]:
+        start = t - max(horizon_steps - 1, late)
+        if start < 0 or done[n, start:t].any() or not given[n, start + late]:
             continue
-        change = float(batch["next", "state"][n, t, 0] - batch["state"][n, start, 0])
-        found[n, t] = 1 - abs(np.clip(change, -1, 1) - float(batch["instruction"][n, start, 0]))
+        change = float(batch["next", "state"][n, start + horizon_steps - 1, 0] - batch["state"][n, start, 0])
+        found[n, t] = 1 - abs(np.clip(change, -1, 1) - float(batch["instruction"][n, start + late, 0]))
     return found
 
 
+@pytest.mark.parametrize("late", [0, 1, 6])
 @pytest.mark.parametrize("horizon_steps", [1, 2, 5, 13])
 @pytest.mark.parametrize("lengths", [[40], [1] * 40, [3, 30, 7], [20, 20]])
-def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, lengths: list[int]):
+def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, lengths: list[int], late: int):
     random, size = np.random.default_rng(horizon_steps), (6, 40, 1)
     given = torch.from_numpy(random.random(size) < 0.7).float()
     instruction = torch.from_numpy(random.choice([-1.0, 0.0, 1.0], size)).float() * given
@@ -209,12 +229,14 @@ def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, 
     done = torch.from_numpy(random.random(size) < 0.15)
     inside = {"state": state, "instruction": instruction, "instruction_given": given}
     whole = TensorDict(inside | {"next": TensorDict({"state": after, "done": done}, size[:2])}, size[:2])
-    obedience = make(horizon_steps, lambda: lambda delta: np.clip(delta, -1, 1))
+    obedience = InstructionReward(
+        ORACLE, lambda: horizon_steps, lambda: lambda delta: np.clip(delta, -1, 1), lambda: late
+    )
     parts = whole.split(lengths, 1)
     for part in parts:
         obedience.add(part, 0)
     extra = torch.cat([part["next", "extra_reward"] for part in parts], 1)[..., 0]
-    np.testing.assert_allclose(extra, 0.5 * by_the_definition(whole, horizon_steps), atol=1e-6)
+    np.testing.assert_allclose(extra, 0.5 * by_the_definition(whole, horizon_steps, late), atol=1e-6)
 
 
 def settings(judge: str, **changes: Any) -> TrainConfig:
@@ -287,6 +309,15 @@ def test_as_long_as_no_horizon_was_found_nothing_is_judged(judge: str, tmp_path:
 def test_the_oracle_judges_over_the_shortest_span():
     obedience = made(settings("oracle"), VocabularyTracker(config(spans_steps=[3, 4]), TASK, 0))
     assert judged(obedience, climbing([1, 1, 1, -1, 0, 0])) == [0, 0, 0.5, 0.5, 0.5, -0.5]
+
+
+def test_the_delay_that_the_log_tells_is_taken_back():
+    """Told down once, a step too late; the person's own delay does not count."""
+    development = VocabularyTracker(config(spans_steps=[1]), TASK, 0)
+    obedience = made(settings("oracle", mapping=config(spans_steps=[1])), development)
+    assert judged(obedience, climbing([1, 1, -1, 1])) == [0.5, 0.5, -0.5, 0.5]
+    development.delays = {INSTRUCTOR: Delay(1, 1, 1), TEACHER: Delay(3, 3, 3)}
+    assert judged(obedience, climbing([1, 1, -1, 1])) == [0, 0.5, -0.5, 0.5]
 
 
 @pytest.mark.parametrize(
