@@ -95,7 +95,7 @@ def main(arguments: list[str] | None = None) -> None:
             keep(results, {part: arms for part, arms in kept(results).items() if part not in asked.parts})
         for part in asked.parts:
             train_part(part, asked.seeds or SEEDS[part], QUICK if asked.quick else (), results)
-    write_report(kept(results), asked.output)
+    write_report(in_order(kept(results)), asked.output)
 
 
 def train_part(part: str, seeds: Sequence[int], extra: tuple[str, ...], results: Path) -> None:
@@ -108,6 +108,16 @@ def train_part(part: str, seeds: Sequence[int], extra: tuple[str, ...], results:
         found.setdefault(part, {}).setdefault(name, {})[seed] = run
         keep(results, found)
         console.print(f"{part}: {name}, seed {seed}: {run[-1]['success']:.0%} in the end")
+
+
+def in_order(found: dict[str, Any]) -> dict[str, Any]:
+    """The parts, arms and seeds that there are, in the order of ``PARTS``, whoever came first."""
+    parts = {part: [name for name in arms if name in found.get(part, {})] for part, arms in PARTS.items()}
+    return {
+        part: {name: dict(sorted(found[part][name].items(), key=lambda seed: int(seed[0]))) for name in names}
+        for part, names in parts.items()
+        if names
+    }
 
 
 def kept(results: Path) -> dict[str, Any]:

@@ -117,6 +117,15 @@ def test_two_processes_add_to_one_file(tmp_path: Path, monkeypatch: pytest.Monke
     }
 
 
+def test_arms_and_seeds_are_told_in_their_order():
+    """Whichever process was first; an arm of an earlier version is left out."""
+    found = {"reward": {"mapping, 0.5": {"10": 1, "9": 2}, "nothing": {"7": 3}, "earlier": {"0": 4}}, "flaws": {}}
+    told = [
+        (part, name, list(runs)) for part, arms in instruction.in_order(found).items() for name, runs in arms.items()
+    ]
+    assert told == [("reward", "nothing", ["7"]), ("reward", "mapping, 0.5", ["9", "10"])]
+
+
 @pytest.mark.parametrize(("part", "seeds"), [("sight", 10), ("flaws", 10), ("dqn", 10), ("reward", 3)])
 def test_each_part_has_its_seeds(part: str, seeds: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(instruction, "train", lambda *_: run(0.5, 1.0))
