@@ -82,7 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.documents", description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=list(STEPS), default=list(STEPS), help="these steps")
     parser.add_argument("--agents", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
+    parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS, help="of the default trainings")
     parser.add_argument("--at-once", type=int, default=2, help="trainings side by side")
     parser.add_argument("--folder", type=Path, help="of the runs, instead of runs/results or OUTPUT/runs")
     given = with_output(parser, arguments)
@@ -155,7 +155,7 @@ def words(asked: Asked) -> None:
 
 
 def instructed(asked: Asked) -> None:
-    """Train with and without instruction, PPO and DQN, with its own seeds."""
+    """Train with and without instruction, PPO and DQN, with the seeds of that benchmark."""
     beside_the_runs(asked, "instruction", instruction.RESULTS, ("--missing",), ("--quick", "--seeds", "0"))
 
 

@@ -84,7 +84,7 @@ QUICK = (
 def main(arguments: list[str] | None = None) -> None:
     """Train what is asked for, keeping what is found after each run, and write the report."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.instruction", description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", help="instead of ten, three for the part reward")
+    parser.add_argument("--seeds", type=int, nargs="+", help="instead of 0 to 9, and 5 to 7 for reward")
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="tables")
     parser.add_argument("--missing", action="store_true", help="only what was not trained yet")
     parser.add_argument("--report", action="store_true", help="train nothing")

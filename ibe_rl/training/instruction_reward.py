@@ -52,11 +52,11 @@ class InstructionReward:
     def add(self, batch: TensorDictBase, frames: int) -> dict[str, float]:
         """Reward a batch ``[N, T]`` under ``("next", "extra_reward")``, in the environment's units.
 
-        The last of n steps gets ``weight * (1 - |meaning - instruction|)``, within plus or minus the current weight.
-        An instruction about their beginning is heard d steps later, and the reward comes when both are over.
-        With ``centred`` the mean of the newest judged steps is subtracted (reward centering, Naik et al. 2024): else
-        every further step would pay an agent that does as told. It gets 0 without an instruction, or before n steps
-        of its episode.
+        The agreement of n steps with the instruction at their beginning is ``1 - |meaning - instruction|``, from -1 to
+        1. The last of them gets the current weight times it. With ``centred`` the mean agreement of the newest judged
+        steps is subtracted before (reward centering, Naik et al. 2024): else every further step would pay an agent
+        that does as told. An instruction that is d steps late is heard d steps after that beginning, and where d is
+        n or more the reward comes then. Steps get 0 where nothing was said, or too early in their episode.
 
         Args:
             batch: row i of every batch continues the same environment.
@@ -113,9 +113,8 @@ class InstructionReward:
         }
         steps, back = now["done"].shape[1], max(horizon_steps - 1, delay_steps)
         before = self._before
-        if (
-            before is None or before.keys() != now.keys() or before["done"].shape[1] != back
-        ):  # the first, or n has changed
+        # nothing is kept yet, n or d has changed, or an earlier version kept it
+        if before is None or before.keys() != now.keys() or before["done"].shape[1] != back:
             before = {name: _none(column, back, name == "done") for name, column in now.items()}
         whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
         self._before = {name: column[:, steps:].copy() for name, column in whole.items()}

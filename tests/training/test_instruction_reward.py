@@ -180,14 +180,16 @@ def test_the_mean_agreement_is_resumed():
     assert judged(other, climbing([1])) != judged(centred(), climbing([1]))
 
 
-def test_a_state_of_before_the_mean_was_subtracted_is_resumed():
+def test_a_state_of_an_earlier_version_is_resumed():
+    """It has neither the mean nor the states after the steps: windows begin anew."""
     reward = make(3)
     judged(reward, climbing([1, -1]))
     state = reward.state_dict()
     assert "mean" not in state
+    del state["after"]
     later = InstructionReward(replace(ORACLE, centred=True), lambda: 3, lambda: way)
     later.load_state_dict(state)
-    assert judged(later, climbing([0, 1], start=2)) == [0.5, -0.5]  # agreement 1 and -1, mean 0
+    assert judged(later, climbing([1, -1, 0, 0], start=2)) == [0, 0, 0.5, -0.5]  # agreement 1 and -1, mean 0
 
 
 @pytest.mark.parametrize(("late", "expected"), [(0, [0, 1, -1, -1]), (1, [0, -1, -1, -1]), (2, [0, 0, -1, -1])])
