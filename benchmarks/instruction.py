@@ -51,11 +51,11 @@ SIGHT = seen_and_hidden(rewarded=JUDGED, instructed=CURVE, silent=(*SILENT, *CUR
 REWARDS = {
     "nothing": (),
     **{
-        f"{judge}, {weight:g}{'' if centred else ', not centred'}": (
+        f"{judge}, {weight:g}{'' if absorbing else ', not after the end'}": (
             *(f"obedience.judge={judge}", f"obedience.weight={weight}"),
-            *(() if centred else ("obedience.centred=false",)),
+            *(() if absorbing else ("obedience.absorbing=false",)),
         )
-        for centred in (True, False)
+        for absorbing in (True, False)
         for judge in ("mapping", "oracle")
         for weight in (0.1, 0.5)
     },

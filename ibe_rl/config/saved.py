@@ -78,10 +78,17 @@ def load_config(path: Path, schema: type, env: EnvConfig | None = None, trusted:
 
 
 def _renamed(saved: dict[str, Any]) -> dict[str, Any]:
-    """Update what older versions saved: the package ``envs`` was called ``env``, no agent knew a mirror image."""
+    """Update what older versions saved.
+
+    The package ``envs`` was called ``env``, no agent knew a mirror image, and extra reward was not judged after the
+    end of an episode (for a short time it was less its mean instead).
+    """
     task = saved["env"].get("task") or {}
     old = {name: value for name, value in task.items() if isinstance(value, str) and value.startswith("ibe_rl.env.")}
     saved["agent"].setdefault("mirror", False)
+    obedience = saved.setdefault("obedience", {})
+    obedience.pop("centred", None)
+    obedience.setdefault("absorbing", False)
     task |= {name: f"ibe_rl.envs.{value.removeprefix('ibe_rl.env.')}" for name, value in old.items()}
     return saved
 

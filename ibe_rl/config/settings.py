@@ -120,7 +120,7 @@ class ObedienceConfig:
     judge: str = setting("none", choices=("none", "mapping", "oracle"))  # mapping: as learnt; oracle: true meaning
     weight: float = setting(0.5, low=0.0)  # initial, per step, in units of the environment's reward
     until_frames: int = setting(500_000, low=1)  # 0 from here on
-    centred: bool = True  # less its mean, so that a longer episode pays no more on average
+    absorbing: bool = True  # a terminated episode counts as standing still ever after
 
 
 @dataclass

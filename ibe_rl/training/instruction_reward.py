@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import torch
@@ -24,8 +23,6 @@ from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, Delays
 
 Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to their meaning ``(W, d)`` on the instructor's scale."""
-REMEMBERED = 10_000
-"""Judged steps that the mean agreement is taken over."""
 
 
 class InstructionReward:
@@ -36,6 +33,7 @@ class InstructionReward:
         horizon_steps: n; None until it has been found.
         judge: the current judge; None until there is one.
         delay_steps: d, by which the instructor is late, as far as it has been found.
+        gamma: the agent's discount, by which ``config.absorbing`` counts what comes after the end.
     """
 
     def __init__(
@@ -44,19 +42,24 @@ class InstructionReward:
         horizon_steps: Callable[[], int | None],
         judge: Callable[[], Judge | None],
         delay_steps: Callable[[], int] = lambda: 0,
+        gamma: float = 0.0,
     ):
         self._config, self._horizon_steps, self._judge, self._delay_steps = config, horizon_steps, judge, delay_steps
+        self._after_end = gamma / (1 - gamma) if config.absorbing else 0.0
         self._before: dict[str, Array] | None = None
-        self._mean, self._judged = 0.0, 0
 
     def add(self, batch: TensorDictBase, frames: int) -> dict[str, float]:
         """Reward a batch ``[N, T]`` under ``("next", "extra_reward")``, in the environment's units.
 
         The agreement of n steps with the instruction at their beginning is ``1 - |meaning - instruction|``, from -1 to
-        1. The last of them gets the current weight times it. With ``centred`` the mean agreement of the newest judged
-        steps is subtracted before (reward centering, Naik et al. 2024): else every further step would pay an agent
-        that does as told. An instruction that is d steps late is heard d steps after that beginning, and where d is
-        n or more the reward comes then. Steps get 0 where nothing was said, or too early in their episode.
+        1. The last of them gets the current weight times it. An instruction that is d steps late is heard d steps
+        after that beginning, and where d is n or more the reward comes then. Steps get 0 where nothing was said, or
+        too early in their episode.
+
+        With ``absorbing`` an episode that has terminated counts as standing still ever after, under its last
+        instruction: its last step also gets that agreement for all steps to come, discounted (absorbing states,
+        Kostrikov et al. 2019). Else it would pay to put off the end where one does as told, and to hasten it where
+        one does not.
 
         Args:
             batch: row i of every batch continues the same environment.
@@ -73,34 +76,24 @@ class InstructionReward:
             batch["next", "extra_reward"] = torch.zeros(*batch.shape, 1)
             return {"obeyed": float("nan"), "extra_reward": 0.0}
         instruction, delta, valid = self._windows(batch, steps, self._delay_steps())
-        judge = self._judge() if weight and valid.any() else None
+        judge = self._judge() if weight else None
         extra, mean = np.zeros(valid.shape), math.nan
-        if judge is not None:
-            agreement = 1 - np.abs(judge(delta[valid]) - instruction[valid]).max(axis=-1)
+        if judge is not None and valid.any():
+            agreement = _agreement(judge(delta[valid]), instruction[valid])
             mean = float(agreement.mean())
-            extra[valid] = weight * (agreement - self._baseline(mean, len(agreement)))
+            extra[valid] = weight * agreement
+        if judge is not None and self._after_end:
+            extra += weight * self._after_end * _still(judge, batch)
         batch["next", "extra_reward"] = torch.from_numpy(extra).float().unsqueeze(-1)
         return {"obeyed": mean, "extra_reward": float(extra.mean())}
 
-    def _baseline(self, mean: float, judged: int) -> float:
-        """What is subtracted from the agreement, after ``judged`` further steps with this mean."""
-        if not self._config.centred:
-            return 0.0
-        self._judged = min(self._judged + judged, REMEMBERED)
-        self._mean += (mean - self._mean) * min(1.0, judged / self._judged)
-        return self._mean
+    def state_dict(self) -> dict[str, Array]:
+        """The newest steps, where the next windows begin, as arrays."""
+        return dict(self._before or {})
 
-    def state_dict(self) -> dict[str, Any]:
-        """The newest steps, where the next windows begin, and the mean agreement, as arrays."""
-        mean = {"mean": np.array([self._mean, self._judged])} if self._judged else {}
-        return dict(self._before or {}) | mean
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
+    def load_state_dict(self, state: dict[str, Array]) -> None:
         """The inverse of ``state_dict``."""
-        steps = dict(state)
-        mean, judged = steps.pop("mean", np.zeros(2))
-        self._mean, self._judged = float(mean), int(judged)
-        self._before = steps or None
+        self._before = dict(state) or None
 
     def _windows(self, batch: TensorDictBase, horizon_steps: int, delay_steps: int) -> tuple[Array, Array, Array]:
         """What was said about the windows, changes over them, and which can be judged: ``(N, T, ...)``."""
@@ -126,6 +119,21 @@ class InstructionReward:
         unbroken = ends[:, back : back + steps] == ends[:, :steps]
         delta = later("after", horizon_steps - 1) - later("state", 0)
         return later("instruction", delay_steps), delta, unbroken & later("given", delay_steps)
+
+
+def _agreement(meaning: Array, instruction: Array) -> Array:
+    """From -1 to 1, ``(W,)``, of ``(W, d)`` each; of several numbers the worst counts."""
+    agreement: Array = 1 - np.abs(meaning - instruction).max(axis=-1)
+    return agreement
+
+
+def _still(judge: Judge, batch: TensorDictBase) -> Array:
+    """Agreement ``(N, T)`` of standing still with the last instruction of episodes that terminate; 0 elsewhere."""
+    ends = (batch["next", "terminated"] & (batch["instruction_given"] > 0)).numpy()[..., 0]
+    state = batch["state"].numpy()
+    found = np.zeros(ends.shape)
+    found[ends] = _agreement(judge(np.zeros((1, state.shape[-1]), state.dtype)), batch["instruction"].numpy()[ends])
+    return found
 
 
 def _none(like: Array, steps: int, value: bool) -> Array:
@@ -167,7 +175,8 @@ def make_instruction_reward(
         found = delays().get(INSTRUCTOR)
         return found.steps if found else 0
 
-    return InstructionReward(cfg.obedience, shortest, oracle if cfg.obedience.judge == "oracle" else learnt, late)
+    judge = oracle if cfg.obedience.judge == "oracle" else learnt
+    return InstructionReward(cfg.obedience, shortest, judge, late, cfg.agent.gamma)
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:
@@ -196,6 +205,11 @@ def check_instruction_reward(cfg: TrainConfig) -> None:
     asked = f"obedience.judge={cfg.obedience.judge}"
     if cfg.obedience.judge == "none":
         return
+    if cfg.obedience.absorbing and cfg.agent.gamma == 1:
+        raise ConfigError(
+            f"agent.gamma=1 with {asked} and obedience.absorbing=true: allowed is less than 1, as what comes after the "
+            "end counts discounted"
+        )
     if not speaks(cfg.instructor):
         raise ConfigError(f"{asked} with instructor=silent: allowed is none, where nothing is said")
     if cfg.obedience.judge == "mapping" and cfg.refresh_every_frames is None:

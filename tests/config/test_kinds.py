@@ -284,6 +284,7 @@ def saved(tmp_path: Path, *keys: str, value: Any) -> Path:
 def test_a_folder_of_an_earlier_version_opens():
     config = load_config(ROOT / "demo" / CONFIG, TrainConfig)
     assert config.agent.mirror is False  # the demo is from before there was a mirror image
+    assert config.obedience.absorbing is False  # and before the end of an episode was judged
     assert (config.agent.kind, config.instructor.kind, config.mapping.kind) == ("ppo", "oracle", "axis")
     assert config.predictor.kind == "simulator"
 

@@ -32,7 +32,7 @@ from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.tracker import VocabularyTracker
 from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER
 
-ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000, centred=False)
+ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000, absorbing=False)
 
 
 def made(cfg: TrainConfig, development: VocabularyTracker, task: Task = TASK) -> InstructionReward:
@@ -150,46 +150,62 @@ def test_of_several_numbers_the_worst_counts():
     assert judged(make(1, lambda: lambda _: np.array([[0.75, 0.5]])), batch) == [-0.25]
 
 
-def centred() -> InstructionReward:
-    return InstructionReward(replace(ORACLE, centred=True), lambda: 1, lambda: way)
+def with_ends(batch: TensorDict, terminated: str) -> TensorDict:
+    """The same with "x" where the episode terminates."""
+    ends = [[mark == "x"] for mark in terminated.ljust(batch.shape[1])]
+    batch["next", "terminated"] = torch.tensor([ends])
+    return batch
 
 
-def test_less_the_mean_agreement_the_reward_adds_up_to_nothing():
-    """Agreement of a batch 1, -1, 1, 1, so that the mean is a half; what is not judged gets nothing."""
-    batch = climbing([1, -1, None, 1, 1])
-    assert centred().add(batch, 0) == {"obeyed": 0.5, "extra_reward": pytest.approx(0)}
-    assert batch["next", "extra_reward"][0, :, 0].tolist() == [0.25, -0.75, 0, 0.25, 0.25]
+def absorbing(horizon_steps: int = 1, gamma: float = 0.75) -> InstructionReward:
+    return InstructionReward(replace(ORACLE, absorbing=True), lambda: horizon_steps, lambda: way, gamma=gamma)
 
 
-def test_the_mean_agreement_is_that_of_the_newest_steps(monkeypatch: pytest.MonkeyPatch):
-    """Of batches of one step too; after more than is remembered it is that of a batch."""
-    monkeypatch.setattr("ibe_rl.training.instruction_reward.REMEMBERED", 4)
-    reward = centred()
-    assert judged(reward, climbing([1])) == [0]
-    assert judged(reward, climbing([-1])) == [0.5 * (-1 - 0)]
-    assert judged(reward, climbing([1, 1])) == [0.5 * (1 - 0.5)] * 2
-    assert judged(reward, climbing([-1])) == [0.5 * (-1 - 0.125)]  # a quarter of the way from .5 to -1
-    assert judged(reward, climbing([1] * 8)) == [0] * 8
+def test_an_episode_that_has_terminated_counts_as_standing_still():
+    """.75 + .75^2 + ... is 3. Told 0, standing still agrees by 1; told up or down, by 0."""
+    batch = with_ends(climbing([1, 1, 0], done="  x"), "  x")
+    assert judged(absorbing(), batch) == [0.5, 0.5, 0 + 3 * 0.5]
+    assert judged(absorbing(), with_ends(climbing([1, 0, 1], done="  x"), "  x")) == [0.5, 0, 0.5]
+    assert judged(absorbing(), with_ends(climbing([0, 0], done=" x"), " x"), frames=500) == [0, 3 * 0.25]
+    assert judged(absorbing(gamma=0.0), with_ends(climbing([0], done="x"), "x")) == [0]
 
 
-def test_the_mean_agreement_is_resumed():
-    one, other = centred(), centred()
-    judged(one, climbing([1, -1, 1]))
-    other.load_state_dict(one.state_dict())
-    assert judged(other, climbing([-1, 1])) == judged(one, climbing([-1, 1]))
-    assert judged(other, climbing([1])) != judged(centred(), climbing([1]))
+def test_one_that_was_cut_off_or_ends_in_silence_does_not():
+    assert judged(absorbing(), with_ends(climbing([1, 0], done=" x"), "")) == [0.5, 0]
+    assert judged(absorbing(), with_ends(climbing([0, None], done=" x"), " x")) == [0, 0]
+
+
+def test_what_comes_after_the_end_counts_where_no_window_fits():
+    reward, batch = absorbing(horizon_steps=5), with_ends(climbing([1, 0], done=" x"), " x")
+    found = reward.add(batch, 0)
+    assert np.isnan(found["obeyed"])
+    assert found["extra_reward"] == 0.75
+    assert batch["next", "extra_reward"][0, :, 0].tolist() == [0, 1.5]
+
+
+def test_where_it_does_as_told_for_ever_it_does_not_matter_when_it_ends():
+    """Discounted, the rewards of standing still under 0 add up to the same; without the end they differ."""
+
+    def discounted(steps: int, reward: InstructionReward) -> float:
+        still = row([0.0] * steps, [0.0] * steps, [0.0] * steps, "x".rjust(steps))
+        extra = judged(reward, with_ends(still, "x".rjust(steps)))
+        return float(np.dot(extra, 0.75 ** np.arange(steps)))
+
+    assert discounted(2, absorbing()) == pytest.approx(0.5 / (1 - 0.75))
+    assert discounted(9, absorbing()) == pytest.approx(discounted(2, absorbing()))
+    assert discounted(9, make(1)) > discounted(2, make(1))
 
 
 def test_a_state_of_an_earlier_version_is_resumed():
-    """It has neither the mean nor the states after the steps: windows begin anew."""
-    reward = make(3)
-    judged(reward, climbing([1, -1]))
-    state = reward.state_dict()
-    assert "mean" not in state
-    del state["after"]
-    later = InstructionReward(replace(ORACLE, centred=True), lambda: 3, lambda: way)
-    later.load_state_dict(state)
-    assert judged(later, climbing([1, -1, 0, 0], start=2)) == [0, 0, 0.5, -0.5]  # agreement 1 and -1, mean 0
+    """It has other columns: windows begin anew."""
+    for missing, kept in (("after", {}), (None, {"mean": np.zeros(2)})):
+        reward = make(3)
+        judged(reward, climbing([1, -1]))
+        state = reward.state_dict() | kept
+        state.pop(missing, None)
+        later = make(3)
+        later.load_state_dict(state)
+        assert judged(later, climbing([1, -1, 0, 0], start=2)) == [0, 0, 0.5, -0.5]
 
 
 @pytest.mark.parametrize(("late", "expected"), [(0, [0, 1, -1, -1]), (1, [0, -1, -1, -1]), (2, [0, 0, -1, -1])])
@@ -246,7 +262,7 @@ def settings(judge: str, **changes: Any) -> TrainConfig:
     return TrainConfig(
         instructor=InstructorConfig("oracle"),
         obedience=obedience,
-        **({"mapping": config(spans_steps=[3, 4])} | changes),
+        **({"mapping": config(spans_steps=[3, 4]), "agent": PPOConfig()} | changes),
     )
 
 
@@ -337,6 +353,10 @@ def test_the_delay_that_the_log_tells_is_taken_back():
             settings("mapping", refresh_every_frames=None),
             r"^obedience\.judge=mapping with refresh_every_frames=null: allowed is none or oracle",
         ),
+        (
+            replace(settings("oracle", agent=PPOConfig(gamma=1.0)), obedience=ObedienceConfig(judge="oracle")),
+            r"^agent\.gamma=1 with obedience\.judge=oracle and obedience\.absorbing=true: allowed is less than 1",
+        ),
     ],
 )
 def test_a_reward_that_nothing_could_be_judged_for_is_refused(cfg: TrainConfig, expected: str):
@@ -346,7 +366,14 @@ def test_a_reward_that_nothing_could_be_judged_for_is_refused(cfg: TrainConfig, 
 
 def test_what_can_be_judged_passes():
     silent = replace(settings("none"), instructor=InstructorConfig("silent"), refresh_every_frames=None)
-    for cfg in (silent, settings("mapping"), settings("oracle"), settings("oracle", refresh_every_frames=None)):
+    endless = settings("oracle", agent=PPOConfig(gamma=1.0))  # the end does not count
+    for cfg in (
+        silent,
+        settings("mapping"),
+        settings("oracle"),
+        settings("oracle", refresh_every_frames=None),
+        endless,
+    ):
         check_instruction_reward(cfg)
 
 
