@@ -58,8 +58,8 @@ class InstructionReward:
 
         With ``absorbing`` an episode that has terminated counts as standing still ever after, under its last
         instruction: its last step also gets that agreement for all steps to come, discounted (absorbing states,
-        Kostrikov et al. 2019). Else it would pay to put off the end where one does as told, and to hasten it where
-        one does not.
+        Kostrikov et al. 2019). Else the end would stop the reward of an agent that does as told, and pay it for putting
+        the end off.
 
         Args:
             batch: row i of every batch continues the same environment.
