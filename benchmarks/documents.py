@@ -137,6 +137,12 @@ def truth(asked: Asked) -> None:
     call("-m", "benchmarks.truth", *map(str, asked.runs()), *asked.options("--quick"))
 
 
+def why(asked: Asked) -> None:
+    """Say of all runs which part of a vocabulary tells the motion."""
+    refuse_unfinished(asked.runs())
+    call("-m", "benchmarks.why", *map(str, asked.runs()), *asked.options("--quick"))
+
+
 def robustness(asked: Asked) -> None:
     """Corrupt the logs of a few runs, and train such runs anew with flawed instructors."""
     refuse_unfinished(asked.few())
@@ -192,6 +198,7 @@ def call(*command: str) -> None:
 STEPS: dict[str, tuple[str, Callable[[Asked], None]]] = {
     "train": ("default trainings that are not finished yet", train),
     "truth": ("are the words true? docs/QUALITY.md", truth),
+    "why": ("what makes words lose the motion, docs/QUALITY.md", why),
     "robustness": ("flawed instructors: logs corrupted, and trainings, docs/INSTRUCTION.md", robustness),
     "words": ("words of one's own, docs/WORDS.md", words),
     "instruction": ("with and without instruction, docs/INSTRUCTION.md", instructed),

@@ -1,7 +1,8 @@
 """Why a vocabulary loses the motion: real flights of finished runs, put into the words of many variants.
 
-python -m benchmarks.why RUN [RUN...]            writes benchmarks/why.json and docs/img/quality_why_*.png
-python -m benchmarks.why RUN --quick             few flights, one seed: does everything still work?
+python -m benchmarks.why RUN [RUN...]                     writes benchmarks/why.json, docs/img/quality_why_*.png
+                                                          and the table of docs/QUALITY.md: two minutes a run
+python -m benchmarks.why RUN --quick --output FOLDER      few flights, one seed: does everything still work?
 
 No predictor takes part: what really happened is put into words, so 1 - motion_auc is what the vocabulary loses.
 """
@@ -20,6 +21,9 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
+from benchmarks.pages import fill
+from benchmarks.run_arguments import with_output
+from benchmarks.truth_report import DOCS
 from benchmarks.why_facts import facts
 from benchmarks.why_figures import draw
 from benchmarks.why_report import markdown, summarise
@@ -46,7 +50,8 @@ FIRST_SEED = 900_000
 EVERY_STEPS = 4
 ENVS = 32
 SCORES = ("motion_auc", "motion_auc_disobeyed", "motion_spearman")
-OUTPUT, PICTURES = Path("benchmarks/why.json"), Path("docs/img")
+RESULTS = Path(__file__).parent / "why.json"
+PAGE = DOCS / "QUALITY.md"
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ class Flown:
 def main(arguments: list[str] | None = None) -> None:
     """Measure, write, draw."""
     parser = make_parser()
-    asked = parser.parse_args(arguments)
+    asked = with_output(parser, arguments)
     for name in ("episodes", "seeds", "resamples"):
         if getattr(asked, name) < 1:
             parser.error(f"--{name}={getattr(asked, name)}: allowed is at least 1")
@@ -94,11 +99,13 @@ def main(arguments: list[str] | None = None) -> None:
     protocol = {name: getattr(asked, name) for name in ("episodes", "seeds", "resamples")}
     protocol |= {"first_seed": FIRST_SEED, "every_steps": EVERY_STEPS}
     found = {"protocol": protocol, "runs": runs, "table": summarise(runs, rows)}
-    asked.output.parent.mkdir(parents=True, exist_ok=True)
-    write_json(asked.output, found)
-    console.print("\n".join(markdown(found)), markup=False, soft_wrap=True)
-    pictures = draw(found, asked.pictures)
-    console.print(f"written: {', '.join(str(path) for path in [asked.output, *pictures])}", markup=False)
+    results = asked.output / RESULTS.name if asked.output else RESULTS
+    results.parent.mkdir(parents=True, exist_ok=True)
+    write_json(results, found)
+    pictures = draw(found, asked.output or DOCS / "img")
+    page = asked.output / PAGE.name if asked.output else PAGE
+    fill(page, {"why": markdown(found)}, "benchmarks.why")
+    console.print(f"written: {', '.join(str(path) for path in [results, page, *pictures])}", markup=False)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -108,9 +115,6 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--episodes", type=int, default=100, help="flown with each run's policy")
     parser.add_argument("--seeds", type=int, default=5, help="clusterings of each variant")
     parser.add_argument("--resamples", type=int, default=300, help="of the flights, for the intervals")
-    parser.add_argument("--quick", action="store_true", help="10 flights, 1 seed, 20 resamples")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="where the figures go, as JSON")
-    parser.add_argument("--pictures", type=Path, default=PICTURES, help="the folder of the pictures")
     return parser
 
 

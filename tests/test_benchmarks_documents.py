@@ -53,6 +53,7 @@ def test_each_step_is_called_with_its_runs(
     flawed, taught = ["-m", "benchmarks.robustness"], ["-m", "benchmarks.instruction"]
     assert called == [
         ["-m", "benchmarks.truth", *ten],
+        ["-m", "benchmarks.why", *ten],
         [*flawed, "--missing", "--anew", "--runs", *few, "--output", str(folder / "robustness")],
         [*flawed, "--report"],
         ["-m", "benchmarks.words", "--missing", *few],
@@ -71,6 +72,7 @@ def test_a_tiny_one_writes_nothing_into_the_repository(folder: Path, called: lis
     few = ["--quick", "--corruptions", "1", "--episodes", "3"]
     assert called == [
         ["-m", "benchmarks.truth", run, *output, "--quick"],
+        ["-m", "benchmarks.why", run, *output, "--quick"],
         ["-m", "benchmarks.robustness", "--missing", "--anew", "--runs", run, *output, *few],
         ["-m", "benchmarks.instruction", "--missing", *output, "--quick", "--seeds", "0"],
         ["-m", "benchmarks.paper", run, *output, "--quick"],
@@ -93,7 +95,7 @@ def test_steps_are_told_and_done_in_their_order(
 
 
 @pytest.mark.parametrize(
-    ("step", "name"), [("truth", "dqn8"), ("robustness", "ppo7"), ("words", "ppo6"), ("paper", "dqn9")]
+    ("step", "name"), [("truth", "dqn8"), ("why", "dqn5"), ("robustness", "ppo7"), ("words", "ppo6"), ("paper", "dqn9")]
 )
 def test_runs_that_are_not_finished_are_refused(folder: Path, called: list[list[str]], step: str, name: str):
     finish(folder / name, stopped_early=True)

@@ -120,6 +120,21 @@ def test_page_shows_the_table_as_it_was_measured():
     assert "\n".join(markdown(found)) in (ROOT / "docs" / "QUALITY.md").read_text()
 
 
+def test_all_that_is_written_goes_into_the_folder_that_is_asked_for(
+    lift: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    run = lift["runs"][0]
+    rows = {key: {name: np.full(3, 0.5) for name in why.SCORES} for key in run["variants"]}
+    monkeypatch.setattr(why, "fly", lambda folder, episodes: (folder, episodes))
+    monkeypatch.setattr(why, "measure", lambda flown, *_: (run | {"name": str(flown)}, rows))
+    why.main(["one", "two", "--quick", "--output", str(tmp_path / "new")])
+    found = json.loads((tmp_path / "new" / "why.json").read_text())
+    assert [each["name"] for each in found["runs"]] == ["(PosixPath('one'), 10)", "(PosixPath('two'), 10)"]
+    assert found["protocol"]["resamples"] == 20
+    assert "\n".join(markdown(found)) in (tmp_path / "new" / "QUALITY.md").read_text()
+    assert len([*(tmp_path / "new").glob("quality_why_*.png")]) == 3
+
+
 def test_folder_without_a_policy_or_a_log_is_refused(tmp_path: Path):
     shutil.copytree(ROOT / "demo" / ".hydra", tmp_path / ".hydra")
     with pytest.raises(ConfigError, match=r"it has no policy yet; allowed is a finished run"):
