@@ -66,7 +66,8 @@ class InstructionReward:
             frames: seen before this batch.
 
         Returns:
-            Means over the judged steps for metrics.csv; empty if this reward is off.
+            For metrics.csv: the mean agreement of the judged steps, and the mean extra reward of all steps; empty if
+            this reward is off.
         """
         if self._config.judge == "none":
             return {}
