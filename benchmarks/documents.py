@@ -131,16 +131,14 @@ def refuse_unfinished(runs: Iterable[Path]) -> None:
             raise SystemExit(f"{run}: not a finished run; allowed is one that was trained to its end (--only train)")
 
 
-def truth(asked: Asked) -> None:
-    """Judge all runs; ``benchmarks.truth`` leaves out what was judged."""
-    refuse_unfinished(asked.runs())
-    call("-m", "benchmarks.truth", *map(str, asked.runs()), *asked.options("--quick"))
+def with_all_runs(name: str) -> Callable[[Asked], None]:
+    """The step that calls a benchmark with all runs; those of truth and paper leave out what was measured."""
 
+    def step(asked: Asked) -> None:
+        refuse_unfinished(asked.runs())
+        call("-m", f"benchmarks.{name}", *map(str, asked.runs()), *asked.options("--quick"))
 
-def why(asked: Asked) -> None:
-    """Say of all runs which part of a vocabulary tells the motion."""
-    refuse_unfinished(asked.runs())
-    call("-m", "benchmarks.why", *map(str, asked.runs()), *asked.options("--quick"))
+    return step
 
 
 def robustness(asked: Asked) -> None:
@@ -177,12 +175,6 @@ def beside_the_runs(asked: Asked, name: str, results: Path, options: Sequence[st
     call(*module, "--report")
 
 
-def paper(asked: Asked) -> None:
-    """Do the paper's experiments with all runs; ``benchmarks.paper`` leaves out those that did them."""
-    refuse_unfinished(asked.runs())
-    call("-m", "benchmarks.paper", *map(str, asked.runs()), *asked.options("--quick"))
-
-
 def call(*command: str) -> None:
     """Run a Python program of the repository, one thread a process.
 
@@ -197,12 +189,12 @@ def call(*command: str) -> None:
 
 STEPS: dict[str, tuple[str, Callable[[Asked], None]]] = {
     "train": ("default trainings that are not finished yet", train),
-    "truth": ("are the words true? docs/QUALITY.md", truth),
-    "why": ("what makes words lose the motion, docs/QUALITY.md", why),
+    "truth": ("are the words true? docs/QUALITY.md", with_all_runs("truth")),
+    "why": ("what makes words lose the motion, docs/QUALITY.md", with_all_runs("why")),
     "robustness": ("flawed instructors: logs corrupted, and trainings, docs/INSTRUCTION.md", robustness),
     "words": ("words of one's own, docs/WORDS.md", words),
     "instruction": ("with and without instruction, docs/INSTRUCTION.md", instructed),
-    "paper": ("the paper's experiments, docs/PAPER.md", paper),
+    "paper": ("the paper's experiments, docs/PAPER.md", with_all_runs("paper")),
 }
 """Name to what it says and does."""
 

@@ -51,7 +51,7 @@ SIGHT = seen_and_hidden(rewarded=JUDGED, instructed=CURVE, silent=(*SILENT, *CUR
 REWARDS = {
     "nothing": (),
     **{
-        f"{judge}, {weight:g}{'' if absorbing else ', not after the end'}": (
+        f"{judge}, {weight:g}{'' if absorbing else ', not absorbing'}": (
             *(f"obedience.judge={judge}", f"obedience.weight={weight}"),
             *(() if absorbing else ("obedience.absorbing=false",)),
         )

@@ -113,8 +113,8 @@ def draw(arms: dict[str, Runs], title: str, picture: Path) -> None:
 
 
 def looks(names: Iterable[str]) -> list[tuple[str, str]]:
-    """Colour and line of each arm; dashed where it is another one with the goal hidden, or not after the end."""
-    solid = {name: name.replace(", goal hidden", ", goal seen").removesuffix(", not after the end") for name in names}
+    """Colour and line of each arm; dashed where it is another one with the goal hidden, or not absorbing."""
+    solid = {name: name.replace(", goal hidden", ", goal seen").removesuffix(", not absorbing") for name in names}
     colours = dict(zip(dict.fromkeys(solid.values()), COLOURS, strict=False))
     return [(colours[other], "-" if name == other else "--") for name, other in solid.items()]
 

@@ -34,7 +34,7 @@ DIFFERENT = {
     "sight": ("rewarded, goal seen", "silent, goal hidden"),
     "flaws": ("flawed, goal hidden",),
     "dqn": ("instructed, goal seen",),
-    "reward": ("nothing", "mapping, 0.5", "oracle, 0.5, not after the end"),
+    "reward": ("nothing", "mapping, 0.5", "oracle, 0.5, not absorbing"),
 }
 """Arms that differ in kind, of each part; the others differ from one of these in a number or in one setting."""
 ARMS = {(part, name): given for part, arms in instruction.PARTS.items() for name, given in arms.items()}
@@ -185,7 +185,7 @@ def test_every_arm_can_be_trained(part: str, name: str):
     assert (cfg.agent.ignores == ["goal_x"]) == name.endswith("hidden")
     assert (cfg.obedience.judge == "none") == (name.partition(",")[0] in ("instructed", "silent", "nothing"))
     if part == "reward" and name != "nothing":
-        less = "" if cfg.obedience.absorbing else ", not after the end"
+        less = "" if cfg.obedience.absorbing else ", not absorbing"
         assert f"{cfg.obedience.judge}, {cfg.obedience.weight:g}{less}" == name
 
 
@@ -273,7 +273,7 @@ def test_arms_that_differ_in_one_thing_have_one_colour():
     for arms in instruction.PARTS.values():
         seen = dict(zip(arms, looks(arms), strict=True))
         assert len(set(seen.values())) == len(arms)
-    names = ("nothing", "mapping, 0.5", "mapping, 0.5, not after the end")
+    names = ("nothing", "mapping, 0.5", "mapping, 0.5, not absorbing")
     assert looks(names) == [(BLUE, "-"), (GREY, "-"), (GREY, "--")]
     assert looks(("silent, goal seen", "silent, goal hidden")) == [(BLUE, "-"), (BLUE, "--")]
 

@@ -125,11 +125,11 @@ def test_all_that_is_written_goes_into_the_folder_that_is_asked_for(
 ):
     run = lift["runs"][0]
     rows = {key: {name: np.full(3, 0.5) for name in why.SCORES} for key in run["variants"]}
-    monkeypatch.setattr(why, "fly", lambda folder, episodes: (folder, episodes))
-    monkeypatch.setattr(why, "measure", lambda flown, *_: (run | {"name": str(flown)}, rows))
+    monkeypatch.setattr(why, "fly", lambda folder, episodes: f"{folder}, {episodes} flights")
+    monkeypatch.setattr(why, "measure", lambda flown, *_: (run | {"name": flown}, rows))
     why.main(["one", "two", "--quick", "--output", str(tmp_path / "new")])
     found = json.loads((tmp_path / "new" / "why.json").read_text())
-    assert [each["name"] for each in found["runs"]] == ["(PosixPath('one'), 10)", "(PosixPath('two'), 10)"]
+    assert [each["name"] for each in found["runs"]] == ["one, 10 flights", "two, 10 flights"]
     assert found["protocol"]["resamples"] == 20
     assert "\n".join(markdown(found)) in (tmp_path / "new" / "QUALITY.md").read_text()
     assert len([*(tmp_path / "new").glob("quality_why_*.png")]) == 3

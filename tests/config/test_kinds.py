@@ -289,6 +289,13 @@ def test_a_folder_of_an_earlier_version_opens():
     assert config.predictor.kind == "simulator"
 
 
+def test_a_setting_that_is_gone_does_not_keep_a_folder_from_opening(tmp_path: Path):
+    old = load_config(saved(tmp_path, "obedience", "centred", value=True), TrainConfig)
+    assert old.obedience.absorbing is False
+    new = load_config(saved(tmp_path, "obedience", "absorbing", value=True), TrainConfig)
+    assert new.obedience.absorbing is True
+
+
 def test_settings_that_nothing_reads_are_refused_when_they_are_asked_for(tmp_path: Path):
     for setting, mapping, because, allowed in (
         ("hidden=[8]", "axis", "space=rule", r"\[32, 32\]"),
