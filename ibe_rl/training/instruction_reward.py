@@ -17,9 +17,10 @@ from tensordict import TensorDictBase
 from ibe_rl.config.settings import ObedienceConfig, TrainConfig
 from ibe_rl.ibe.mapping import ClusterMapping
 from ibe_rl.instructors import speaks
+from ibe_rl.storage.log_columns import TOLD_COLUMN
 from ibe_rl.task import Task
 from ibe_rl.types import Array, ConfigError
-from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, Delays
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
 Judge = Callable[[Array], Array]
 """Changes ``(W, S)`` of the state over n steps to their meaning ``(W, d)`` on the instructor's scale."""
@@ -32,7 +33,7 @@ class InstructionReward:
         config: see ``ObedienceConfig``.
         horizon_steps: n; None until it has been found.
         judge: the current judge; None until there is one.
-        delay_steps: d, by which the instructor is late, as far as it has been found.
+        delays: how late those who instruct are, as far as it has been found.
         gamma: the agent's discount, by which ``config.absorbing`` counts what comes after the end.
     """
 
@@ -41,10 +42,10 @@ class InstructionReward:
         config: ObedienceConfig,
         horizon_steps: Callable[[], int | None],
         judge: Callable[[], Judge | None],
-        delay_steps: Callable[[], int] = lambda: 0,
+        delays: Callable[[], Delays] = dict,
         gamma: float = 0.0,
     ):
-        self._config, self._horizon_steps, self._judge, self._delay_steps = config, horizon_steps, judge, delay_steps
+        self._config, self._horizon_steps, self._judge, self._delays = config, horizon_steps, judge, delays
         self._after_end = gamma / (1 - gamma) if config.absorbing else 0.0
         self._before: dict[str, Array] | None = None
 
@@ -53,8 +54,8 @@ class InstructionReward:
 
         The agreement of n steps with the instruction at their beginning is ``1 - |meaning - instruction|``, from -1 to
         1. The last of them gets the current weight times it. An instruction that is d steps late is heard d steps
-        after that beginning, and where d is n or more the reward comes then. Steps get 0 where nothing was said, or
-        too early in their episode.
+        after that beginning, and where d is n or more the reward comes then. In the environment that a person teaches
+        d is theirs. Steps get 0 where nothing was said, or too early in their episode.
 
         With ``absorbing`` an episode that has terminated counts as standing still ever after, under its last
         instruction: its last step also gets that agreement for all steps to come, discounted (absorbing states,
@@ -76,7 +77,7 @@ class InstructionReward:
         if steps is None:
             batch["next", "extra_reward"] = torch.zeros(*batch.shape, 1)
             return {"obeyed": float("nan"), "extra_reward": 0.0}
-        instruction, delta, valid = self._windows(batch, steps, self._delay_steps())
+        instruction, delta, valid = self._windows(batch, steps, _late_steps(batch, self._delays()))
         judge = self._judge() if weight else None
         extra, mean = np.zeros(valid.shape), math.nan
         if judge is not None and valid.any():
@@ -96,7 +97,7 @@ class InstructionReward:
         """The inverse of ``state_dict``."""
         self._before = dict(state) or None
 
-    def _windows(self, batch: TensorDictBase, horizon_steps: int, delay_steps: int) -> tuple[Array, Array, Array]:
+    def _windows(self, batch: TensorDictBase, horizon_steps: int, late_steps: Array) -> tuple[Array, Array, Array]:
         """What was said about the windows, changes over them, and which can be judged: ``(N, T, ...)``."""
         now = {
             "state": batch["state"].numpy(),
@@ -105,21 +106,33 @@ class InstructionReward:
             "given": batch["instruction_given"].numpy()[..., 0] > 0,
             "done": batch["next", "done"].numpy()[..., 0],
         }
-        steps, back = now["done"].shape[1], max(horizon_steps - 1, delay_steps)
+        behind = np.maximum(horizon_steps - 1, late_steps)  # a window begins so many steps before its reward
+        steps, back = now["done"].shape[1], int(behind.max())
         before = self._before
-        # nothing is kept yet, n or d has changed, or an earlier version kept it
+        # nothing is kept yet, n or a delay has changed, or an earlier version kept it
         if before is None or before.keys() != now.keys() or before["done"].shape[1] != back:
             before = {name: _none(column, back, name == "done") for name, column in now.items()}
         whole = {name: np.concatenate([before[name], column], axis=1) for name, column in now.items()}
         self._before = {name: column[:, steps:].copy() for name, column in whole.items()}
+        begins = (back - behind)[:, None] + np.arange(steps)
+        rows = np.arange(len(begins))[:, None]
 
-        def later(name: str, by: int) -> Array:
-            return whole[name][:, by : by + steps]
+        def later(name: str, by: int | Array) -> Array:
+            return whole[name][rows, begins + by]
 
         ends = np.pad(whole["done"].cumsum(axis=1), ((0, 0), (1, 0)))
-        unbroken = ends[:, back : back + steps] == ends[:, :steps]
+        unbroken = ends[:, back : back + steps] == ends[rows, begins]
         delta = later("after", horizon_steps - 1) - later("state", 0)
-        return later("instruction", delay_steps), delta, unbroken & later("given", delay_steps)
+        heard = late_steps[:, None]
+        return later("instruction", heard), delta, unbroken & later("given", heard)
+
+
+def _late_steps(batch: TensorDictBase, delays: Delays) -> Array:
+    """How late each row is instructed, ``(N,)`` steps: by the person where they teach, else by whoever instructs."""
+    late = {who: found.steps for who, found in delays.items()}
+    told = batch.get(TOLD_COLUMN, None)
+    taught = np.zeros(len(batch), bool) if told is None else told.numpy()[..., 0].any(axis=1)
+    return np.where(taught, late.get(TEACHER, 0), late.get(INSTRUCTOR, 0))
 
 
 def _agreement(meaning: Array, instruction: Array) -> Array:
@@ -156,7 +169,7 @@ def make_instruction_reward(
         task: of the environment.
         horizons_steps: all horizons explained, n first; empty until n has been found.
         mapping_of: the vocabulary of a horizon, None before the first refresh.
-        delays: how late those who instruct are; a person's own game counts as the others.
+        delays: how late those who instruct are.
     """
 
     def shortest() -> int | None:
@@ -172,12 +185,8 @@ def make_instruction_reward(
             return None
         return mapping.express
 
-    def late() -> int:
-        found = delays().get(INSTRUCTOR)
-        return found.steps if found else 0
-
     judge = oracle if cfg.obedience.judge == "oracle" else learnt
-    return InstructionReward(cfg.obedience, shortest, judge, late, cfg.agent.gamma)
+    return InstructionReward(cfg.obedience, shortest, judge, delays, cfg.agent.gamma)
 
 
 def meant(task: Task, horizon_steps: int, full_horizon_steps: int) -> Judge:

@@ -19,7 +19,9 @@ from ibe_rl.envs.instructed_envs import make_vector_env
 from ibe_rl.envs.make import make_gym
 from ibe_rl.ibe.delay import Delay
 from ibe_rl.instructors import make_instructor
+from ibe_rl.instructors.taught import told_of
 from ibe_rl.storage.log import TrajectoryLog
+from ibe_rl.storage.log_columns import TOLD_COLUMN, TOLD_SIZE
 from ibe_rl.task import Task
 from ibe_rl.training.instruction_reward import (
     InstructionReward,
@@ -30,7 +32,7 @@ from ibe_rl.training.instruction_reward import (
 )
 from ibe_rl.types import Array, ConfigError
 from ibe_rl.vocabulary.tracker import VocabularyTracker
-from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER
+from ibe_rl.vocabulary.who_is_late import INSTRUCTOR, TEACHER, Delays
 
 ORACLE = ObedienceConfig(judge="oracle", weight=0.5, until_frames=1_000, absorbing=False)
 
@@ -208,26 +210,39 @@ def test_a_state_of_an_earlier_version_is_resumed():
         assert judged(later, climbing([1, -1, 0, 0], start=2)) == [0, 0, 0.5, -0.5]
 
 
+def late_by(instructor: int, person: int = 0) -> Callable[[], Delays]:
+    found = {INSTRUCTOR: instructor, TEACHER: person}
+    return lambda: {who: Delay(steps, steps, steps) for who, steps in found.items()}
+
+
 @pytest.mark.parametrize(("late", "expected"), [(0, [0, 1, -1, -1]), (1, [0, -1, -1, -1]), (2, [0, 0, -1, -1])])
 def test_an_instruction_that_comes_late_is_held_against_what_it_is_about(late: int, expected: list[float]):
     """Windows of two steps; told up at first, then down, always gone up. The reward comes once it was heard."""
-    reward = InstructionReward(replace(ORACLE, weight=1.0), lambda: 2, lambda: way, lambda: late)
+    reward = InstructionReward(replace(ORACLE, weight=1.0), lambda: 2, lambda: way, late_by(late))
     assert judged(reward, climbing([1, -1, -1, -1])) == expected
 
 
 def test_a_delay_that_is_found_later_counts_from_then_on():
-    late = [0]
-    reward = InstructionReward(replace(ORACLE, weight=1.0), lambda: 1, lambda: way, lambda: late[0])
+    delays: dict[str, Delay] = {}
+    reward = InstructionReward(replace(ORACLE, weight=1.0), lambda: 1, lambda: way, lambda: delays)
     assert judged(reward, climbing([1, 1])) == [1, 1]
-    late[0] = 2
+    delays[INSTRUCTOR] = Delay(2, 2, 2)
     assert judged(reward, climbing([1, 1, -1, 1])) == [0, 0, -1, 1]
 
 
-def by_the_definition(batch: TensorDictBase, horizon_steps: int, late: int) -> Array:
-    """Step by step: agreement ``(N, T)``, 0 where nothing is judged."""
+def told_to(taught: Sequence[int], steps: int) -> torch.Tensor:
+    """Who spoke in each environment ``(N, T, 3)``: where it is taught the person, 0 elsewhere."""
+    told = torch.zeros(len(taught), steps, TOLD_SIZE, dtype=torch.int32)
+    told[..., 0] = torch.tensor(taught)[:, None] * told_of("person")[0]
+    return told
+
+
+def by_the_definition(batch: TensorDictBase, horizon_steps: int, late_steps: Sequence[int]) -> Array:
+    """Step by step: agreement ``(N, T)``, 0 where nothing is judged; each row has its delay."""
     done, given = batch["next", "done"][..., 0].numpy(), batch["instruction_given"][..., 0].numpy()
     found = np.zeros(batch.shape)
     for n, t in np.ndindex(*batch.shape):
+        late = late_steps[n]
         start = t - max(horizon_steps - 1, late)
         if start < 0 or done[n, start:t].any() or not given[n, start + late]:
             continue
@@ -236,10 +251,13 @@ def by_the_definition(batch: TensorDictBase, horizon_steps: int, late: int) -> A
     return found
 
 
-@pytest.mark.parametrize("late", [0, 1, 6])
+@pytest.mark.parametrize(("late", "person_late"), [(0, None), (1, None), (6, None), (6, 0), (0, 6), (1, 3)])
 @pytest.mark.parametrize("horizon_steps", [1, 2, 5, 13])
 @pytest.mark.parametrize("lengths", [[40], [1] * 40, [3, 30, 7], [20, 20]])
-def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, lengths: list[int], late: int):
+def test_batches_of_any_length_are_judged_by_the_definition(
+    horizon_steps: int, lengths: list[int], late: int, person_late: int | None
+):
+    """A person teaches in the second of six environments, or nowhere."""
     random, size = np.random.default_rng(horizon_steps), (6, 40, 1)
     given = torch.from_numpy(random.random(size) < 0.7).float()
     instruction = torch.from_numpy(random.choice([-1.0, 0.0, 1.0], size)).float() * given
@@ -247,14 +265,18 @@ def test_batches_of_any_length_are_judged_by_the_definition(horizon_steps: int, 
     done = torch.from_numpy(random.random(size) < 0.15)
     inside = {"state": state, "instruction": instruction, "instruction_given": given}
     whole = TensorDict(inside | {"next": TensorDict({"state": after, "done": done}, size[:2])}, size[:2])
+    late_steps = [late] * 6
+    if person_late is not None:
+        late_steps[1] = person_late
+        whole[TOLD_COLUMN] = told_to([0, 1, 0, 0, 0, 0], 40)
     obedience = InstructionReward(
-        ORACLE, lambda: horizon_steps, lambda: lambda delta: np.clip(delta, -1, 1), lambda: late
+        ORACLE, lambda: horizon_steps, lambda: lambda delta: np.clip(delta, -1, 1), late_by(late, person_late or 0)
     )
     parts = whole.split(lengths, 1)
     for part in parts:
         obedience.add(part, 0)
     extra = torch.cat([part["next", "extra_reward"] for part in parts], 1)[..., 0]
-    np.testing.assert_allclose(extra, 0.5 * by_the_definition(whole, horizon_steps, late), atol=1e-6)
+    np.testing.assert_allclose(extra, 0.5 * by_the_definition(whole, horizon_steps, late_steps), atol=1e-6)
 
 
 def settings(judge: str, **changes: Any) -> TrainConfig:
@@ -330,12 +352,15 @@ def test_the_oracle_judges_over_the_shortest_span():
 
 
 def test_the_delay_that_the_log_tells_is_taken_back():
-    """Told down once, a step too late; the person's own delay does not count."""
+    """Told down once, a step too late; by the person at once, who takes three steps for it."""
     development = VocabularyTracker(config(spans_steps=[1]), TASK, 0)
     obedience = made(settings("oracle", mapping=config(spans_steps=[1])), development)
     assert judged(obedience, climbing([1, 1, -1, 1])) == [0.5, 0.5, -0.5, 0.5]
-    development.delays = {INSTRUCTOR: Delay(1, 1, 1), TEACHER: Delay(3, 3, 3)}
-    assert judged(obedience, climbing([1, 1, -1, 1])) == [0, 0.5, -0.5, 0.5]
+    development.delays = late_by(1, person=3)()
+    batch = climbing([1, 1, -1, 1])
+    assert judged(obedience, batch) == [0, 0.5, -0.5, 0.5]
+    batch[TOLD_COLUMN] = told_to([1], 4)
+    assert judged(obedience, batch) == [0, 0, 0, 0.5]  # windows begin anew
 
 
 @pytest.mark.parametrize(

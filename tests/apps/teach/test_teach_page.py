@@ -136,7 +136,7 @@ def test_a_pause_by_button_and_its_end_by_the_space_bar(classroom: Classroom):
 def test_the_speed(classroom: Classroom):
     page = classroom.page
 
-    def steps_in_a_second() -> int:
+    def steps_in_a_second() -> float:
         start = page.evaluate("[lesson.received, performance.now()]")
         time.sleep(1)
         end = page.evaluate("[lesson.received, performance.now()]")
@@ -144,13 +144,12 @@ def test_the_speed(classroom: Classroom):
 
     page.select_option("#speed", "0.25")
     until(page, "lesson.now.controls.speed === 0.25")
-    slow = steps_in_a_second()
+    assert eventually(lambda: 0 < steps_in_a_second() < 16)  # 12.5; a page that was held up gets several at once
     page.select_option("#speed", "null")
     until(page, "lesson.now.controls.speed === null")
-    assert eventually(lambda: steps_in_a_second() > 3 * slow)
+    assert eventually(lambda: steps_in_a_second() > 3 * 12.5)
     page.select_option("#speed", "1")
     until(page, "lesson.now.controls.speed === 1")
-    assert slow < 16  # 12.5, and what was on its way
 
 
 def test_the_oracle_takes_over_and_gives_back(classroom: Classroom):
