@@ -10,6 +10,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 from benchmarks.plan import ROOT
@@ -35,14 +36,14 @@ def measure(function: str, **arguments: Any) -> Any:
     return json.loads(output.rsplit(MARK, 1)[1])
 
 
-def run(command: list[str]) -> str:
-    """Run a command in the repository with one thread a process; returns what it printed.
+def run(command: list[str], place: Path = ROOT) -> str:
+    """Run a command in the repository, or another place, with one thread a process; returns what it printed.
 
     Raises:
         RuntimeError: if it failed, with the end of what it printed.
     """
     environment = os.environ | ONE_THREAD
-    ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)  # noqa: S603 - our own
+    ended = subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True)  # noqa: S603 - our own
     if ended.returncode:
         said = (ended.stdout + ended.stderr)[-2000:]
         raise RuntimeError(f"{' '.join(command[1:])} ended with {ended.returncode}:\n{said}")

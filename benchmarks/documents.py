@@ -20,7 +20,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks import instruction
+from benchmarks import instruction, tutorial
 from benchmarks import robustness as flawed
 from benchmarks.child import ONE_THREAD
 from benchmarks.plan import ROOT
@@ -163,6 +163,12 @@ def instructed(asked: Asked) -> None:
     beside_the_runs(asked, "instruction", instruction.RESULTS, ("--missing",), ("--quick", "--seeds", "0"))
 
 
+def elsewhere(asked: Asked) -> None:
+    """Train in other environments, with the seeds of that benchmark."""
+    quick = ("--quick", "--seeds", "0", "--only", *list(tutorial.TRAININGS)[:1])
+    beside_the_runs(asked, "tutorial", tutorial.RESULTS, ("--missing",), quick)
+
+
 def beside_the_runs(asked: Asked, name: str, results: Path, options: Sequence[str], quick: Sequence[str]) -> None:
     """Call a benchmark that goes on from its file, kept beside the runs: the repository's own holds older trainings."""
     module = ("-m", f"benchmarks.{name}")
@@ -194,6 +200,7 @@ STEPS: dict[str, tuple[str, Callable[[Asked], None]]] = {
     "robustness": ("flawed instructors: logs corrupted, and trainings, docs/INSTRUCTION.md", robustness),
     "words": ("words of one's own, docs/WORDS.md", words),
     "instruction": ("with and without instruction, docs/INSTRUCTION.md", instructed),
+    "elsewhere": ("other environments, docs/OWN_ENVIRONMENT.md and docs/QUALITY.md", elsewhere),
     "paper": ("the paper's experiments, docs/PAPER.md", with_all_runs("paper")),
 }
 """Name to what it says and does."""

@@ -11,7 +11,6 @@ Several may go on at the same time with one file, with --missing and other seeds
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import product
@@ -22,8 +21,8 @@ from rich.console import Console
 
 from benchmarks import ours
 from benchmarks.instruction_report import write_report
+from benchmarks.kept import add, holds, keep, kept
 from benchmarks.run_arguments import with_output
-from ibe_rl.storage.run_folder import write_json
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "instruction.json"
@@ -101,12 +100,10 @@ def main(arguments: list[str] | None = None) -> None:
 def train_part(part: str, seeds: Sequence[int], extra: tuple[str, ...], results: Path) -> None:
     """Train the runs of a part that are not among the results."""
     for seed, (name, overrides) in product(map(str, seeds), PARTS[part].items()):
-        if seed in kept(results).get(part, {}).get(name, {}):
+        if holds(results, part, name, seed):
             continue
         run = train(f"seed={seed}", *COMMON, *overrides, *extra)
-        found = kept(results)  # again: another process may have added to it
-        found.setdefault(part, {}).setdefault(name, {})[seed] = run
-        keep(results, found)
+        add(results, run, part, name, seed)
         console.print(f"{part}: {name}, seed {seed}: {run[-1]['success']:.0%} in the end")
 
 
@@ -118,18 +115,6 @@ def in_order(found: dict[str, Any]) -> dict[str, Any]:
         for part, names in parts.items()
         if names
     }
-
-
-def kept(results: Path) -> dict[str, Any]:
-    """What was found so far: part to arm to seed to the evaluations of a run."""
-    found: dict[str, Any] = json.loads(results.read_text()) if results.exists() else {}
-    return found
-
-
-def keep(results: Path, found: dict[str, Any]) -> None:
-    """Write what was found."""
-    results.parent.mkdir(parents=True, exist_ok=True)
-    write_json(results, found)
 
 
 def train(*overrides: str) -> list[dict[str, float]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from view_data import eventually
 
-from benchmarks import documents, instruction, robustness
+from benchmarks import documents, instruction, robustness, tutorial
 from benchmarks.plan import ROOT
 from ibe_rl.apps.sweep.jobs import Job
 
@@ -42,7 +42,7 @@ def called(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 def test_each_step_is_called_with_its_runs(
     folder: Path, called: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    for module in (instruction, robustness):
+    for module in (instruction, robustness, tutorial):
         name = module.RESULTS.name
         monkeypatch.setattr(module, "RESULTS", tmp_path / name)
         made = folder / name.removesuffix(".json") / name
@@ -50,7 +50,7 @@ def test_each_step_is_called_with_its_runs(
         made.write_text(f"trained anew: {name}")
     documents.main(["--folder", str(folder)])
     ten, few = [str(folder / name) for name in TEN], [str(folder / f"ppo{seed}") for seed in range(5, 8)]
-    flawed, taught = ["-m", "benchmarks.robustness"], ["-m", "benchmarks.instruction"]
+    flawed, taught, others = (["-m", f"benchmarks.{name}"] for name in ("robustness", "instruction", "tutorial"))
     assert called == [
         ["-m", "benchmarks.truth", *ten],
         ["-m", "benchmarks.why", *ten],
@@ -59,9 +59,11 @@ def test_each_step_is_called_with_its_runs(
         ["-m", "benchmarks.words", "--missing", *few],
         [*taught, "--missing", "--output", str(folder / "instruction")],
         [*taught, "--report"],
+        [*others, "--missing", "--output", str(folder / "tutorial")],
+        [*others, "--report"],
         ["-m", "benchmarks.paper", *ten],
     ]
-    for name in ("robustness.json", "instruction.json"):
+    for name in ("robustness.json", "instruction.json", "tutorial.json"):
         assert (tmp_path / name).read_text() == f"trained anew: {name}"
 
 
@@ -70,11 +72,13 @@ def test_a_tiny_one_writes_nothing_into_the_repository(folder: Path, called: lis
     documents.main(["--quick", "--output", str(tmp_path), "--agents", "ppo", "--seeds", "9"])
     run, output = str(folder / "ppo9"), ["--output", str(tmp_path)]
     few = ["--quick", "--corruptions", "1", "--episodes", "3"]
+    tiny = ["--quick", "--seeds", "0", "--only", "the tutorial's"]
     assert called == [
         ["-m", "benchmarks.truth", run, *output, "--quick"],
         ["-m", "benchmarks.why", run, *output, "--quick"],
         ["-m", "benchmarks.robustness", "--missing", "--anew", "--runs", run, *output, *few],
         ["-m", "benchmarks.instruction", "--missing", *output, "--quick", "--seeds", "0"],
+        ["-m", "benchmarks.tutorial", "--missing", *output, *tiny],
         ["-m", "benchmarks.paper", run, *output, "--quick"],
     ]
     called.clear()

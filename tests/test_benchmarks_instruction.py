@@ -15,6 +15,7 @@ from processes import call
 
 from benchmarks import instruction, instruction_report, ours, robustness, robustness_report
 from benchmarks.instruction_report import baselines, looks, relative_frames, success, table
+from benchmarks.kept import keep, kept
 from benchmarks.robustness_flaws import ANEW, CURVES
 from benchmarks.robustness_report import anew_table, flaws_table, growth
 from benchmarks.truth_report import BLUE, GREY
@@ -106,13 +107,13 @@ def test_two_processes_add_to_one_file(tmp_path: Path, monkeypatch: pytest.Monke
     def train(*overrides: str) -> list[dict[str, float]]:
         trained.append((overrides[0], overrides[-1]))
         if len(trained) == 1:
-            instruction.keep(results, {"reward": {"oracle, 0.5": {"8": run(0.5)}}})
+            keep(results, {"reward": {"oracle, 0.5": {"8": run(0.5)}}})
         return run(1.0)
 
     monkeypatch.setattr(instruction, "train", train)
     instruction.train_part("reward", [8, 9], (), results)
     assert trained == [("seed=8", "a"), ("seed=9", "a"), ("seed=9", "b")]
-    assert instruction.kept(results) == {
+    assert kept(results) == {
         "reward": {"oracle, 0.5": {"8": run(0.5), "9": run(1.0)}, "nothing": {"8": run(1.0), "9": run(1.0)}}
     }
 
@@ -130,7 +131,7 @@ def test_arms_and_seeds_are_told_in_their_order():
 def test_each_part_has_its_seeds(part: str, seeds: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(instruction, "train", lambda *_: run(0.5, 1.0))
     instruction.main(["--parts", part, "--output", str(tmp_path)])
-    found = instruction.kept(tmp_path / "instruction.json")
+    found = kept(tmp_path / "instruction.json")
     assert {name: len(runs) for name, runs in found[part].items()} == dict.fromkeys(instruction.PARTS[part], seeds)
 
 
