@@ -88,7 +88,14 @@ def main(arguments: list[str] | None = None) -> None:
             parser.error(f"--{name}={getattr(asked, name)}: allowed is at least 1")
     if asked.quick:
         asked.episodes, asked.seeds, asked.resamples = 10, 1, 20
-    console, start = Console(highlight=False, width=120), time.perf_counter()
+    console = Console(highlight=False, width=120)
+    written = write_report(measure_all(asked, console), asked.output)
+    console.print(f"written: {', '.join(map(str, written))}", markup=False)
+
+
+def measure_all(asked: argparse.Namespace, console: Console) -> dict[str, Any]:
+    """All runs, one after the other, and the table of all."""
+    start = time.perf_counter()
     runs: list[dict[str, Any]] = []
     rows: list[dict[str, dict[str, Array]]] = []
     for folder in asked.runs:
@@ -98,14 +105,18 @@ def main(arguments: list[str] | None = None) -> None:
         console.print(f"[{time.perf_counter() - start:4.0f} s] {done}", markup=False)
     protocol = {name: getattr(asked, name) for name in ("episodes", "seeds", "resamples")}
     protocol |= {"first_seed": FIRST_SEED, "every_steps": EVERY_STEPS}
-    found = {"protocol": protocol, "runs": runs, "table": summarise(runs, rows)}
-    results = asked.output / RESULTS.name if asked.output else RESULTS
+    return {"protocol": protocol, "runs": runs, "table": summarise(runs, rows)}
+
+
+def write_report(found: dict[str, Any], output: Path | None) -> list[Path]:
+    """Write the numbers, the pictures and the table, into the repository or into ``output``; returns the files."""
+    results = output / RESULTS.name if output else RESULTS
     results.parent.mkdir(parents=True, exist_ok=True)
     write_json(results, found)
-    pictures = draw(found, asked.output or DOCS / "img")
-    page = asked.output / PAGE.name if asked.output else PAGE
+    pictures = draw(found, output or DOCS / "img")
+    page = output / PAGE.name if output else PAGE
     fill(page, {"why": markdown(found)}, "benchmarks.why")
-    console.print(f"written: {', '.join(str(path) for path in [results, page, *pictures])}", markup=False)
+    return [results, page, *pictures]
 
 
 def make_parser() -> argparse.ArgumentParser:
