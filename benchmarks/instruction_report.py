@@ -79,9 +79,11 @@ def relative_frames(runs: Runs, others: Runs) -> str:
     """Frames to skill over those of other runs: the ratio of interquartile means with its interval over both.
 
     A run that did not get there counts as long as it lasted: "<" if some of the others did not, ">" if some of these
-    did not, "?" if some of both did not.
+    did not, "?" if some of both did not, which alone is told if none of both did.
     """
     one, other = ([to_level(points(run), LEVEL, "frames") for run in each.values()] for each in (runs, others))
+    if not any(single.reached for single in (*one, *other)):
+        return "?"
     ratio = interquartile_ratio(*(np.array([single.value for single in each]) for each in (one, other)))
     endless = tuple(not all(single.reached for single in each) for each in (one, other))
     sign = {(False, False): "", (False, True): "<", (True, False): ">", (True, True): "?"}[endless]
