@@ -206,11 +206,10 @@ def _told(auc: float | None) -> str:
 
 def _judged(verdict: dict[str, Any]) -> str:
     """The AUC with its interval, and what it is called."""
+    if verdict["level"] == UNKNOWN:
+        return f"- | {UNKNOWN}"
     auc = verdict["motion_auc"]
-    spoken = verdict["level"] != UNKNOWN
-    return (
-        f"{auc['value']:.2f} [{auc['low']:.2f}, {auc['high']:.2f}] | {verdict['level']}" if spoken else f"- | {UNKNOWN}"
-    )
+    return f"{auc['value']:.2f} [{auc['low']:.2f}, {auc['high']:.2f}] | {verdict['level']}"
 
 
 if __name__ == "__main__":
