@@ -21,6 +21,8 @@ REGRESSION_STEPS, MAX_QUADRATIC_DIMENSIONS = 2_500, 12
 """Most steps that a regression on the state is fitted on; with more dimensions it has no squares and products."""
 MIN_EPISODES, MIN_TOLD_WINDOWS = 8, 5
 """Fewer episodes are no evidence; an episode with fewer windows does not count as instructed."""
+ROUNDING = 1e-6
+"""Smaller differences than this share of a quantity are none: states are kept in single precision."""
 
 
 def satisfaction(log: LoggedSteps, axis: Array, number: int, seed: int) -> Evidence | None:
@@ -77,15 +79,19 @@ def pays_at_once(log: LoggedSteps, axis: Array, number: int, seed: int) -> Evide
     """Whether windows earn more in which the agent follows the instruction more than expected.
 
     The partial correlation of movement and reward: what a regression on the state and the instruction predicts is
-    taken off both. None if all windows earn the same, as with a constant reward for each step.
+    taken off both. None if all windows earn the same, as with a constant reward for each step, or if the regression
+    leaves nothing but rounding, where movement or reward follows from the state.
     """
     signs = log.signs(number)
     rows = np.flatnonzero((signs != 0) & log.complete)
     earned = log.window_return[rows]
-    if len(rows) < MIN_TOLD_WINDOWS or np.ptp(earned) <= 1e-6 * max(1.0, float(np.abs(earned).max())):
+    if len(rows) < MIN_TOLD_WINDOWS or np.ptp(earned) <= ROUNDING * max(1.0, float(np.abs(earned).max())):
         return None
-    columns = _regressors(log.states[rows], signs[rows])
-    moved, earned = _residuals(columns, np.column_stack([_moved(log, axis)[rows], earned])).T
+    columns, both = _regressors(log.states[rows], signs[rows]), np.column_stack([_moved(log, axis)[rows], earned])
+    left = _residuals(columns, both)
+    if (left.std(axis=0) <= ROUNDING * both.std(axis=0)).any():
+        return None
+    moved, earned = left.T
     correlation = _correlation(moved * signs[rows], earned, log.episode[rows], log.episode_count, seed)
     return _evidence("pays_at_once", correlation, _episodes(log, rows))
 
