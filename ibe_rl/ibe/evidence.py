@@ -21,7 +21,7 @@ REGRESSION_STEPS, MAX_QUADRATIC_DIMENSIONS = 2_500, 12
 """Most steps that a regression on the state is fitted on; with more dimensions it has no squares and products."""
 MIN_EPISODES, MIN_TOLD_WINDOWS = 8, 5
 """Fewer episodes are no evidence; an episode with fewer windows does not count as instructed."""
-ROUNDING = 1e-6
+NEGLIGIBLE = 1e-6
 """Smaller differences than this share of a quantity are none: states are kept in single precision."""
 
 
@@ -85,11 +85,11 @@ def pays_at_once(log: LoggedSteps, axis: Array, number: int, seed: int) -> Evide
     signs = log.signs(number)
     rows = np.flatnonzero((signs != 0) & log.complete)
     earned = log.window_return[rows]
-    if len(rows) < MIN_TOLD_WINDOWS or np.ptp(earned) <= ROUNDING * max(1.0, float(np.abs(earned).max())):
+    if len(rows) < MIN_TOLD_WINDOWS or np.ptp(earned) <= NEGLIGIBLE * max(1.0, float(np.abs(earned).max())):
         return None
     columns, both = _regressors(log.states[rows], signs[rows]), np.column_stack([_moved(log, axis)[rows], earned])
     left = _residuals(columns, both)
-    if (left.std(axis=0) <= ROUNDING * both.std(axis=0)).any():
+    if (left.std(axis=0) <= NEGLIGIBLE * both.std(axis=0)).any():
         return None
     moved, earned = left.T
     correlation = _correlation(moved * signs[rows], earned, log.episode[rows], log.episode_count, seed)
