@@ -21,7 +21,7 @@ from rich.console import Console
 
 from benchmarks import ours
 from benchmarks.instruction_report import write_report
-from benchmarks.kept import add, holds, keep, kept
+from benchmarks.kept import add, forget, holds, kept
 from benchmarks.run_arguments import with_output
 
 console = Console(highlight=False)
@@ -91,7 +91,7 @@ def main(arguments: list[str] | None = None) -> None:
     results = asked.output / RESULTS.name if asked.output else RESULTS
     if not asked.report:
         if not asked.missing:
-            keep(results, {part: arms for part, arms in kept(results).items() if part not in asked.parts})
+            forget(results, asked.parts)
         for part in asked.parts:
             train_part(part, asked.seeds or SEEDS[part], QUICK if asked.quick else (), results)
     write_report(in_order(kept(results)), asked.output)

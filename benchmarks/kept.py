@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,11 @@ def kept(results: Path) -> dict[str, Any]:
     """What was found so far, by name; a file that is not there holds nothing."""
     found: dict[str, Any] = read_json(results) if results.exists() else {}
     return found
+
+
+def forget(results: Path, names: Collection[str]) -> None:
+    """Leave out what was found under these names, to be measured again."""
+    keep(results, {name: found for name, found in kept(results).items() if name not in names})
 
 
 def keep(results: Path, found: dict[str, Any]) -> None:

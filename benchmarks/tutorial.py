@@ -23,7 +23,7 @@ from rich.console import Console
 
 from benchmarks import ours
 from benchmarks.child import run
-from benchmarks.kept import add, holds, keep, kept
+from benchmarks.kept import add, forget, holds, kept
 from benchmarks.pages import fill
 from benchmarks.plan import ROOT
 from benchmarks.run_arguments import with_output
@@ -100,12 +100,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--report", action="store_true", help="train nothing")
     asked = with_output(parser, arguments)
     results = asked.output / RESULTS.name if asked.output else RESULTS
-    if not asked.report:
-        if not asked.missing:
-            keep(results, {name: runs for name, runs in kept(results).items() if name not in asked.only})
-        for name in asked.only:
-            for seed in asked.seeds or TRAININGS[name].seeds:
-                measure(name, seed, asked.quick, results)
+    names = [] if asked.report else asked.only
+    if names and not asked.missing:
+        forget(results, names)
+    for name in names:
+        for seed in asked.seeds or TRAININGS[name].seeds:
+            measure(name, seed, asked.quick, results)
     write_tables(kept(results), asked.output)
 
 
@@ -115,7 +115,7 @@ def measure(name: str, seed: int, quick: bool, results: Path) -> None:
         return
     found = train(TRAININGS[name].settings, seed, quick)
     add(results, found, name, str(seed))
-    console.print(f"{name}, seed {seed}: {found['verdict']['text']}")
+    console.print(f"{name}, seed {seed}: {found['verdict']['text']}", markup=False)
 
 
 def train(settings: tuple[str, ...], seed: int, quick: bool) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks import tutorial
-from benchmarks.kept import add, holds, kept
+from benchmarks.kept import add, forget, holds, kept
 from ibe_rl.ibe.mapping import ClusterMapping
 
 
@@ -110,3 +110,6 @@ def test_a_file_holds_what_several_have_added(tmp_path: Path):
     assert holds(results, "a", "c")
     assert not holds(results, "a", "d")
     assert not holds(results, "d", "b")
+    add(results, 2, "e")
+    forget(results, ["a", "d"])
+    assert kept(results) == {"e": 2}
