@@ -25,7 +25,7 @@ class Curve:
 
 
 Sides = dict[str, Curve]
-"""The runs of one seed: "ours", and Stable-Baselines3's by its environment's step, "lean" or "gymnasium"."""
+"""The runs of one seed: "ours", "rewarded" if there is one, and Stable-Baselines3's by its environment's step."""
 
 
 def to_records(part: str, names: Mapping[str, str], seeds: Mapping[int, Sides], about: Record) -> list[Record]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.plan import LEVELS, Sizes
+from benchmarks.plan import LEVELS, REWARDED, Sizes
 
 ALGORITHMS = {"ppo": "PPO", "dqn": "DQN"}
 LENGTHS = {"ppo": "train.py's default length", "dqn": "2,000,000 frames; by default train.py ends before"}
@@ -99,6 +99,24 @@ def _skill() -> dict[str, str]:
         )
         told[f"run_wall_s_{algorithm}_min"] = "The fastest seed's."
         told[f"run_wall_s_{algorithm}_max"] = "The slowest seed's."
+        if algorithm in SIZES.rewarded:
+            told |= _rewarded(algorithm)
+    return told
+
+
+def _rewarded(algorithm: str) -> dict[str, str]:
+    worst = "The worst seed's."
+    end = f"final_success_{algorithm}_rewarded"
+    told = {end: "Success of these runs at their end, median over seeds.", f"{end}_min": worst}
+    for label in LEVELS:
+        at = f"to_{label}_{algorithm}_rewarded"
+        told |= {
+            f"time_{at}": f"Seconds to {label} % as above where ours also gets reward for following the instruction "
+            f"(`{REWARDED}`). Stable-Baselines3 does not. Median over seeds.",
+            f"frames_{at}": "The same in frames.",
+            f"time_{at}_max": worst,
+            f"frames_{at}_max": worst,
+        }
     return told
 
 

@@ -22,12 +22,13 @@ from rich.console import Console
 from benchmarks import ours
 from benchmarks.instruction_report import write_report
 from benchmarks.kept import add, forget, holds, kept
+from benchmarks.plan import REWARDED
 from benchmarks.run_arguments import with_output
 
 console = Console(highlight=False)
 RESULTS = Path(__file__).parent / "instruction.json"
 HIDDEN = "agent.ignores=[goal_x]"
-FOLLOWING = ("obedience.judge=mapping", "obedience.weight=0.5")
+FOLLOWING = (REWARDED, "obedience.weight=0.5")
 SILENT = ("instructor=silent",)
 FLAWED = ("instructor=flawed", "instructor.late_steps=20", "instructor.wrong=0.1", "instructor.present=0.5")
 WRONG = ("instructor=flawed", "instructor.wrong=1.0")

@@ -12,8 +12,8 @@ from benchmarks.plan import LEVELS
 from benchmarks.records import Record, load
 from benchmarks.skill import ALGORITHMS
 
-OURS, LEAN, GYMNASIUM = "#6d5bd0", "#d9822b", "#3b8f5a"
-"""Colours of our side, and of Stable-Baselines3 by its environment's step."""
+OURS, REWARDED, LEAN, GYMNASIUM = "#6d5bd0", "#c2458a", "#d9822b", "#3b8f5a"
+"""Colours of our sides, and of Stable-Baselines3 by its environment's step."""
 
 
 def draw(curves_file: str, picture: str) -> None:
@@ -46,6 +46,6 @@ def draw_panel(panel: Axes, algorithm: str, curves: list[Record]) -> None:
 
 def colour(side: str) -> str:
     """Of a side, by its name in the file."""
-    if side == "ibe_rl":
-        return OURS
+    if side.startswith("ibe_rl"):
+        return REWARDED if "rewarded" in side else OURS
     return GYMNASIUM if "gymnasium" in side else LEAN

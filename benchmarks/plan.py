@@ -9,6 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 LEVELS = {"83": 0.83, "95": 0.95}
 """Shares of evaluation episodes that succeed, by their name in the figures."""
+REWARDED = "obedience.judge=mapping"
+"""The setting that rewards following the instruction, as the learnt vocabulary understands it."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,7 @@ class Sizes:
         levels: of ``LEVELS``, where a run of Stable-Baselines3 to skill ends.
         skill_steps: steps of the environment with which Stable-Baselines3 runs to skill, by algorithm.
         skill_overrides: of the runs of train.py to skill, by algorithm; a Q-network does not get there by default.
+        rewarded: algorithms that run to skill with reward for following the instruction, too.
         evaluate_every: frames between two evaluations on the way to skill, by algorithm.
         evaluation_episodes: of each of them.
         cap_frames: where a run of Stable-Baselines3 ends that has not reached the levels, by algorithm.
@@ -47,6 +50,7 @@ class Sizes:
     skill_overrides: Mapping[str, tuple[str, ...]] = field(
         default_factory=lambda: {"ppo": (), "dqn": ("total_frames=2_000_000",)}
     )
+    rewarded: tuple[str, ...] = ("ppo",)
     evaluate_every: Mapping[str, int] = field(default_factory=lambda: {"ppo": 50_000, "dqn": 20_000})
     evaluation_episodes: int = 100
     cap_frames: Mapping[str, int] = field(default_factory=lambda: {"ppo": 3_000_000, "dqn": 400_000})
@@ -73,7 +77,7 @@ class Sizes:
     )
 
 
-SHORT = Sizes(levels=("83",), skill_steps={"ppo": ("lean",), "dqn": ("lean",)})
+SHORT = Sizes(levels=("83",), skill_steps={"ppo": ("lean",), "dqn": ("lean",)}, rewarded=())
 
 TINY_COLLECTION = {"processes": 2, "envs_per_process": 4, "steps_per_batch": 64}
 QUICK = Sizes(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import Any
 
 from benchmarks import ours
 from benchmarks.child import measure
 from benchmarks.curves import Curve, Sides, load_seeds, to_records
 from benchmarks.levels import Measured, Point, figure, plain, to_level
-from benchmarks.plan import LEVELS, Plan
+from benchmarks.plan import LEVELS, REWARDED, Plan
 from benchmarks.records import Record, load, machine, replace_part, save, versions
 from ibe_rl.config.settings import TrainConfig
 
@@ -55,13 +56,23 @@ def names_of(plan: Plan, algorithm: str, vec_env: str) -> dict[str, str]:
     """How each side is called in the file of the curves and in the picture."""
     told = {"lean": "", "gymnasium": ", gymnasium's step"}
     steps = plan.sizes.skill_steps[algorithm]
-    return {"ours": "ibe_rl"} | {step: f"stable-baselines3 ({vec_env}{told[step]})" for step in steps}
+    mine = {"ours": "ibe_rl", "rewarded": "ibe_rl, rewarded for following"}
+    return {side: mine[side] for side in ours_of(plan, algorithm)} | {
+        step: f"stable-baselines3 ({vec_env}{told[step]})" for step in steps
+    }
+
+
+def ours_of(plan: Plan, algorithm: str) -> dict[str, list[str]]:
+    """Overrides of each run of train.py that a seed has, by its side."""
+    overrides = train_overrides(plan, algorithm)
+    rewarded = {"rewarded": [*overrides, REWARDED]} if algorithm in plan.sizes.rewarded else {}
+    return {"ours": overrides, **rewarded}
 
 
 def setting_of(plan: Plan, algorithm: str) -> Record:
     """How and where runs to skill are made; only runs with the same are put together."""
     return {
-        "train": [*train_overrides(plan, algorithm), f"default {TrainConfig.total_frames} frames"],
+        "train": ours_of(plan, algorithm) | {"default_frames": TrainConfig.total_frames},
         "stable_baselines3": other_settings(plan, algorithm),
         "versions": versions(),
         "machine": machine(),
@@ -76,10 +87,12 @@ def train_seed(plan: Plan, say: Say, algorithm: str, seed: int, vec_env: str) ->
         say(f"{algorithm}, seed {seed}: {said}")
         sides[step] = train_other(plan, algorithm, seed, vec_env, step)
         say(f"  {told(sides[step].points)}")
-    say(f"{algorithm}, seed {seed}: train.py")
-    trained = ours.train(*train_overrides(plan, algorithm), f"seed={seed}")
-    say(f"  {told(trained.points)}")
-    return sides | {"ours": Curve(trained.points, trained.summary["wall_s"])}
+    for side, overrides in ours_of(plan, algorithm).items():
+        say(f"{algorithm}, seed {seed}: train.py {' '.join(overrides)}")
+        trained = ours.train(*overrides, f"seed={seed}")
+        sides[side] = Curve(trained.points, trained.summary["wall_s"])
+        say(f"  {told(trained.points)}")
+    return sides
 
 
 def train_other(plan: Plan, algorithm: str, seed: int, vec_env: str, step: str) -> Curve:
@@ -122,28 +135,42 @@ def figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[str]) -> Fi
     found: Figures = []
     for label in levels:
         for name in UNITS:
-            found += level_figures(f"{name}_to_{label}_{algorithm}", name, seeds, label, "lean")
+            found += level_figures(f"{name}_to_{label}_{algorithm}", name, seeds, label)
         if "gymnasium" in seeds[0]:
             found += level_figures(f"time_to_{label}_{algorithm}_gymnasium_step", "time", seeds, label, "gymnasium")
-    final = [Measured(sides["ours"].points[-1].success) for sides in seeds]
     wall = [Measured(sides["ours"].wall_s) for sides in seeds]
-    return [
-        *found,
-        figure(f"final_success_{algorithm}", "share", final),
-        figure(f"final_success_{algorithm}_min", "share", final, what="min"),
+    found += [
+        *end_figures(f"final_success_{algorithm}", seeds, "ours"),
         figure(f"run_wall_s_{algorithm}", "s", wall),
         figure(f"run_wall_s_{algorithm}_min", "s", wall, what="min"),
         figure(f"run_wall_s_{algorithm}_max", "s", wall, what="max"),
     ]
+    return found + (rewarded_figures(algorithm, seeds, levels) if "rewarded" in seeds[0] else [])
 
 
-def level_figures(name: str, counted: str, seeds: Sequence[Sides], label: str, other: str) -> Figures:
-    """What a level took, ours against a side of Stable-Baselines3: the median seed and the worst of each."""
+def rewarded_figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[str]) -> Figures:
+    """The same of our runs that are rewarded for following the instruction."""
+    found: Figures = []
+    for label, name in product(levels, UNITS):
+        found += level_figures(f"{name}_to_{label}_{algorithm}_rewarded", name, seeds, label, mine="rewarded")
+    return [*found, *end_figures(f"final_success_{algorithm}_rewarded", seeds, "rewarded")]
+
+
+def end_figures(name: str, seeds: Sequence[Sides], side: str) -> Figures:
+    """Success of one of our sides at its end: the median seed and the worst."""
+    final = [Measured(sides[side].points[-1].success) for sides in seeds]
+    return [figure(name, "share", final), figure(f"{name}_min", "share", final, what="min")]
+
+
+def level_figures(
+    name: str, counted: str, seeds: Sequence[Sides], label: str, other: str = "lean", mine: str = "ours"
+) -> Figures:
+    """What a level took, one of our sides against one of Stable-Baselines3: the median seed and the worst of each."""
     attribute, unit = UNITS[counted]
-    mine, theirs = (
-        [to_level(sides[side].points, LEVELS[label], attribute) for sides in seeds] for side in ("ours", other)
+    took, theirs = (
+        [to_level(sides[side].points, LEVELS[label], attribute) for sides in seeds] for side in (mine, other)
     )
-    return [figure(name, unit, mine, theirs), figure(f"{name}_max", unit, mine, theirs, what="max")]
+    return [figure(name, unit, took, theirs), figure(f"{name}_max", unit, took, theirs, what="max")]
 
 
 def keep_curves(plan: Plan, part: str, new: list[Record]) -> None:

@@ -15,7 +15,7 @@ from benchmarks import __main__ as program
 from benchmarks import curves, ours, picture, sb3, skill, starting
 from benchmarks.curves import Curve
 from benchmarks.levels import Point
-from benchmarks.plan import FORMS, Plan, make_plan
+from benchmarks.plan import FORMS, REWARDED, Plan, make_plan
 from benchmarks.records import load
 from ibe_rl.collect.schedule import Schedule
 from ibe_rl.config.settings import TrainConfig
@@ -23,6 +23,8 @@ from ibe_rl.config.settings import TrainConfig
 pytestmark = pytest.mark.slow
 
 NAMES = {"ours": "ibe_rl", "lean": "theirs"}
+OURS = [("agent=ppo", "eval_every_frames=50000", f"seed={seed}") for seed in range(2)]
+REWARDED_RUNS = [(*run[:-1], REWARDED, run[-1]) for run in OURS]
 
 
 def climb(seconds: float, successes: tuple[float, ...] = (0.5, 0.9, 0.9)) -> list[Point]:
@@ -45,7 +47,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
 
     def train(*overrides: str) -> ours.TrainingRun:
         made.append(overrides)
-        return ours.TrainingRun({"wall_s": 40.0}, climb(10.0 + int(overrides[-1].removeprefix("seed="))))
+        faster = 4.0 if REWARDED in overrides else 0.0
+        return ours.TrainingRun({"wall_s": 40.0}, climb(10.0 - faster + int(overrides[-1].removeprefix("seed="))))
 
     monkeypatch.setattr(skill, "measure", measure)
     monkeypatch.setattr(ours, "train", train)
@@ -63,14 +66,17 @@ def values(figure: dict[str, Any], side: str) -> list[float]:
 
 def test_five_seeds_are_run_and_every_value_is_kept(tmp_path: Path, asked: list[tuple[Any, ...]]):
     found = figures_of(tmp_path)
-    assert len(asked) == 3 * 5
+    assert len(asked) == 4 * 5
     assert asked[:2] == [(0, "lean"), (0, "gymnasium")]
-    assert asked[2] == ("agent=ppo", "eval_every_frames=50000", "seed=0")
+    assert asked[2:4] == [OURS[0], REWARDED_RUNS[0]]
     assert values(found["time_to_83_ppo"], "ours") == [30, 33, 36, 39, 42]
     assert (found["time_to_83_ppo"]["ours"], found["time_to_83_ppo"]["other"]) == (36, 60)
     assert (found["time_to_83_ppo_max"]["ours"], found["time_to_83_ppo_max"]["other"]) == (42, 60)
     assert found["time_to_83_ppo_gymnasium_step"]["other"] == 90
     assert found["frames_to_83_ppo"]["ratio"] == 1
+    assert (found["time_to_83_ppo_rewarded"]["ours"], found["time_to_83_ppo_rewarded_max"]["ours"]) == (24, 30)
+    assert found["time_to_83_ppo_rewarded"]["ratio"] == 24 / 60
+    assert found["final_success_ppo_rewarded_min"]["ours"] == 0.9
     assert found["final_success_ppo_min"]["ours"] == 0.9
     assert found["run_wall_s_ppo"]["ours"] == 40
 
@@ -80,7 +86,7 @@ def test_a_run_that_was_stopped_goes_on_with_the_missing_seeds(tmp_path: Path, a
     figures_of(tmp_path / "parts", "--seeds", "0", "2")
     asked.clear()
     resumed = figures_of(tmp_path / "parts", "--seeds", "0", "1", "2", "--resume")
-    assert asked == [(1, "lean"), (1, "gymnasium"), ("agent=ppo", "eval_every_frames=50000", "seed=1")]
+    assert asked == [(1, "lean"), (1, "gymnasium"), OURS[1], REWARDED_RUNS[1]]
     assert [made | {"date": ""} for made in resumed.values()] == [made | {"date": ""} for made in whole.values()]
 
 
@@ -91,11 +97,11 @@ def test_only_seeds_of_the_same_way_and_place_are_taken_up(
     for changed in ([], ["--cap-seconds", "100"]):
         asked.clear()
         figures_of(tmp_path, "--seeds", "0", *changed, *(["--resume"] if changed else []))
-        assert len(asked) == 3
+        assert len(asked) == 4
     asked.clear()
     monkeypatch.setattr(skill, "machine", lambda: {"processor": "another"})
     figures_of(tmp_path, "--seeds", "0", "--cap-seconds", "100", "--resume")
-    assert len(asked) == 3
+    assert len(asked) == 4
 
 
 def test_a_seed_without_all_of_its_sides_is_run_again(tmp_path: Path):
@@ -121,7 +127,7 @@ def test_our_run_to_skill_is_the_default_one_with_more_evaluations():
 
 def test_each_side_has_a_colour_of_its_own():
     names = skill.names_of(make_plan(FORMS["full"]), "ppo", "dummy")
-    assert len({picture.colour(name) for name in names.values()}) == 3
+    assert len({picture.colour(name) for name in names.values()}) == 4
 
 
 def small_short(folder: Path) -> Plan:
