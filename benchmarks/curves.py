@@ -18,10 +18,12 @@ class Curve:
     Attributes:
         points: its evaluations.
         wall_s: seconds of all of it, evaluations included; None where nobody asks.
+        fresh_success: of its end, on episodes that the training has not seen; None where nobody asks.
     """
 
     points: list[Point]
     wall_s: float | None = None
+    fresh_success: float | None = None
 
 
 Sides = dict[str, Curve]
@@ -61,10 +63,11 @@ def columns(run: Curve) -> dict[str, Any]:
         "seconds": [round(point.seconds, 3) for point in run.points],
         "success": [round(point.success, 3) for point in run.points],
         "wall_s": None if run.wall_s is None else round(run.wall_s, 3),
+        "fresh_success": run.fresh_success,
     }
 
 
 def curve(record: Record) -> Curve:
     """The inverse of ``columns``."""
     rows = zip(record["frames"], record["seconds"], record["success"], strict=True)
-    return Curve([Point(*row) for row in rows], record["wall_s"])
+    return Curve([Point(*row) for row in rows], record["wall_s"], record["fresh_success"])

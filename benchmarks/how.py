@@ -92,7 +92,10 @@ def _skill() -> dict[str, str]:
     for algorithm, name in ALGORITHMS.items():
         for label in LEVELS:
             told |= _level(algorithm, name, label)
-        told[f"final_success_{algorithm}"] = f"Success of ours at the end of {LENGTHS[algorithm]}, median over seeds."
+        told[f"final_success_{algorithm}"] = (
+            f"Success of ours at the end of {LENGTHS[algorithm]}, on {SIZES.fresh_episodes} episodes that the training "
+            "has not seen. Median over seeds."
+        )
         told[f"final_success_{algorithm}_min"] = "The worst seed's."
         told[f"run_wall_s_{algorithm}"] = (
             "Seconds of that whole run, with more evaluations than the default has; median over seeds."
@@ -107,7 +110,7 @@ def _skill() -> dict[str, str]:
 def _rewarded(algorithm: str) -> dict[str, str]:
     worst = "The worst seed's."
     end = f"final_success_{algorithm}_rewarded"
-    told = {end: "Success of these runs at their end, median over seeds.", f"{end}_min": worst}
+    told = {end: "Success of these runs at their end, as above. Median over seeds.", f"{end}_min": worst}
     for label in LEVELS:
         at = f"to_{label}_{algorithm}_rewarded"
         told |= {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.child import run
+from benchmarks.child import measure, run
 from benchmarks.levels import Point
 from ibe_rl.storage.run_folder import METRICS, SUMMARY
 
@@ -22,10 +22,12 @@ class TrainingRun:
     Attributes:
         summary: its summary.json.
         points: its evaluations.
+        fresh_success: of its end, on episodes that the training has not seen; None if nobody asked.
     """
 
     summary: dict[str, Any]
     points: list[Point]
+    fresh_success: float | None = None
 
     def share(self, *names: str) -> float:
         """The share of the wall time that these parts of ``time_s`` took together."""
@@ -37,14 +39,20 @@ class TrainingRun:
         return float(self.summary["frames"] / (self.summary["wall_s"] - times["setup"] - times["eval"]))
 
 
-def train(*overrides: str) -> TrainingRun:
-    """Run train.py with everything on, recording to a file, in a folder that goes away again."""
+def train(*overrides: str, fresh_episodes: int = 0) -> TrainingRun:
+    """Run train.py with everything on, recording to a file, in a folder that goes away again.
+
+    Args:
+        *overrides: of the run.
+        fresh_episodes: on which its end is judged as well.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run"
         run([sys.executable, "train.py", "viewer=file", *overrides, f"run_dir={path}"])
         with (path / METRICS).open() as stream:
             points = read_points(list(csv.DictReader(stream)))
-        return TrainingRun(json.loads((path / SUMMARY).read_text()), points)
+        fresh = measure("fresh.success", folder=str(path), episodes=fresh_episodes) if fresh_episodes else None
+        return TrainingRun(json.loads((path / SUMMARY).read_text()), points, fresh)
 
 
 def read_points(rows: list[dict[str, str]]) -> list[Point]:

@@ -25,6 +25,7 @@ class Sizes:
         rewarded: algorithms that run to skill with reward for following the instruction, too.
         evaluate_every: frames between two evaluations on the way to skill, by algorithm.
         evaluation_episodes: of each of them.
+        fresh_episodes: that the training has not seen, on which the end of a run of train.py to skill is judged.
         cap_frames: where a run of Stable-Baselines3 ends that has not reached the levels, by algorithm.
         rollout_steps: of each environment, in Stable-Baselines3's PPO.
         vec_env_steps: the same where its two vector environments are compared.
@@ -53,6 +54,7 @@ class Sizes:
     rewarded: tuple[str, ...] = ("ppo",)
     evaluate_every: Mapping[str, int] = field(default_factory=lambda: {"ppo": 50_000, "dqn": 20_000})
     evaluation_episodes: int = 100
+    fresh_episodes: int = 500
     cap_frames: Mapping[str, int] = field(default_factory=lambda: {"ppo": 3_000_000, "dqn": 400_000})
     rollout_steps: int = 1024
     vec_env_steps: int = 256
@@ -88,6 +90,7 @@ QUICK = Sizes(
     ),
     evaluate_every={"ppo": 1000, "dqn": 1000},
     evaluation_episodes=4,
+    fresh_episodes=6,
     cap_frames={"ppo": 3000, "dqn": 2000},
     rollout_steps=64,
     vec_env_steps=32,

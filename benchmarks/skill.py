@@ -72,6 +72,7 @@ def ours_of(plan: Plan, algorithm: str) -> dict[str, list[str]]:
 def setting_of(plan: Plan, algorithm: str) -> Record:
     """How and where runs to skill are made; only runs with the same are put together."""
     return {
+        "fresh_episodes": plan.sizes.fresh_episodes,
         "train": ours_of(plan, algorithm) | {"default_frames": TrainConfig.total_frames},
         "stable_baselines3": other_settings(plan, algorithm),
         "versions": versions(),
@@ -89,9 +90,9 @@ def train_seed(plan: Plan, say: Say, algorithm: str, seed: int, vec_env: str) ->
         say(f"  {told(sides[step].points)}")
     for side, overrides in ours_of(plan, algorithm).items():
         say(f"{algorithm}, seed {seed}: train.py {' '.join(overrides)}")
-        trained = ours.train(*overrides, f"seed={seed}")
-        sides[side] = Curve(trained.points, trained.summary["wall_s"])
-        say(f"  {told(trained.points)}")
+        trained = ours.train(*overrides, f"seed={seed}", fresh_episodes=plan.sizes.fresh_episodes)
+        sides[side] = Curve(trained.points, trained.summary["wall_s"], trained.fresh_success)
+        say(f"  {told(trained.points)}; {trained.fresh_success:.1%} of {plan.sizes.fresh_episodes} fresh episodes")
     return sides
 
 
@@ -157,8 +158,8 @@ def rewarded_figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[st
 
 
 def end_figures(name: str, seeds: Sequence[Sides], side: str) -> Figures:
-    """Success of one of our sides at its end: the median seed and the worst."""
-    final = [Measured(sides[side].points[-1].success) for sides in seeds]
+    """Success of one of our sides at its end, on fresh episodes: the median seed and the worst."""
+    final = [Measured(sides[side].fresh_success) for sides in seeds]
     return [figure(name, "share", final), figure(f"{name}_min", "share", final, what="min")]
 
 

@@ -6,17 +6,19 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
-from benchmarks import curves, ours, picture, sb3, skill, starting
+from benchmarks import curves, fresh, ours, picture, sb3, skill, starting
 from benchmarks.curves import Curve
 from benchmarks.levels import Point
 from benchmarks.plan import FORMS, REWARDED, Plan, make_plan
 from benchmarks.records import load
+from ibe_rl.collect.rollout import EVALUATION_SEED
 from ibe_rl.collect.schedule import Schedule
 from ibe_rl.config.settings import TrainConfig
 
@@ -45,10 +47,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
             return [vars(point) for point in climb({"lean": 20.0, "gymnasium": 30.0}[arguments["step"]])]
         return None  # no picture
 
-    def train(*overrides: str) -> ours.TrainingRun:
+    def train(*overrides: str, fresh_episodes: int) -> ours.TrainingRun:
         made.append(overrides)
-        faster = 4.0 if REWARDED in overrides else 0.0
-        return ours.TrainingRun({"wall_s": 40.0}, climb(10.0 - faster + int(overrides[-1].removeprefix("seed="))))
+        faster, seed = 4.0 if REWARDED in overrides else 0.0, int(overrides[-1].removeprefix("seed="))
+        return ours.TrainingRun({"wall_s": 40.0}, climb(10.0 - faster + seed), 0.9 - seed / fresh_episodes)
 
     monkeypatch.setattr(skill, "measure", measure)
     monkeypatch.setattr(ours, "train", train)
@@ -76,8 +78,8 @@ def test_five_seeds_are_run_and_every_value_is_kept(tmp_path: Path, asked: list[
     assert found["frames_to_83_ppo"]["ratio"] == 1
     assert (found["time_to_83_ppo_rewarded"]["ours"], found["time_to_83_ppo_rewarded_max"]["ours"]) == (24, 30)
     assert found["time_to_83_ppo_rewarded"]["ratio"] == 24 / 60
-    assert found["final_success_ppo_rewarded_min"]["ours"] == 0.9
-    assert found["final_success_ppo_min"]["ours"] == 0.9
+    assert found["final_success_ppo"]["ours"] == 0.9 - 2 / 500
+    assert found["final_success_ppo_min"]["ours"] == found["final_success_ppo_rewarded_min"]["ours"] == 0.9 - 4 / 500
     assert found["run_wall_s_ppo"]["ours"] == 40
 
 
@@ -105,7 +107,7 @@ def test_only_seeds_of_the_same_way_and_place_are_taken_up(
 
 
 def test_a_seed_without_all_of_its_sides_is_run_again(tmp_path: Path):
-    sides = {"ours": Curve(climb(1.0), 5.0), "lean": Curve(climb(2.0))}
+    sides = {"ours": Curve(climb(1.0), 5.0, 0.95), "lean": Curve(climb(2.0))}
     records = curves.to_records("skill-ppo", NAMES, {0: sides, 1: sides}, {"train": []})
     path = tmp_path / "curves.json"
     path.write_text(json.dumps(records[:-1]))  # theirs of seed 1 is missing
@@ -172,6 +174,24 @@ def test_stable_baselines3_learns_the_same_with_either_step():
     lean, theirs = ([(point["frames"], point["success"]) for point in points] for points in runs)
     assert lean == theirs
     assert len(lean) == 3
+
+
+def test_the_end_is_judged_on_episodes_that_the_training_has_not_seen(monkeypatch: pytest.MonkeyPatch):
+    asked: list[range] = []
+
+    def play(envs: list[Any], *policy_and_instructor: Any) -> list[SimpleNamespace]:
+        seeds = policy_and_instructor[-1]
+        assert len(envs) == min(fresh.AT_ONCE, len(seeds))
+        asked.append(seeds)
+        return [SimpleNamespace(success=seed % 4 > 0) for seed in seeds]
+
+    run = SimpleNamespace(config=TrainConfig(), task=None, policy=None, make_env=object)
+    monkeypatch.setattr(fresh, "load_run", lambda *_: run)
+    monkeypatch.setattr(fresh, "make_instructor", lambda *_: None)
+    monkeypatch.setattr(fresh, "play", play)
+    assert [fresh.success("runs/one", episodes) for episodes in (8, 400)] == [0.75, 0.75]
+    trained_on = range(EVALUATION_SEED, EVALUATION_SEED + TrainConfig.eval_episodes)
+    assert all(min(seeds) >= EVALUATION_SEED and not set(seeds) & set(trained_on) for seeds in asked)
 
 
 def test_set_up_is_divided_by_what_the_first_row_says(tmp_path: Path):
