@@ -164,9 +164,9 @@ def test_terminal_shows_every_record():
 
 
 def test_every_figure_says_how_it_was_measured():
-    run, curve = training_run(), Curve(CLIMB, 20.0)
+    run, curve = training_run(), Curve(CLIMB, 20.0, 0.9)
     found = [
-        *skill.figures("ppo", [dict.fromkeys(("ours", "lean", "gymnasium"), curve)], tuple(LEVELS)),
+        *skill.figures("ppo", [dict.fromkeys(("ours", "rewarded", "lean", "gymnasium"), curve)], tuple(LEVELS)),
         *skill.figures("dqn", [dict.fromkeys(("ours", "lean"), curve)], tuple(LEVELS)),
         *frames.figures([run], {name: [1.0] for name in frames.RATES}),
         *starting.figures([dict.fromkeys(starting.PARTS_S, 1.0)]),
