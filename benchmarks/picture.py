@@ -12,7 +12,7 @@ from benchmarks.plan import LEVELS
 from benchmarks.records import Record, load
 from benchmarks.skill import ALGORITHMS
 
-OURS, REWARDED, LEAN, GYMNASIUM = "#6d5bd0", "#c2458a", "#d9822b", "#3b8f5a"
+OURS, OURS_REWARDED, LEAN, GYMNASIUM = "#6d5bd0", "#c2458a", "#d9822b", "#3b8f5a"
 """Colours of our sides, and of Stable-Baselines3 by its environment's step."""
 
 
@@ -47,5 +47,5 @@ def draw_panel(panel: Axes, algorithm: str, curves: list[Record]) -> None:
 def colour(side: str) -> str:
     """Of a side, by its name in the file."""
     if side.startswith("ibe_rl"):
-        return REWARDED if "rewarded" in side else OURS
+        return OURS_REWARDED if "rewarded" in side else OURS
     return GYMNASIUM if "gymnasium" in side else LEAN
