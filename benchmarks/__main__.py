@@ -21,6 +21,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks import explanations, faults, frames, overhead, refreshes, skill, starting, sweep
+from benchmarks.how import HOW
 from benchmarks.plan import FORMS, Form, Plan, make_plan
 from benchmarks.records import Record, load, replace_part, save, stamp
 from benchmarks.report import document, table
@@ -99,8 +100,12 @@ def refusals(form: Form) -> Iterator[str]:
 
 
 def keep(plan: Plan, part: str, found: Figures) -> None:
-    """Write what a part has found so far in the place of its old records, and the document anew."""
-    records: list[Record] = replace_part(load(plan.results), part, stamp(part, found), list(PARTS))
+    """Write what a part has found so far in the place of its old records, and the document anew.
+
+    How a figure was measured is kept with it, so that one of an older way is not described by today's.
+    """
+    told = [figure | {"how": HOW[figure["name"]]} for figure in found]
+    records: list[Record] = replace_part(load(plan.results), part, stamp(part, told), list(PARTS))
     save(plan.results, records)
     picture = plan.picture.relative_to(plan.document.parent).as_posix() if plan.picture.exists() else None
     text = document(records, picture)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from benchmarks.plan import LEVELS, REWARDED, Sizes
 
 ALGORITHMS = {"ppo": "PPO", "dqn": "DQN"}
-LENGTHS = {"ppo": "train.py's default length", "dqn": "2,000,000 frames; by default train.py ends before"}
+WORST = "The worst seed of each side, which need not be the same."
+LENGTHS = {"ppo": "train.py's default length", "dqn": "2,000,000 frames (by default train.py ends before)"}
 SIZES = Sizes()
 
 TITLES = {
@@ -108,37 +109,35 @@ def _skill() -> dict[str, str]:
 
 
 def _rewarded(algorithm: str) -> dict[str, str]:
-    worst = "The worst seed's."
     end = f"final_success_{algorithm}_rewarded"
-    told = {end: "Success of these runs at their end, as above. Median over seeds.", f"{end}_min": worst}
+    told = {end: "Success of these runs at their end, as above. Median over seeds.", f"{end}_min": "The worst seed's."}
     for label in LEVELS:
         at = f"to_{label}_{algorithm}_rewarded"
         told |= {
             f"time_{at}": f"Seconds to {label} % as above where ours also gets reward for following the instruction "
             f"(`{REWARDED}`). Stable-Baselines3 does not. Median over seeds.",
-            f"frames_{at}": "The same in frames.",
-            f"time_{at}_max": worst,
-            f"frames_{at}_max": worst,
+            f"frames_{at}": "The same in frames, median over seeds.",
+            f"time_{at}_max": WORST,
+            f"frames_{at}_max": WORST,
         }
     return told
 
 
 def _level(algorithm: str, name: str, label: str) -> dict[str, str]:
-    worst = "The worst seed of each side, which need not be the same."
     told = {
         f"time_to_{label}_{algorithm}": f"Seconds until the second of two {name} evaluations in a row with at least "
         f"{label} % of 100 unseen episodes landed on the pad; everything counts but imports and evaluations. "
         f"An evaluation is due every {SIZES.evaluate_every[algorithm]:,} frames. Median over seeds.",
-        f"time_to_{label}_{algorithm}_max": worst,
+        f"time_to_{label}_{algorithm}_max": WORST,
         f"frames_to_{label}_{algorithm}": "The same in frames, median over seeds.",
-        f"frames_to_{label}_{algorithm}_max": worst,
+        f"frames_to_{label}_{algorithm}_max": WORST,
     }
     if "gymnasium" in SIZES.skill_steps[algorithm]:
         told[f"time_to_{label}_{algorithm}_gymnasium_step"] = (
             "Seconds as above against Stable-Baselines3 with gymnasium's own step; with the same seed it takes the "
             "same frames, number for number. Median over seeds."
         )
-        told[f"time_to_{label}_{algorithm}_gymnasium_step_max"] = worst
+        told[f"time_to_{label}_{algorithm}_gymnasium_step_max"] = WORST
     return told
 
 

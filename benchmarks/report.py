@@ -9,7 +9,7 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from benchmarks.how import HOW, RULES, TITLES
+from benchmarks.how import RULES, TITLES
 from benchmarks.records import Record
 
 HEADINGS = ("figure", "ours", "other", "unit", "ours / other", "runs")
@@ -80,9 +80,9 @@ def setting(record: Record) -> str:
 
 
 def section(records: Sequence[Record]) -> list[str]:
-    """One part: its table and how each figure was measured."""
+    """One part: its table and how each figure was measured, as it was said then."""
     rows = ["| " + " | ".join(cells(record)) + " |" for record in records]
     rule = "|---|---:|---:|---|---:|---:|"
-    told = [f"- `{record['name']}`: {HOW[record['name']]}" for record in records]
+    told = [f"- `{record['name']}`: {record['how']}" for record in records]
     title = TITLES[records[0]["part"]]
     return [f"## {title}", "", "| " + " | ".join(HEADINGS) + " |", rule, *rows, "", *told, ""]

@@ -15,6 +15,7 @@ import pytest
 from benchmarks import __main__ as program
 from benchmarks import curves, fresh, ours, picture, sb3, skill, starting
 from benchmarks.curves import Curve
+from benchmarks.how import HOW
 from benchmarks.levels import Point
 from benchmarks.plan import FORMS, REWARDED, Plan, make_plan
 from benchmarks.records import load
@@ -76,6 +77,7 @@ def test_five_seeds_are_run_and_every_value_is_kept(tmp_path: Path, asked: list[
     assert (found["time_to_83_ppo_max"]["ours"], found["time_to_83_ppo_max"]["other"]) == (42, 60)
     assert found["time_to_83_ppo_gymnasium_step"]["other"] == 90
     assert found["frames_to_83_ppo"]["ratio"] == 1
+    assert all(made["how"] == HOW[name] for name, made in found.items())
     assert (found["time_to_83_ppo_rewarded"]["ours"], found["time_to_83_ppo_rewarded_max"]["ours"]) == (24, 30)
     assert found["time_to_83_ppo_rewarded"]["ratio"] == 24 / 60
     assert found["final_success_ppo"]["ours"] == 0.9 - 2 / 500
@@ -190,8 +192,8 @@ def test_the_end_is_judged_on_episodes_that_the_training_has_not_seen(monkeypatc
     monkeypatch.setattr(fresh, "make_instructor", lambda *_: None)
     monkeypatch.setattr(fresh, "play", play)
     assert [fresh.success("runs/one", episodes) for episodes in (8, 400)] == [0.75, 0.75]
-    trained_on = range(EVALUATION_SEED, EVALUATION_SEED + TrainConfig.eval_episodes)
-    assert all(min(seeds) >= EVALUATION_SEED and not set(seeds) & set(trained_on) for seeds in asked)
+    evaluated = range(EVALUATION_SEED, EVALUATION_SEED + TrainConfig.eval_episodes)  # seeds before are trained with
+    assert all(min(seeds) >= EVALUATION_SEED and not set(seeds) & set(evaluated) for seeds in asked)
 
 
 def test_set_up_is_divided_by_what_the_first_row_says(tmp_path: Path):
