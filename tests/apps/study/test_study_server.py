@@ -86,7 +86,9 @@ def visited(study: Study) -> Iterator[Visited]:
     answers = Answers(study.folder / FILE)
 
     async def visit(what: Callable[[Visit], Awaitable[None]]) -> None:
-        async with TestClient(TestServer(study_app(study, answers))) as client:
+        server = TestServer(study_app(study, answers))
+        await server.start_server(access_log=None)  # as it is served
+        async with TestClient(server) as client:
             await what(Visit(client, study, answers))
 
     yield lambda what: asyncio.run(visit(what))
