@@ -38,8 +38,9 @@ from ibe_rl.runtime.installation import opened_with
 from ibe_rl.storage.whole_folder import whole_file
 from ibe_rl.task import RecordedRollout
 from ibe_rl.types import Explanation
+from ibe_rl.view.address import Ports, choose_ports
 from ibe_rl.view.recorder import Recorder
-from ibe_rl.view.relay import Ports, Relay, choose_ports, wants_browser
+from ibe_rl.view.relay import Relay, wants_browser
 
 
 def main(cfg: ExplainConfig) -> None:

@@ -21,14 +21,14 @@ from benchmarks.plan import ROOT, Plan
 from benchmarks.skill import Figures, Say
 from ibe_rl.runtime.operating_system import children_of, command_line_of
 from ibe_rl.storage.run_folder import METRICS, RECORDING
-from ibe_rl.view.relay import choose_ports
+from ibe_rl.view.address import choose_ports
 
 SCRIPT = """
 from pathlib import Path
 import train
 from benchmarks.faults import fill_disk_at_signal
 from ibe_rl.training import build
-from ibe_rl.view import film, relay
+from ibe_rl.view import address, film, relay
 from ibe_rl.config.command_line import run_script
 {patch}
 if __name__ == "__main__":
@@ -37,7 +37,7 @@ if __name__ == "__main__":
 """
 """train.py with something broken in it beforehand."""
 NOT_INSTALLED = "relay.find_spec = lambda _: None"
-PORTS = "build.choose_ports = lambda *_: relay.Ports({grpc}, {web})"
+PORTS = "build.choose_ports = lambda *_: address.Ports({grpc}, {web}, asked=({grpc}, {web}))"
 WARNING = {
     "killed": "the live view has ended: the viewer's server has ended",
     "stopped": "the viewer's server hangs",

@@ -27,8 +27,8 @@ from ibe_rl.metrics.drift import vocabulary_drift
 from ibe_rl.metrics.quality import realised_phrases, vocabulary_scores
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import Array, Episode, Explanation, Moment
+from ibe_rl.view.address import Ports
 from ibe_rl.view.recorder import Recorder
-from ibe_rl.view.relay import Ports
 from ibe_rl.vocabulary.refresh import Change, Refresh
 from ibe_rl.vocabulary.refresh_columns import figures
 

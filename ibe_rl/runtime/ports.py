@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
 from ibe_rl.runtime.operating_system import accepts, can_listen
 from ibe_rl.types import ConfigError
@@ -45,6 +47,29 @@ def free_port(default: int, other: int | None = None, host: str = HOST) -> int:
 def is_free(port: int, host: str = HOST) -> bool:
     """True if a server could listen on this port."""
     return can_listen(port, host, _family(host))
+
+
+@contextmanager
+def reserved(*ports: int, host: str = HOST) -> Iterator[list[int]]:
+    """Reserve ports for a server that is about to be started, among the programs that reserve theirs as well.
+
+    Two of them could find the same port free before either listens. So each holds the UDP port of the same number
+    meanwhile, which does not hinder the server.
+
+    Yields:
+        those that are not free, or that another program has reserved.
+    """
+    with ExitStack() as held:
+        yield [port for port in ports if not (_reserve(port, host, held) and is_free(port, host))]
+
+
+def _reserve(port: int, host: str, held: ExitStack) -> bool:
+    reserving = held.enter_context(socket.socket(_family(host), socket.SOCK_DGRAM))
+    try:
+        reserving.bind((host, port))
+    except OSError:
+        return False
+    return True
 
 
 def is_served(port: int, host: str = HOST) -> bool:

@@ -50,8 +50,9 @@ from ibe_rl.training.run import Run
 from ibe_rl.training.state import State, must_fit
 from ibe_rl.training.success_note import SuccessNote
 from ibe_rl.types import ConfigError
+from ibe_rl.view.address import choose_ports, page
 from ibe_rl.view.recording_file import set_back
-from ibe_rl.view.relay import choose_ports, page, serve_live, wants_browser
+from ibe_rl.view.relay import serve_live, wants_browser
 from ibe_rl.view.run_recorder import RunRecorder
 from ibe_rl.vocabulary.listener import Listener, Metric
 from ibe_rl.vocabulary.tracker import VocabularyTracker

@@ -7,29 +7,27 @@ dies on the way to the browser, the trainer is not waiting for it. ``python -m i
 from __future__ import annotations
 
 import argparse
-import getpass
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 import webbrowser
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Self
-from urllib.parse import quote
 
 from ibe_rl.runtime.installation import pasted
 from ibe_rl.runtime.operating_system import has_desktop, is_stopped
-from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free, is_served
+from ibe_rl.runtime.ports import HOST, is_served, reserved
 from ibe_rl.runtime.workers import ending
+from ibe_rl.types import ConfigError
+from ibe_rl.view.address import Ports, choose_ports, invitation, page
 from ibe_rl.view.server import HANG_S, MOMENT_S, ViewerServer, end_process
 
-GRPC_PORT, WEB_PORT, CHUNK_BYTES = 9876, 9090, 1 << 18
+CHUNK_BYTES = 1 << 18
 PAGE_STARTS_S = 60.0
 """How long the page may take to answer where somebody waits for it."""
 DRAIN_S = 2.0
@@ -39,36 +37,10 @@ News = Callable[[], list[str]]
 LOG = "viewer.log"
 SAYS = "relay: "
 """What a line of ``LOG`` begins with that the trainer is to pass on."""
-
-
-@dataclass(frozen=True)
-class Ports:
-    """The two ports of the live view: ``grpc`` carries the data, ``web`` the page.
-
-    ``moved`` names the defaults that were taken and what is used instead.
-    """
-
-    grpc: int
-    web: int
-    moved: tuple[tuple[int, int], ...] = ()
-
-
-def choose_ports(grpc_port: int | None, web_port: int | None) -> Ports:
-    """Decide on both ports.
-
-    Args:
-        grpc_port: None for 9876, or a free one if that is taken.
-        web_port: None for 9090, or a free one if that is taken.
-
-    Raises:
-        ConfigError: if a port asked for by its number is taken or none at all, or both are the same.
-    """
-    grpc = asked_port("viewer.grpc_port", grpc_port)
-    web = asked_port("viewer.web_port", web_port, other=grpc)
-    chosen_grpc = grpc or free_port(GRPC_PORT, other=web)
-    chosen_web = web or free_port(WEB_PORT, other=chosen_grpc)
-    pairs = ((GRPC_PORT, chosen_grpc, grpc), (WEB_PORT, chosen_web, web))
-    return Ports(chosen_grpc, chosen_web, tuple((a, b) for a, b, asked in pairs if asked is None and a != b))
+SERVES = "the relay has started the server"
+"""The line of ``LOG`` after which whatever answers on the ports is the relay's own server."""
+PORT_TAKEN = 3
+"""Exit status of a relay that found another program on one of its ports."""
 
 
 def rerun_binary() -> Path:
@@ -84,35 +56,10 @@ def rerun_binary() -> Path:
     return binary
 
 
-def invitation(ports: Ports) -> str:
-    """What to tell the person who wants to look: the address, how to reach it from elsewhere, and ports that moved."""
-    lines = [f"live view: {page(ports)}", f"  from another machine, forward it first: {port_forward(ports)}"]
-    lines += [f"  port {default} is taken, so this is on {port}" for default, port in ports.moved]
-    return "\n".join(lines)
-
-
-def page(ports: Ports) -> str:
-    """The address to open in a browser on this machine."""
-    data = quote(f"rerun+http://{HOST}:{ports.grpc}/proxy", safe="")
-    return f"http://{HOST}:{ports.web}/?url={data}&hide_welcome_screen=1&theme=dark"
-
-
-def port_forward(ports: Ports) -> str:
-    """The command that makes ``page`` work on another machine; both numbers must stay the same there."""
-    forwards = " ".join(f"-L {port}:{HOST}:{port}" for port in (ports.web, ports.grpc))
-    return f"ssh {forwards} {_user()}@{socket.gethostname()}"
-
-
-def _user() -> str:
-    """The name to log in with; where this user has none (as in a container), what to put in its place."""
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):  # OSError from Python 3.13 on
-        return "USER"
-
-
 class Relay:
     """The trainer's side: a process that serves ``recording`` until it is closed or the trainer is gone.
+
+    Where another program has taken a port meanwhile that was not asked for by its number, it serves on another one.
 
     Args:
         recording: the file, which may not be there yet.
@@ -127,22 +74,35 @@ class Relay:
         rerun_binary()
         self._recording, self._ports, self._browser = recording, ports, browser
         self._answered = self._told = False
-        numbers = ["--grpc-port", str(ports.grpc), "--web-port", str(ports.web), "--parent", str(os.getpid())]
-        command = [sys.executable, "-m", "ibe_rl.view.relay", str(recording), *numbers]
+        self._process = self._started()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        numbers = [("--grpc-port", self._ports.grpc), ("--web-port", self._ports.web), ("--parent", os.getpid())]
+        options = [str(part) for pair in numbers for part in pair]
+        command = [sys.executable, "-m", "ibe_rl.view.relay", str(self._recording), *options]
         try:
-            with (recording.parent / LOG).open("wb") as log:
-                self._process = subprocess.Popen(  # noqa: S603 - our own module
+            with (self._recording.parent / LOG).open("wb") as log:
+                return subprocess.Popen(  # noqa: S603 - our own module
                     command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
                 )  # in a session of its own, so that Ctrl-C reaches the trainer only
         except OSError as error:
             raise RuntimeError(f"the live view cannot be started: {error}") from error
 
+    def _elsewhere(self) -> None:
+        """Start again on other ports where one was taken that any other can stand in for."""
+        if self._process.poll() == PORT_TAKEN:
+            with suppress(ConfigError, RuntimeError):  # asked for by its number, or no second process: it has ended
+                self._ports = choose_ports(*self._ports.asked)
+                self._process = self._started()
+
     def alive(self) -> bool:
-        """True while the recording is served."""
+        """True while the recording is served, or is about to be."""
+        self._elsewhere()
         return self._process.poll() is None
 
     def news(self) -> list[str]:
         """The address once it answers, and a line once nobody can watch any more; waits for nothing."""
+        self._elsewhere()
         arrived = self._arrival()
         trouble = None if self._told else self._trouble()
         if trouble is None:
@@ -162,7 +122,8 @@ class Relay:
         return self.news()
 
     def _serves(self) -> bool:
-        return is_served(self._ports.web) and is_served(self._ports.grpc)
+        started = SERVES in self._log()  # until then another program may answer there
+        return started and is_served(self._ports.web) and is_served(self._ports.grpc)
 
     def _arrival(self) -> list[str]:
         if self._answered or not self._serves():
@@ -181,13 +142,16 @@ class Relay:
 
     def _said(self) -> str | None:
         """The last line that the relay has left for the trainer."""
+        return next((line.partition(SAYS)[2] for line in reversed(self._log()) if SAYS in line), None)
+
+    def _log(self) -> list[str]:
+        """The last lines of the relay and its server; none where they cannot be read."""
         try:
             with (self._recording.parent / LOG).open("rb") as log:
                 log.seek(max(0, log.seek(0, os.SEEK_END) - 4096))
-                lines = log.read().decode(errors="replace").splitlines()
+                return log.read().decode(errors="replace").splitlines()
         except OSError:
-            return None
-        return next((line.partition(SAYS)[2] for line in reversed(lines) if SAYS in line), None)
+            return []
 
     def close(self) -> None:
         """Serve what is written so far, then end; a second call does nothing."""
@@ -226,16 +190,27 @@ class _Stop:
 
 
 def relay(recording: Path, ports: Ports, stop: _Stop) -> int:
-    """Feed a recording to a server until asked to stop; returns the exit status, 1 if there is no server."""
+    """Feed a recording to a server until asked to stop.
+
+    Returns:
+        the exit status: 1 if the server has ended, ``PORT_TAKEN`` if another program has one of the ports.
+    """
     while not recording.exists():
         if stop.now(behind=False):
             return 0
         time.sleep(MOMENT_S)
-    if taken := [port for port in (ports.grpc, ports.web) if not is_free(port)]:
-        _say(f"port {taken[0]} was free, but is taken now")  # the server would go on without it and say nothing
-        return 1
+    with reserved(ports.grpc, ports.web) as taken:
+        if taken:
+            _say(f"port {taken[0]} was free, but is taken now")  # the server would go on without it and say nothing
+            return PORT_TAKEN
+        return _serve(recording, ports, stop)
+
+
+def _serve(recording: Path, ports: Ports, stop: _Stop) -> int:
     address = ["--bind", HOST, "--port", str(ports.grpc), "--web-viewer-port", str(ports.web)]
     server = ViewerServer([str(rerun_binary()), "-", "--serve-web", *address, "--server-memory-limit", "512MiB"])
+    sys.stderr.write(f"{SERVES}\n")
+    sys.stderr.flush()
     try:
         follow(recording, server, stop)
         if server.alive():

@@ -34,9 +34,10 @@ from ibe_rl.storage.run_folder import (
     refuse_special_files,
 )
 from ibe_rl.types import ConfigError
+from ibe_rl.view.address import GRPC_PORT, WEB_PORT, Ports, choose_ports
 from ibe_rl.view.overlay import Overlay
 from ibe_rl.view.recording_file import END, HEAD_BYTES, MAGIC, next_message
-from ibe_rl.view.relay import GRPC_PORT, LOG, WEB_PORT, Ports, Relay, choose_ports, wants_browser
+from ibe_rl.view.relay import LOG, Relay, wants_browser
 
 _RUNS = Path("runs")
 _POLL_S = 0.5

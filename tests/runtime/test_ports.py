@@ -8,7 +8,7 @@ import pytest
 from view_data import free_ports, needed
 
 from ibe_rl.runtime import ports
-from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free
+from ibe_rl.runtime.ports import HOST, asked_port, free_port, is_free, reserved
 from ibe_rl.types import ConfigError
 
 OTHER_HOST = "127.0.0.2"
@@ -117,3 +117,16 @@ def test_what_is_chosen_is_never_the_one_that_is_spoken_for(taken: int, monkeypa
 def test_an_address_of_another_machine_has_no_ports() -> None:
     with pytest.raises(OSError, match="assign"):
         free_port(port(), host="192.0.2.1")  # of the addresses that are kept for examples
+
+
+def test_what_one_program_has_reserved_another_finds_taken(taken: int) -> None:
+    """Before anything listens there; and a server can be started all the same."""
+    free = port()
+    with reserved(free) as none:
+        assert none == []
+        with reserved(taken, free) as both:
+            assert both == [taken, free]
+        with socket.create_server((HOST, free)):
+            assert not is_free(free)
+    with reserved(free) as none:
+        assert none == []

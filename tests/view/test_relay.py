@@ -1,6 +1,5 @@
 """The relay: it serves a growing file, ends with its trainer, and never makes it wait."""
 
-import getpass
 import os
 import signal
 import socket
@@ -8,9 +7,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
-from unittest.mock import Mock
-from urllib.parse import parse_qs, urlsplit
 from urllib.request import urlopen
 
 import pytest
@@ -19,10 +17,10 @@ from rerun.chunk import RrdReader
 from view_data import TASK, eventually, free_ports
 
 from ibe_rl.runtime.ports import is_free
-from ibe_rl.types import ConfigError
 from ibe_rl.view import relay as module
+from ibe_rl.view.address import Ports, invitation, page
 from ibe_rl.view.recorder import Recorder
-from ibe_rl.view.relay import Ports, Relay, _main, choose_ports, port_forward, rerun_binary
+from ibe_rl.view.relay import Relay, _main, rerun_binary
 
 
 @pytest.fixture
@@ -40,69 +38,6 @@ def frames_in(path: Path) -> list[int]:
     except (RuntimeError, ValueError, OSError):  # cut in the middle of a message
         return []
     return sorted(frame for batch in batches for frame in batch.to_pydict()["frames"])
-
-
-def test_defaults_are_taken_where_they_are_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    free = free_ports()
-    monkeypatch.setattr(module, "GRPC_PORT", free.grpc)
-    monkeypatch.setattr(module, "WEB_PORT", free.web)
-    assert choose_ports(None, None) == free
-    assert "taken" not in module.invitation(free)
-
-
-def test_a_taken_default_moves(monkeypatch: pytest.MonkeyPatch, taken: int) -> None:
-    monkeypatch.setattr(module, "GRPC_PORT", taken)
-    monkeypatch.setattr(module, "WEB_PORT", taken)
-    ports = choose_ports(None, None)
-    assert taken not in (ports.grpc, ports.web)
-    assert ports.grpc != ports.web
-    assert is_free(ports.grpc)
-    assert is_free(ports.web)
-    assert f"port {taken} is taken, so this is on {ports.web}" in module.invitation(ports)
-
-
-def test_a_default_gives_way_to_the_port_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    free = free_ports()
-    monkeypatch.setattr(module, "GRPC_PORT", free.web)
-    ports = choose_ports(None, free.web)
-    assert ports.web == free.web
-    assert ports.grpc != free.web
-
-
-def test_a_port_asked_for_and_taken_is_refused(taken: int) -> None:
-    with pytest.raises(ConfigError, match=f"viewer.grpc_port={taken}: taken, allowed is a free port"):
-        choose_ports(taken, None)
-    with pytest.raises(ConfigError, match=f"viewer.web_port={taken}: taken"):
-        choose_ports(None, taken)
-
-
-def test_one_port_cannot_be_both() -> None:
-    port = free_ports().web
-    with pytest.raises(ConfigError, match=f"viewer.web_port={port}: taken"):
-        choose_ports(port, port)
-
-
-def test_the_address_names_the_data_percent_encoded() -> None:
-    address = urlsplit(module.page(Ports(grpc=1234, web=5678)))
-    assert address.netloc == "127.0.0.1:5678"
-    assert "+" not in address.query
-    assert parse_qs(address.query) == {
-        "url": ["rerun+http://127.0.0.1:1234/proxy"],
-        "hide_welcome_screen": ["1"],
-        "theme": ["dark"],
-    }
-
-
-def test_the_forward_keeps_both_numbers() -> None:
-    command = module.port_forward(Ports(grpc=1234, web=5678))
-    assert command.startswith("ssh -L 5678:127.0.0.1:5678 -L 1234:127.0.0.1:1234 ")
-    assert command.endswith("@" + socket.gethostname())
-
-
-@pytest.mark.parametrize("error", [KeyError("getpwuid(): uid not found: 12345"), OSError("No username set")])
-def test_a_user_without_a_name_has_a_live_view_too(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
-    monkeypatch.setattr(getpass, "getuser", Mock(side_effect=error))
-    assert "-L 1:127.0.0.1:1 -L 2:127.0.0.1:2 USER@" in port_forward(Ports(2, 1))
 
 
 def test_without_the_viewer_there_is_no_relay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -145,7 +80,7 @@ def test_a_file_that_is_being_written_arrives_whole(tmp_path: Path) -> None:
             assert answer.status == 200
         assert relay.alive()
         recorder.close()
-    assert (tmp_path / module.LOG).read_text() == ""  # nothing to complain of
+    assert (tmp_path / module.LOG).read_text() == f"{module.SERVES}\n"  # nothing to complain of
     assert not relay.alive()
     assert is_free(ports.grpc)
 
@@ -216,8 +151,49 @@ def test_a_port_taken_between_choosing_and_serving_is_said(
 ) -> None:
     (tmp_path / "recording.rrd").touch()
     ports = Ports(free_ports().grpc, taken)
-    assert module.relay(tmp_path / "recording.rrd", ports, module._Stop(None)) == 1
+    assert module.relay(tmp_path / "recording.rrd", ports, module._Stop(None)) == module.PORT_TAKEN
     assert capsys.readouterr().err == f"relay: port {taken} was free, but is taken now\n"
+
+
+def recorded(path: Path) -> None:
+    """Write a recording: its server answers once it has got something."""
+    with closing(Recorder(path, TASK, "run")) as recorder:
+        recorder.batch(1, {"train/r": 1.0})
+
+
+def test_where_any_port_would_do_another_one_is_taken(tmp_path: Path, taken: int) -> None:
+    """As when two runs are started at once: whoever comes second serves elsewhere, and names no page of the first."""
+    recorded(tmp_path / "recording.rrd")
+    free = free_ports().grpc
+    with Relay(tmp_path / "recording.rrd", Ports(free, taken, asked=(free, None))) as relay:
+        [news] = relay.wait()
+        served = relay._ports
+        assert served.grpc == free
+        assert served.web != taken
+        assert news.splitlines()[0] == f"live view: {page(served)}"
+        assert urlopen(f"http://127.0.0.1:{served.web}/").status == 200
+        assert relay.news() == []
+
+
+def test_a_port_that_was_asked_for_is_not_changed(tmp_path: Path, taken: int) -> None:
+    (tmp_path / "recording.rrd").touch()
+    with Relay(tmp_path / "recording.rrd", Ports(free_ports().grpc, taken, asked=(None, taken))) as relay:
+        [news] = relay.wait()
+        assert f"the live view has ended: port {taken} was free, but is taken now" in news
+        assert not relay.alive()
+
+
+def test_the_server_of_another_program_is_not_announced(tmp_path: Path) -> None:
+    """It answers on both ports before there is a recording to serve."""
+    with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
+        ports = Ports(one.getsockname()[1], other.getsockname()[1])
+        with Relay(tmp_path / "recording.rrd", ports) as relay:
+            assert relay.alive()
+            assert relay.news() == []
+            recorded(tmp_path / "recording.rrd")
+            [news] = relay.wait()
+            assert page(ports) not in news
+            assert f"live view: {page(relay._ports)}" in news
 
 
 class Slow:
@@ -254,7 +230,8 @@ TRAINER = """
 import sys, time
 from pathlib import Path
 from unittest.mock import Mock
-from ibe_rl.view.relay import Ports, Relay
+from ibe_rl.view.address import Ports
+from ibe_rl.view.relay import Relay
 relay = Relay(Path(sys.argv[1]), Ports(int(sys.argv[2]), int(sys.argv[3])))
 print(relay._process.pid, flush=True)
 time.sleep(60)
@@ -303,10 +280,14 @@ def test_the_address_is_told_once_it_answers(browser: bool, tmp_path: Path, monk
     monkeypatch.setattr("webbrowser.open", opened.append)
     ports = free_ports()
     with Relay(tmp_path / "recording.rrd", ports, browser) as relay:
-        assert relay.news() == []
+        served.update((ports.web, ports.grpc))
+        assert relay.news() == []  # another program's page, as the relay has no recording yet
+        (tmp_path / "recording.rrd").touch()
+        served.clear()
+        assert eventually(lambda: module.SERVES in (tmp_path / module.LOG).read_text())
         served.add(ports.web)
         assert relay.news() == []  # the page alone would show nothing
         served.add(ports.grpc)
-        assert relay.wait() == [module.invitation(ports)]
+        assert relay.wait() == [invitation(ports)]
         assert relay.news() == []
-    assert opened == ([module.page(ports)] if browser else [])
+    assert opened == ([page(ports)] if browser else [])

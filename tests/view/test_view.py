@@ -17,9 +17,9 @@ from viewers import viewer as viewer  # a fixture
 
 from ibe_rl.runtime.ports import is_free
 from ibe_rl.view import sentences
+from ibe_rl.view.address import page as page_of_relay
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Relay
-from ibe_rl.view.relay import page as page_of_relay
 
 PANELS = {
     "Lunar Lander with pads: path and prediction",

@@ -30,6 +30,8 @@ from ibe_rl.runtime.ports import is_free
 from ibe_rl.storage.run_folder import METRICS, MetricsTable, read_json, read_rows
 from ibe_rl.types import ConfigError
 from ibe_rl.view import relay as relay_module
+from ibe_rl.view.address import page as page_at
+from ibe_rl.view.address import port_forward
 from ibe_rl.view.overlay import OVERLAY_APPLICATION, PLOT_COLUMNS, PLOTS, Overlay, curves_blueprint
 from ibe_rl.view.palette import RUN_COLOURS
 from ibe_rl.view.recorder import APPLICATION as RUN_APPLICATION
@@ -230,8 +232,8 @@ def test_runs_are_served_until_they_are_closed(number: signal.Signals, tmp_path:
         text = said(process)
         assert f"seed=0: {tmp_path / 'sweep' / 'run0'}" in text
         assert f"seed=1: {tmp_path / 'sweep' / 'run1'}" in text
-        assert relay_module.page(ports) in text
-        assert relay_module.port_forward(ports) in text
+        assert page_at(ports) in text
+        assert port_forward(ports) in text
         [relay] = children_of(process.pid)
         server = server_of(relay)
         assert len(list((tmp_path / "tmp").iterdir())) == 1

@@ -22,7 +22,7 @@ from ibe_rl.evaluation.progress_bar import progress_bar
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.run_folder import FIGURES, write_atomically
 from ibe_rl.types import ConfigError
-from ibe_rl.view.relay import choose_ports
+from ibe_rl.view.address import choose_ports
 from ibe_rl.view.viewer import open_recordings
 
 _TABLE = "sweep.csv"
