@@ -29,6 +29,7 @@ from ibe_rl.evaluation.trained_run import TrainedRun
 from ibe_rl.runtime.apps import load_app
 from ibe_rl.runtime.console import PlainConsole
 from ibe_rl.storage.run_folder import EVALUATION, FIGURES, POLICY_SUMMARY, read_json
+from ibe_rl.storage.whole_folder import unused
 from ibe_rl.task import RecordedRollout, Task
 from ibe_rl.types import ConfigError, Explanation
 from ibe_rl.view.clip_file import check_clip
@@ -239,7 +240,7 @@ def explain_agent(
     """
     chosen, given = environment(env, task)
     config: ExplainConfig = composed("explain", [*chosen, *settings])
-    folder = run_dir or datetime.now().astimezone().strftime("runs/%Y-%m-%d_%H-%M-%S")
+    folder = run_dir or unused(Path(datetime.now().astimezone().strftime("runs/%Y-%m-%d_%H-%M-%S")))
     config = replace(
         config,
         episodes=episodes,

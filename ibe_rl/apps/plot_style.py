@@ -35,6 +35,7 @@ DARK: Any = {
     **dict.fromkeys(("axes.titlesize", "axes.labelsize"), 10),
     **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 9),
     "text.parse_math": False,  # texts of users may hold dollars
+    "axes.formatter.useoffset": False,  # a tick says its value, where all of them are nearly the same too
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": LINE,

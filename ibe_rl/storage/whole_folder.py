@@ -34,7 +34,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         ConfigError: if it already holds a run or cannot be written to.
     """
     refuse_used(path)
-    partial = path.with_name(path.name + PARTIAL)
+    partial = _partial(path)
     held = f"run_dir={path}: another program is making it; allowed is a new folder"
     if (partial / CONFIG).parent.is_dir():
         with hold_folder(partial, held):
@@ -71,7 +71,7 @@ def whole_file(path: Path, key: str) -> Iterator[Path]:
     Raises:
         ConfigError: if it cannot be written.
     """
-    partial = path.with_name(path.name + PARTIAL)
+    partial = _partial(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield partial
@@ -81,6 +81,31 @@ def whole_file(path: Path, key: str) -> Iterator[Path]:
     finally:
         if partial.parent.is_dir():
             partial.unlink(missing_ok=True)
+
+
+def unused(path: Path) -> Path:
+    """``path``, or the first of ``path_2``, ``path_3`` … that holds no run and that no other program is making.
+
+    Raises:
+        ConfigError: if one of them cannot be looked into.
+    """
+    return next(one for one in _numbered(path) if _is_unused(one))
+
+
+def _is_unused(path: Path) -> bool:
+    try:
+        refuse_used(path)
+    except TakenFolderError:
+        return False
+    return not _partial(path).exists()
+
+
+def _numbered(path: Path) -> Iterator[Path]:
+    return chain([path], (path.with_name(f"{path.name}_{number}") for number in count(2)))
+
+
+def _partial(path: Path) -> Path:
+    return path.with_name(path.name + PARTIAL)
 
 
 @contextmanager
@@ -94,7 +119,7 @@ def begun_folder(path: Path, numbered: bool = False) -> Iterator[Path]:
     Raises:
         ConfigError: if it already holds a run or cannot be written to.
     """
-    for one in chain([path], (path.with_name(f"{path.name}_{number}") for number in count(2))):
+    for one in _numbered(path):
         before = {*one.iterdir()} if one.is_dir() else None
         try:
             create_run_folder(one)

@@ -8,7 +8,7 @@ import pytest
 
 from ibe_rl.storage import run_folder
 from ibe_rl.storage.run_folder import CONFIG, METRICS, create_run_folder, find_run, write_json
-from ibe_rl.storage.whole_folder import begun_folder, whole_file, whole_folder
+from ibe_rl.storage.whole_folder import begun_folder, unused, whole_file, whole_folder
 from ibe_rl.types import ConfigError
 
 
@@ -68,6 +68,16 @@ def test_trainings_that_begin_in_the_same_second_have_folders_of_their_own(tmp_p
             assert third.name.endswith("_3")
     with pytest.raises(ConfigError, match=r"run_dir=.*_10-00-00: holds a run already"), begun_folder(path):
         pass
+
+
+def test_the_first_name_that_nobody_uses_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "runs" / "2026-11-28_10-00-00"
+    assert unused(path) == path
+    create_run_folder(path)
+    assert unused(path) == path.with_name("2026-11-28_10-00-00_2")
+    with whole_folder(unused(path)):
+        assert unused(path) == path.with_name("2026-11-28_10-00-00_3")  # another program is making the second
+    assert unused(path) == path.with_name("2026-11-28_10-00-00_3")
 
 
 def test_a_folder_that_another_training_begins_at_the_same_moment_is_refused_and_left_to_it(

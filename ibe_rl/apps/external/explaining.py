@@ -19,6 +19,7 @@ from ibe_rl.apps.external.folder import external_run_config, keep_run, print_lin
 from ibe_rl.apps.external.policy import EpsilonGreedy, ExternalPolicy, as_policy
 from ibe_rl.apps.external.reading import Reading, compared_returns, forgotten, reading_of
 from ibe_rl.collect.rollout import play
+from ibe_rl.config.command_line import has_default_name
 from ibe_rl.config.settings import EnvConfig, ExplainConfig, PredictorConfig, TrainConfig
 from ibe_rl.envs.instructed_envs import episode_seed
 from ibe_rl.envs.make import make_env, make_snapshot_env
@@ -35,7 +36,7 @@ from ibe_rl.instructors import make_instructor
 from ibe_rl.metrics.confidence import Calibration
 from ibe_rl.predict import is_learnt, make_predictor
 from ibe_rl.storage.run_folder import REFRESHES, refuse_used
-from ibe_rl.storage.whole_folder import whole_folder
+from ibe_rl.storage.whole_folder import unused, whole_folder
 from ibe_rl.task import PERCEPT
 from ibe_rl.types import ConfigError, Episode, Policy, observe
 from ibe_rl.vocabulary.reactions import ASKED_AT, ask_during_rollouts
@@ -124,6 +125,8 @@ def learn_external(agent: Any, cfg: ExplainConfig, seed: int, env: EnvConfig | N
         ConfigError: naming the key, the value and what is allowed.
     """
     torch.set_num_threads(1)
+    if has_default_name():
+        cfg = replace(cfg, run_dir=str(unused(Path(cfg.run_dir))))
     found = _found(agent)
     reading = reading_of(found, cfg)
     made_from = agent if isinstance(agent, str | Path) else type(agent).__name__

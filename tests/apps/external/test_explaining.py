@@ -4,8 +4,10 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pilots
@@ -45,6 +47,18 @@ def explained(tmp_path_factory: pytest.TempPathFactory) -> ExplainedAgent:
     return explain_agent(
         pilots.pilot, "lander", episodes=24, agent_sees_instruction=False, run_dir=folder, settings=settings
     )
+
+
+def test_agents_explained_in_the_same_second_have_folders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    now = datetime(2026, 11, 28, 10, 0, 0, tzinfo=UTC)
+    monkeypatch.setattr("ibe_rl.api.explained.datetime", Mock(now=lambda: now))
+    asked = {"episodes": 12, "agent_sees_instruction": False, "settings": [*QUICK, *JUDGED]}
+    first, second = (explain_agent(pilots.pilot, "lander", **asked).run.folder for _ in range(2))
+    assert first.parent == Path("runs")
+    assert second == first.with_name(f"{first.name}_2")
 
 
 def test_its_episodes_are_logged_with_what_the_rule_says_beside_it(explained: ExplainedAgent) -> None:

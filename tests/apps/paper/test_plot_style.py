@@ -28,6 +28,18 @@ def test_colours_are_written_as_matplotlib_takes_them() -> None:
     assert hexed(np.array([13, 14, 20], np.uint8)) == "#0d0e14"
 
 
+def test_a_tick_says_its_value_where_all_are_nearly_the_same() -> None:
+    with rc_context(DARK):
+        figure = Figure()
+        axis = figure.subplots()
+        axis.plot([-145.3012, -145.3008], [0, 1])
+        figure.canvas.draw()
+    assert axis.xaxis.get_major_formatter().get_offset() == ""
+    assert [float(tick.get_text().replace("\u2212", "-")) for tick in axis.get_xticklabels()] == pytest.approx(
+        axis.get_xticks()
+    )
+
+
 def test_every_observer_has_its_words_its_colour_and_its_marker() -> None:
     observers = flights().expected.keys()
     assert OBSERVER_LABELS.keys() == OBSERVER_COLOURS.keys() == OBSERVER_MARKERS.keys() == observers
