@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-LEVELS = {"83": 0.83, "95": 0.95}
-"""Shares of evaluation episodes that succeed, by their name in the figures."""
+LEVELS = {"83": 0.83}
+"""Shares of evaluation episodes that succeed, by their name in the figures; there a run of Stable-Baselines3 ends."""
 REWARDED = "obedience.judge=mapping"
 """The setting that rewards following the instruction, as the learnt vocabulary understands it."""
 
@@ -19,7 +19,6 @@ class Sizes:
 
     Attributes:
         overrides: of every run of train.py.
-        levels: of ``LEVELS``, where a run of Stable-Baselines3 to skill ends.
         skill_steps: steps of the environment with which Stable-Baselines3 runs to skill, by algorithm.
         skill_overrides: of the runs of train.py to skill, by algorithm; a Q-network does not get there by default.
         rewarded: algorithms that run to skill with reward for following the instruction, too.
@@ -44,7 +43,6 @@ class Sizes:
     """
 
     overrides: tuple[str, ...] = ()
-    levels: tuple[str, ...] = tuple(LEVELS)
     skill_steps: Mapping[str, tuple[str, ...]] = field(
         default_factory=lambda: {"ppo": ("lean", "gymnasium"), "dqn": ("lean",)}
     )
@@ -79,7 +77,7 @@ class Sizes:
     )
 
 
-SHORT = Sizes(levels=("83",), skill_steps={"ppo": ("lean",), "dqn": ("lean",)}, rewarded=())
+SHORT = Sizes(skill_steps={"ppo": ("lean",), "dqn": ("lean",)}, rewarded=())
 
 TINY_COLLECTION = {"processes": 2, "envs_per_process": 4, "steps_per_batch": 64}
 QUICK = Sizes(

@@ -34,7 +34,7 @@ def run(plan: Plan, say: Say, part: str) -> Iterator[Figures]:
             seeds[seed] = train_seed(plan, say, algorithm, seed, vec_env)
             seeds = dict(sorted(seeds.items()))
             keep_curves(plan, part, to_records(part, names, seeds, about))
-        yield rates + figures(algorithm, list(seeds.values()), plan.sizes.levels)
+        yield rates + figures(algorithm, list(seeds.values()))
 
 
 def choose_vec_env(plan: Plan, say: Say) -> tuple[str, Figures]:
@@ -109,7 +109,7 @@ def other_settings(plan: Plan, algorithm: str) -> dict[str, Any]:
     return {
         "evaluate_every": sizes.evaluate_every[algorithm],
         "episodes": sizes.evaluation_episodes,
-        "levels": [LEVELS[label] for label in sizes.levels],
+        "levels": list(LEVELS.values()),
         "cap_frames": sizes.cap_frames[algorithm],
         "cap_seconds": plan.cap_seconds,
         "rollout_steps": sizes.rollout_steps,
@@ -131,10 +131,10 @@ def told(points: list[Point]) -> str:
     return f"{last.success:.0%} at {last.frames:,} frames, {last.seconds:.0f} s; {reached}"
 
 
-def figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[str]) -> Figures:
+def figures(algorithm: str, seeds: Sequence[Sides]) -> Figures:
     """What each level took, and how ours ended: medians and the worst."""
     found: Figures = []
-    for label in levels:
+    for label in LEVELS:
         for name in UNITS:
             found += level_figures(f"{name}_to_{label}_{algorithm}", name, seeds, label)
         if "gymnasium" in seeds[0]:
@@ -146,13 +146,13 @@ def figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[str]) -> Fi
         figure(f"run_wall_s_{algorithm}_min", "s", wall, what="min"),
         figure(f"run_wall_s_{algorithm}_max", "s", wall, what="max"),
     ]
-    return found + (rewarded_figures(algorithm, seeds, levels) if "rewarded" in seeds[0] else [])
+    return found + (rewarded_figures(algorithm, seeds) if "rewarded" in seeds[0] else [])
 
 
-def rewarded_figures(algorithm: str, seeds: Sequence[Sides], levels: Sequence[str]) -> Figures:
+def rewarded_figures(algorithm: str, seeds: Sequence[Sides]) -> Figures:
     """The same of our runs that are rewarded for following the instruction."""
     found: Figures = []
-    for label, name in product(levels, UNITS):
+    for label, name in product(LEVELS, UNITS):
         found += level_figures(f"{name}_to_{label}_{algorithm}_rewarded", name, seeds, label, mine="rewarded")
     return [*found, *end_figures(f"final_success_{algorithm}_rewarded", seeds, "rewarded")]
 

@@ -29,7 +29,7 @@ from benchmarks.child import measure
 from benchmarks.curves import Curve
 from benchmarks.how import HOW, TITLES
 from benchmarks.levels import Measured, Point, figure, median, plain, reached, to_level
-from benchmarks.plan import FORMS, LEVELS, ROOT, Plan, make_plan
+from benchmarks.plan import FORMS, ROOT, Plan, make_plan
 from benchmarks.records import load, replace_part, save, stamp
 from benchmarks.report import cells, document, table
 from ibe_rl.storage.log import TrajectoryLog
@@ -166,8 +166,8 @@ def test_terminal_shows_every_record():
 def test_every_figure_says_how_it_was_measured():
     run, curve = training_run(), Curve(CLIMB, 20.0, 0.9)
     found = [
-        *skill.figures("ppo", [dict.fromkeys(("ours", "rewarded", "lean", "gymnasium"), curve)], tuple(LEVELS)),
-        *skill.figures("dqn", [dict.fromkeys(("ours", "lean"), curve)], tuple(LEVELS)),
+        *skill.figures("ppo", [dict.fromkeys(("ours", "rewarded", "lean", "gymnasium"), curve)]),
+        *skill.figures("dqn", [dict.fromkeys(("ours", "lean"), curve)]),
         *frames.figures([run], {name: [1.0] for name in frames.RATES}),
         *starting.figures([dict.fromkeys(starting.PARTS_S, 1.0)]),
         *explanations.figures([RATES | {"game_frame_ms": 20}]),
