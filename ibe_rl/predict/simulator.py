@@ -116,6 +116,10 @@ class _EnvCopies:
         self._make_env, self._rule, self.follow_rule = make_env, rule, follow_rule
         self._copies: list[Any] = []
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process gets: games cannot be sent there, it makes copies of its own."""
+        return self.__dict__ | {"_copies": []}
+
     def clear(self) -> None:
         """Drop the copies.
 

@@ -114,6 +114,17 @@ def test_few_moments_start_no_process():
     assert simulator._pool is None
 
 
+def test_processes_are_started_after_few_moments_were_predicted_without_them():
+    """They get no games of this process, which cannot be sent there."""
+    _, moments = rolled_out()
+    policy = GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
+    settings = PredictorConfig(moments_at_once=4, processes=2)
+    with closing(Simulator.make(settings, make_snapshot_env=make_one, rule=RULE, seed=3)) as spread:
+        spread.rollout(moments[:3], policy, 2)
+        assert spread.rollout(moments[::20], policy, 2).paths.shape == (len(moments[::20]), 3, 9)
+        assert len(spread._pool._workers) == 2
+
+
 def test_nobody_knows_the_noise_of_the_future():
     """Each prediction draws its own, also of the same moment."""
     _, moments = rolled_out()
