@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -104,8 +104,9 @@ def test_what_a_terminal_or_a_batch_system_sends_ends_a_live_run_in_order(number
     many = ["collect.processes=2", "total_frames=100000000"]
     script = start("train.py", *SMALL, *many, f"run_dir={folder}", "viewer=live")
     assert eventually(lambda: list((folder / "refreshes").glob("*.json")) or script.poll() is not None)
-    lines = iter(script.stdout.readline, "")
-    assert any("live view: http://127.0.0.1" in line for line in islice(lines, 1000))
+    lines = islice(iter(script.stdout.readline, ""), 1000)
+    before = [*takewhile(lambda line: "live view: http://127.0.0.1" not in line, lines)]
+    assert script.poll() is None, before
     script.send_signal(number)
     os.killpg(script.pid, number)  # to the whole group, as a terminal does; `timeout` sends both
     output, _ = script.communicate(timeout=240)

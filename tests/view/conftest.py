@@ -1,5 +1,7 @@
-"""Recordings that several files look into."""
+"""Recordings that several files look into, and a port that somebody listens on."""
 
+import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,3 +22,10 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Rows:
 def recorder(tmp_path: Path) -> Recorder:
     """Writes to ``recording.rrd`` in the folder of the test."""
     return Recorder(tmp_path / "recording.rrd", TASK, "run")
+
+
+@pytest.fixture
+def taken() -> Iterator[int]:
+    """A port of this machine on which another program listens."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]

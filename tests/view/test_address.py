@@ -2,7 +2,6 @@
 
 import getpass
 import socket
-from collections.abc import Iterator
 from unittest.mock import Mock
 from urllib.parse import parse_qs, urlsplit
 
@@ -13,14 +12,6 @@ from ibe_rl.runtime.ports import is_free
 from ibe_rl.types import ConfigError
 from ibe_rl.view import address as module
 from ibe_rl.view.address import Ports, choose_ports, port_forward
-
-
-@pytest.fixture
-def taken() -> Iterator[int]:
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        server.listen()
-        yield server.getsockname()[1]
 
 
 def test_defaults_are_taken_where_they_are_free(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from urllib.request import urlopen
@@ -21,14 +20,6 @@ from ibe_rl.view import relay as module
 from ibe_rl.view.address import Ports, invitation, page
 from ibe_rl.view.recorder import Recorder
 from ibe_rl.view.relay import Relay, _main, rerun_binary
-
-
-@pytest.fixture
-def taken() -> Iterator[int]:
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        server.listen()
-        yield server.getsockname()[1]
 
 
 def frames_in(path: Path) -> list[int]:
