@@ -15,7 +15,7 @@ The path of a transition from the engine to rerun, below ibe_rl/ (checked by tes
     envs/gate.py            step            the engine (envs/lander.py) advances, and what it gives is checked
     instructors/oracle.py   instruct        the expert gives an instruction
     envs/instructed_envs.py _step           many environments step as one, with the instruction in the observation
-    collect/collector.py    batches         their steps become a batch
+    collect/collector.py    __next__        their steps become a batch
     agents/ppo.py           update          the agent learns from it
     storage/log.py          add             its steps become logged episodes
     ibe/estimator.py        fit             state changes of the best episodes are clustered, each cluster expressed
@@ -27,6 +27,13 @@ The path of a transition from the engine to rerun, below ibe_rl/ (checked by tes
 """
 
 from __future__ import annotations
+
+import sys
+
+if __name__ == "__main__":  # first: the workers' imports take as long as those of this script
+    from ibe_rl.runtime.workers import preload_workers
+
+    preload_workers(sys.argv[1:])
 
 from pathlib import Path
 from typing import Any
@@ -59,6 +66,8 @@ def train(run: Run) -> dict[str, Any]:
         with timeit("log"):
             log.add(steps_of(batch), run.task.context)  # batch → episodes
         last, row = run.ends(), training_row(log, losses)
+        if not last:
+            run.collect_next()  # meanwhile, in the workers
         if run.refresh_due(log.frames, last):
             row |= refresh_and_explain(run)  # episodes → vocabulary → words
         if run.evaluation_due(log.frames, last):

@@ -15,7 +15,7 @@ from tensordict import TensorDictBase
 
 from ibe_rl.agents import make_agent
 from ibe_rl.agents.ppo import PPOConfig, SamplingPolicy
-from ibe_rl.collect.collector import batches, make_collector
+from ibe_rl.collect.collector import Batches, make_collector
 from ibe_rl.config.settings import CollectConfig, EnvConfig, InstructorConfig
 from ibe_rl.envs import LANDER_ID
 from ibe_rl.envs.instructed_envs import InstructedEnvs
@@ -77,7 +77,7 @@ def collecting(settings: dict[str, Any]) -> Iterator[Generator[TensorDictBase, N
     agent = make_agent(PPOConfig(), task.observation_size, env.action_space, total_frames=1_000_000)
     collector = make_collector(agent, EnvConfig(LANDER_ID), CollectConfig(**settings), task, InstructorConfig(), seed=0)
     try:
-        with closing(batches(collector, agent, overlap=False)) as endless:
+        with closing(Batches(collector, agent, overlap=False)) as endless:
             next(endless)
             yield endless
     finally:

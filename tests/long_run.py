@@ -12,13 +12,12 @@ import json
 import resource
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import train
 from ibe_rl.agents.ppo import PPO
-from ibe_rl.collect.collector import batches
+from ibe_rl.collect.collector import Batches
 from ibe_rl.config.command_line import run_script
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.training import build
@@ -26,14 +25,18 @@ from ibe_rl.training import build
 ROOT = Path(__file__).parent.parent
 
 
-def one_batch_again_and_again(collector: Any, agent: Any, **_: Any) -> Iterator[Any]:
-    rolled_out = batches(collector, agent, overlap=False)
-    batch = next(rolled_out).clone()
-    rolled_out.close()
-    for name in ("done", "truncated"):  # so that it goes on from itself
-        batch["next", name][:, -1] = True
-    while True:
-        yield batch.clone()
+class OneBatchAgainAndAgain(Batches):
+    """Collects once only."""
+
+    def __next__(self) -> Any:
+        if not hasattr(self, "_batch"):
+            self._batch = super().__next__().clone()
+            for name in ("done", "truncated"):  # so that it goes on from itself
+                self._batch["next", name][:, -1] = True
+        return self._batch.clone()
+
+    def collect_next(self) -> None:
+        """Nothing more."""
 
 
 def resident_bytes() -> int:
@@ -67,6 +70,6 @@ def report_every(frames: int) -> None:
 
 if __name__ == "__main__":
     report_every(int(sys.argv.pop(1)))
-    build.batches = one_batch_again_and_again
+    build.Batches = OneBatchAgainAndAgain
     PPO.update = lambda *_: {"policy_loss": 0.0, "value_loss": 0.0, "entropy": 0.0}
     run_script(train.main, ROOT / "configs", "train")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from copy import deepcopy
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any
+from typing import Any, Self
 
 import gymnasium
 import numpy as np
@@ -154,10 +154,8 @@ def workers_of(collector: BaseCollector) -> Workers:
     return Processes(getattr(collector, "procs", ()), getattr(collector, "pipes", ()))
 
 
-def batches(
-    collector: BaseCollector, agent: Agent, overlap: bool, ahead_batches: int = 1, timeout_s: float | None = None
-) -> Generator[TensorDictBase, None, None]:
-    """Yield endless batches ``[N, T]``; close the generator before the collector.
+class Batches:
+    """Endless batches ``[N, T]``; close it before the collector.
 
     Args:
         collector: from ``make_collector``.
@@ -166,38 +164,64 @@ def batches(
             updates before, so the same seed gives the same batches.
         ahead_batches: most batches collected ahead of learning.
         timeout_s: seconds without a batch before a worker counts as hung; None disables it.
-
-    Raises:
-        LostWorkerError: if a worker dies or hangs.
     """
-    asked: SimpleQueue[TensorDictBase | None] = SimpleQueue()
-    coming: SimpleQueue[TensorDictBase | Exception] = SimpleQueue()
-    workers = workers_of(collector)
-    apart = bool(workers.names)  # a hung worker must not keep the program alive
-    Thread(target=_collect, args=(collector, asked, coming), daemon=apart).start()
 
-    def ask() -> None:
-        agent.sync_weights()
-        asked.put(TensorDict.from_module(agent.policy).data.clone())
+    def __init__(
+        self,
+        collector: BaseCollector,
+        agent: Agent,
+        overlap: bool,
+        ahead_batches: int = 1,
+        timeout_s: float | None = None,
+    ):
+        self._collector, self._agent, self._overlap = collector, agent, overlap
+        self._workers = workers_of(collector)
+        self._apart = bool(self._workers.names)
+        self._timeout_s = timeout_s if self._apart else None
+        self._asked: SimpleQueue[TensorDictBase | None] = SimpleQueue()
+        self._coming: SimpleQueue[TensorDictBase | Exception] = SimpleQueue()
+        self._ahead, self._most_ahead = 0, ahead_batches if overlap else 1
+        args = (collector, self._asked, self._coming)
+        self._thread = Thread(target=_collect, args=args, daemon=self._apart)  # a hung worker keeps no program alive
 
-    try:
-        for _ in range(ahead_batches if overlap else 1):
-            ask()
-        while True:
-            try:
-                batch = next_of(coming, workers, timeout_s if apart else None)
-            except LostWorkerError:
-                raise_child_error(collector)
-                raise
-            if overlap:
-                ask()
-            yield batch.reshape(-1, batch.shape[-1])
-            if not overlap:
-                ask()
-    finally:
-        while not asked.empty():
-            asked.get_nowait()
-        asked.put(None)
+    def collect_next(self) -> None:
+        """Collect the next batch with the current weights while the caller goes on, if other processes collect."""
+        if self._apart and not self._ahead:
+            self._ask()
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> TensorDictBase:
+        """The next batch.
+
+        Raises:
+            LostWorkerError: if a worker dies or hangs.
+        """
+        while self._ahead < self._most_ahead:
+            self._ask()
+        try:
+            batch = next_of(self._coming, self._workers, self._timeout_s)
+        except LostWorkerError:
+            raise_child_error(self._collector)
+            raise
+        self._ahead -= 1
+        if self._overlap:
+            self._ask()
+        return batch.reshape(-1, batch.shape[-1])
+
+    def close(self) -> None:
+        """Collect nothing more."""
+        while not self._asked.empty():
+            self._asked.get_nowait()
+        self._asked.put(None)
+
+    def _ask(self) -> None:
+        if self._thread.ident is None:
+            self._thread.start()
+        self._agent.sync_weights()
+        self._asked.put(TensorDict.from_module(self._agent.policy).data.clone())
+        self._ahead += 1
 
 
 def _collect(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -41,6 +43,7 @@ def run_script(script: Callable[[Any], None], configs: Path, name: str) -> None:
         configs: folder of the hydra files.
         name: root config in it.
     """
+    atexit.register(gc.freeze)  # looking for garbage in all that was imported took a second
     prepare_output()
     exit_with_page(sys.argv[1:], configs, name)
     prepare_hydra()

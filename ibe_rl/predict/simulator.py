@@ -92,7 +92,11 @@ class Simulator:
     def forget(self) -> None:
         """Use new copies from now on: old ones show traces of earlier episodes."""
         self._copies.clear()
-        self.close()
+        try:
+            if self._pool:
+                self._pool.each("clear")
+        except BrokenProcessPool:  # one of them was killed
+            self.close()
 
     def state_dict(self) -> dict[str, Any]:
         """The number of noise seeds drawn, all that predictions depend on after ``forget``."""

@@ -41,6 +41,16 @@ class ProcessPool:
             results = [worker.submit(_call, method, arguments) for worker, arguments in pairs]
         return (result.result() for result in results)
 
+    def each(self, method: str) -> None:
+        """Call a method of the kept object in every process, before the calls to come; nobody waits for it.
+
+        Raises:
+            BrokenProcessPool: if a process was killed.
+        """
+        with interrupts_stay_here(), script_stays_here():
+            for worker in self._workers:
+                worker.submit(_call, method, ())
+
     def close(self) -> None:
         """Stop the processes; pending calls are dropped."""
         for worker in self._workers:

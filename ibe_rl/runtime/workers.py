@@ -23,8 +23,10 @@ ANSWER_S = 3.0
 """Seconds an idle worker may take to answer."""
 START_S = 60.0
 """Least start-up limit of workers in seconds: they import much."""
-PRELOADED = ["ibe_rl.collect.collector"]
-"""What the process has imported that workers are copies of."""
+PRELOADED = ["ibe_rl.collect.collector", "ibe_rl.runtime.frozen"]
+"""What the process has imported that workers are copies of; last, that these are nobody's garbage."""
+WITHOUT_WORKERS = ("collect.processes=1", "collect.engine=ray")
+"""Settings of runs that start no workers here; options, such as --help or --multirun, start none either."""
 
 
 class LostWorkerError(RuntimeError):
@@ -38,10 +40,17 @@ def process_context() -> BaseContext:
     return context
 
 
-def preload_workers() -> None:
-    """Start the process that workers are copies of; it imports ``PRELOADED`` while this one goes on."""
+def preload_workers(arguments: Sequence[str] = ()) -> None:
+    """Start the process that workers are copies of; it imports ``PRELOADED`` while this one goes on.
+
+    Args:
+        arguments: the command line; nothing is started if it says that there will be no workers.
+    """
+    if any(one in WITHOUT_WORKERS or one.startswith("-") for one in arguments):
+        return
     copied = process_context().get_start_method() == "forkserver"
-    if copied and multiprocessing.get_start_method() == "spawn":  # otherwise the program has chosen another way
+    chosen = multiprocessing.get_start_method(allow_none=True)
+    if copied and chosen in (None, "spawn"):  # TorchRL chooses spawn; otherwise the program has chosen another way
         with interrupts_stay_here(), script_stays_here():
             forkserver.ensure_running()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from torchrl import timeit
 
 from ibe_rl.agents import make_agent
-from ibe_rl.collect.collector import apart, batches, make_collector, timed
+from ibe_rl.collect.collector import Batches, apart, make_collector, timed
 from ibe_rl.config.command_line import has_default_name, output_folder, run_name
 from ibe_rl.config.kinds import make_several
 from ibe_rl.config.saved import save_config
@@ -206,23 +206,22 @@ def _collect(run: Run, owned: ExitStack, classroom: Any) -> None:
     owned.callback(collector.shutdown)
     if classroom:
         owned.callback(classroom.farewell)
-    source = batches(
+    source = Batches(
         collector,
         run.agent,
         overlap=cfg.collect.overlap,
         ahead_batches=cfg.collect.ahead_batches,
         timeout_s=None if lesson else cfg.collect.timeout_s,
     )
-    if classroom:
-        source = _once_taught(run, classroom, source)
     owned.enter_context(closing(source))
-    run.batches = timed("collect", source)
+    run.batches = timed("collect", _once_taught(run, classroom, source) if classroom else source)
+    run.collect_next = source.collect_next
     if classroom:
         owned.callback(classroom.hurry)
         run.stop.when_asked(classroom.hurry)
 
 
-def _once_taught(run: Run, classroom: Any, source: Generator[Any, None, None]) -> Generator[Any, None, None]:
+def _once_taught(run: Run, classroom: Any, source: Iterable[Any]) -> Iterator[Any]:
     """The same batches, once the teacher is there."""
     classroom.wait_for_teacher(lambda: bool(run.stop), run.say)
     yield from source

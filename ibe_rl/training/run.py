@@ -74,6 +74,7 @@ class Run:
         say: prints a line to the terminal.
         tell: all listeners.
         batches: endless batches ``[N, T]``.
+        collect_next: lets other processes collect the next batch meanwhile, if there are any.
         partial_episodes: the unfinished episodes of a resumed run.
         last: whether the batch just logged is the last one.
         notes: what the trial and the first episodes found, already printed; kept in summary.json.
@@ -96,6 +97,7 @@ class Run:
     say: Callable[[str], None] = print
     tell: Listener = field(default_factory=Listener)
     batches: Iterator[TensorDictBase] = field(default_factory=lambda: iter(()))
+    collect_next: Callable[[], None] = field(default=lambda: None)
     random: GlobalRNGState = field(default_factory=GlobalRNGState)
     counts: Counts = field(default_factory=Counts)
     partial_episodes: list[PartialEpisode] = field(default_factory=list)

@@ -5,6 +5,7 @@ from contextlib import closing
 from copy import deepcopy
 from dataclasses import fields
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ibe_rl.agents.ppo import PPOConfig
 from ibe_rl.collect import collector as collect
 from ibe_rl.collect.check import check_collect
 from ibe_rl.collect.collector import (
-    batches,
+    Batches,
     env_of_worker,
     make_collector,
     steps_of,
@@ -55,15 +56,23 @@ def always(agent: Any, action: int) -> None:
     agent._epsilon = 0.0
 
 
-def gather(processes: int, overlap: bool = False) -> list[TensorDictBase]:
-    """Batches of an agent that learns to fire the main engine while it has the second one: 2 before, 2 after."""
+def gather(processes: int, overlap: bool = False, early: bool = False) -> list[TensorDictBase]:
+    """Batches of an agent that learns to fire the main engine while it has the second one: 2 before, 2 after.
+
+    ``early``: each is asked for as soon as the one before was there, and the agent had learnt from it.
+    """
     agent = make_dqn()
     collector = make_collector(agent, ENV, sizes(processes, overlap), LANDER_TASK, InstructorConfig(), seed=3)
     try:
-        with closing(batches(collector, agent, overlap)) as source:
-            gathered = [next(source).clone(), next(source).clone()]
-            always(agent, 2)
-            return [*gathered, next(source).clone(), next(source).clone()]
+        with closing(Batches(collector, agent, overlap)) as source:
+            gathered = []
+            for number in range(4):
+                gathered.append(next(source).clone())
+                if number == 1:
+                    always(agent, 2)
+                if early:
+                    source.collect_next()
+            return gathered
     finally:
         collector.shutdown()
 
@@ -143,6 +152,11 @@ def test_a_batch_that_is_collected_ahead_is_the_same_batch(one: list[TensorDictB
         assert (batch.exclude("collector") == expected.exclude("collector")).all()
 
 
+def test_a_batch_that_is_asked_for_early_is_the_same_batch(two: list[TensorDictBase]):
+    for batch, expected in zip(gather(2, early=True), two, strict=True):
+        assert (batch.exclude("collector") == expected.exclude("collector")).all()
+
+
 class Repeats:
     """In a collector's place: its batches say only with which weights they were collected."""
 
@@ -173,11 +187,27 @@ class Counts:
 def test_the_weights_are_those_of_so_many_updates_before(overlap: bool, ahead_batches: int, late: int):
     agent: Any = Counts()
     collector: Any = Repeats()
-    with closing(batches(collector, agent, overlap, ahead_batches)) as source:
+    with closing(Batches(collector, agent, overlap, ahead_batches)) as source:
         for number in range(20):
             batch = next(source)
             assert (batch["weights"] == max(0, number - late)).all()
             agent.updates += 1
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_the_next_batch_has_the_weights_of_when_it_was_asked_for(apart: bool):
+    """At first of several times; the trainer's own process has other things to do, so there nothing is early."""
+    agent: Any = Counts()
+    collector: Any = Repeats()
+    if apart:
+        collector.workers = SimpleNamespace(names=["worker 0"], dead=lambda _: [])
+    with closing(Batches(collector, agent, overlap=False)) as source:
+        source.collect_next()
+        for learnt in (1, 2):
+            agent.updates = learnt
+            source.collect_next()
+        assert (next(source)["weights"] == (0 if apart else 2)).all()
+        assert (next(source)["weights"] == 2).all()
 
 
 def learn_ahead(seed: int) -> tuple[list[TensorDictBase], list[torch.nn.Module]]:
@@ -188,7 +218,7 @@ def learn_ahead(seed: int) -> tuple[list[TensorDictBase], list[torch.nn.Module]]
     collector = make_collector(agent, ENV, sizes(1, overlap=True), LANDER_TASK, InstructorConfig(), seed)
     gathered, networks = [], [deepcopy(agent._actor).requires_grad_(False)]
     try:
-        with closing(batches(collector, agent, overlap=True, ahead_batches=3)) as source:
+        with closing(Batches(collector, agent, overlap=True, ahead_batches=3)) as source:
             for _ in range(7):
                 batch = next(source)
                 gathered.append(batch.clone())

@@ -1,6 +1,8 @@
 """The simulator goes where the game would go, and leaves the game alone."""
 
+import os
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from functools import partial
 from types import SimpleNamespace
@@ -105,6 +107,33 @@ def test_a_process_that_is_killed_is_done_without():
         process.kill()
         assert spread.rollout(several, policy, 30).paths.shape == whole.shape
         assert spread._pool is None
+
+
+def test_processes_stay_and_forget_the_episodes_that_they_played():
+    """What a run predicts after it was resumed is what it would have predicted."""
+    _, moments = rolled_out()
+    several, policy = moments[::5], GreedyPolicy(make_network(LANDER_TASK.observation_size, [8], 4, nn.Tanh, 1.0), 0.1)
+    settings = PredictorConfig(moments_at_once=4, processes=2)
+    make = partial(Simulator.make, settings, make_snapshot_env=make_one, rule=RULE, seed=3)
+    with closing(make()) as stays, closing(make()) as new, closing(make()) as remembers:
+        for one in (stays, remembers):
+            one.rollout(several, policy, 60)
+        before = processes_of(stays)
+        stays.forget()
+        new.load_state_dict(stays.state_dict())
+        found, expected, other = (one.rollout(several, policy, 60).paths for one in (stays, new, remembers))
+        np.testing.assert_array_equal(found, expected)
+        assert (found != other).any()
+        assert processes_of(stays) == before
+        for worker in stays._pool._workers:
+            with pytest.raises(BrokenProcessPool):
+                worker.submit(os._exit, 1).result()
+        stays.forget()
+        assert stays._pool is None
+
+
+def processes_of(simulator: Simulator) -> list[int]:
+    return [process for worker in simulator._pool._workers for process in worker._processes]
 
 
 def test_few_moments_start_no_process():

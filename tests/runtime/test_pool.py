@@ -46,6 +46,18 @@ def test_results_come_in_order_and_each_copy_gets_every_second_call() -> None:
         pool.close()
 
 
+def test_what_each_copy_is_told_comes_before_later_calls() -> None:
+    with closing(ProcessPool(Counting(), 2)) as pool:
+        _, calls, processes = zip(*pool.map("add", [(), ()]), strict=True)
+        pool.each("add")
+        _, later, same = zip(*pool.map("add", [(), ()]), strict=True)
+        assert (calls, later, same) == ((1, 1), (3, 3), processes)
+        with pytest.raises(BrokenProcessPool):
+            list(pool.map("die", [()]))
+        with pytest.raises(BrokenProcessPool):
+            pool.each("add")
+
+
 @pytest.mark.parametrize("processes", [1, 2])
 def test_each_call_is_answered_in_order_also_when_a_process_is_killed(processes: int) -> None:
     calls = [(number, os.getpid()) for number in (1, 2, 3, 4, 5)]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import multiprocessing
 import os
 import re
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
@@ -28,6 +31,7 @@ from ibe_rl.envs import LANDER_TASK
 from ibe_rl.runtime import workers
 from ibe_rl.runtime.installation import pasted
 from ibe_rl.runtime.operating_system import children_of, command_line_of
+from ibe_rl.runtime.signals import interrupts_stay_here, script_stays_here
 from ibe_rl.runtime.workers import LostWorkerError, ending, next_of
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.training.failure import resumable
@@ -203,7 +207,22 @@ def test_processes_start_as_copies_unless_a_program_has_chosen(
         with workers.start_method_for_torchrl():
             assert multiprocessing.get_start_method() == during
         assert multiprocessing.get_start_method() == before
-        workers.preload_workers()  # what they are copies of
+        for without in (["collect.processes=1"], ["seed=1", "collect.engine=ray"], ["--help"], ["-m", "seed=0,1"]):
+            workers.preload_workers(without)
+        assert loading == []
+        workers.preload_workers(["collect.processes=16"])  # what they are copies of
         assert loading == (["spawn"] if during == "forkserver" else [])
     finally:
         multiprocessing.set_start_method(mine, force=True)
+
+
+@pytest.mark.skipif(workers.process_start_method() != "forkserver", reason="workers are copies only there")
+def test_a_worker_looks_for_no_garbage_among_what_it_is_a_copy_of():
+    with interrupts_stay_here(), script_stays_here(), ProcessPoolExecutor(1, workers.process_context()) as pool:
+        imported, left_alone = pool.submit(_is_imported, "torchrl").result(), pool.submit(gc.get_freeze_count).result()
+    assert imported
+    assert left_alone > 100_000
+
+
+def _is_imported(module: str) -> bool:
+    return module in sys.modules

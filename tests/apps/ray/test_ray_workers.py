@@ -25,7 +25,7 @@ from view_data import eventually
 from ibe_rl.apps.ray import workers as ray_workers
 from ibe_rl.apps.ray.workers import Actors, RayWorkers
 from ibe_rl.collect.check import check_collect
-from ibe_rl.collect.collector import batches, make_collector
+from ibe_rl.collect.collector import Batches, make_collector
 from ibe_rl.config.settings import CollectConfig, InstructorConfig
 from ibe_rl.envs import LANDER_TASK
 from ibe_rl.instructors import check_instructor
@@ -82,7 +82,7 @@ def gather(engine: str, workers: int = 2) -> list[TensorDictBase]:
     config.engine = engine
     collector = make_collector(agent, ENV, config, LANDER_TASK, InstructorConfig(), seed=3)
     try:
-        with closing(batches(collector, agent, overlap=False, timeout_s=60.0)) as source:
+        with closing(Batches(collector, agent, overlap=False, timeout_s=60.0)) as source:
             gathered = [next(source).clone(), next(source).clone()]
             always(agent, 2)
             return [*gathered, next(source).clone()]
