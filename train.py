@@ -66,8 +66,6 @@ def train(run: Run) -> dict[str, Any]:
         with timeit("log"):
             log.add(steps_of(batch), run.task.context)  # batch → episodes
         last, row = run.ends(), training_row(log, losses)
-        if not last:
-            run.collect_next()  # meanwhile, in the workers
         if run.refresh_due(log.frames, last):
             row |= refresh_and_explain(run)  # episodes → vocabulary → words
         if run.evaluation_due(log.frames, last):
@@ -83,6 +81,8 @@ def train(run: Run) -> dict[str, Any]:
 def refresh_and_explain(run: Run) -> dict[str, float]:
     """Learn the vocabulary again, roll out one greedy episode and explain it step by step."""
     cfg, policy = run.cfg, run.agent.greedy
+    if not run.last:
+        run.collect_next()  # meanwhile, in the workers
     try:
         refresh = learn(run)  # episodes → vocabulary
     except OSError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
@@ -157,9 +158,10 @@ def _begin(
 ) -> Run:
     """Make all parts and notify the listeners of the start."""
     timeit.erase()
+    started_s = time.perf_counter()
     with timeit("setup"):
         run = make_parts(cfg, folder, owned, stop, state)
-        run.metrics, run.notes = list(metrics), notes
+        run.started_s, run.metrics, run.notes = started_s, list(metrics), notes
         take_up_words(folder, run.task)
         if run.task.words is not None:
             save_words(folder, run.task.words)

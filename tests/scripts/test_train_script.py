@@ -16,6 +16,7 @@ from processes import SMALL, SMALL_RUN, assert_whole, call, start
 from rerun.chunk import RrdReader
 from view_data import column, eventually, frames, read
 
+from ibe_rl.collect.collector import Batches
 from ibe_rl.storage.log import TrajectoryLog
 from ibe_rl.storage.run_folder import METRICS, read_rows
 from ibe_rl.training.run import TIMES
@@ -89,13 +90,30 @@ def test_the_recording_holds_what_metrics_and_refreshes_hold(run: Path) -> None:
 
 def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
     call("train", *SMALL_RUN, f"run_dir={tmp_path / 'again'}", "viewer=off")
-    for first, second in zip(read_rows(run / METRICS), read_rows(tmp_path / "again" / METRICS), strict=True):
-        for name in first:
-            if not name.startswith("time/"):
-                assert first[name] == second[name], name
+    assert numbers(run) == numbers(tmp_path / "again")
     for path in (run / "refreshes").glob("*.json"):
         assert path.read_text() == (tmp_path / "again" / "refreshes" / path.name).read_text()
     assert not (tmp_path / "again" / "recording.rrd").exists()
+
+
+def numbers(run: Path) -> list[dict[str, str]]:
+    """All rows of metrics.csv, without how long anything took."""
+    return [
+        {name: text for name, text in row.items() if not name.startswith("time/")} for row in read_rows(run / METRICS)
+    ]
+
+
+def test_workers_collect_while_the_vocabulary_is_learnt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of it changes: the agent learns nothing meanwhile. After the last batch there is nothing to collect."""
+    settings, asked, collect_next = [*SMALL_RUN, "collect.processes=2", "viewer=off"], [], Batches.collect_next
+    monkeypatch.setattr(Batches, "collect_next", lambda batches: asked.append(collect_next(batches)))
+    call("train", *settings, f"run_dir={tmp_path / 'meanwhile'}")
+    found = numbers(tmp_path / "meanwhile")
+    assert len(asked) == 2
+    assert sum(bool(row["ibe/windows"]) for row in found) == 3
+    monkeypatch.setattr(Batches, "collect_next", lambda _: None)
+    call("train", *settings, f"run_dir={tmp_path / 'later'}")
+    assert found == numbers(tmp_path / "later")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
