@@ -51,7 +51,7 @@ def preload_workers(arguments: Sequence[str] = ()) -> None:
     copied = process_context().get_start_method() == "forkserver"
     chosen = multiprocessing.get_start_method(allow_none=True)
     if copied and chosen in (None, "spawn"):  # TorchRL chooses spawn; otherwise the program has chosen another way
-        with interrupts_stay_here(), script_stays_here():
+        with interrupts_stay_here(), script_stays_here(), suppress(OSError):  # starting the workers says what is wrong
             forkserver.ensure_running()
 
 

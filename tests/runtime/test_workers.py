@@ -216,6 +216,15 @@ def test_processes_start_as_copies_unless_a_program_has_chosen(
         multiprocessing.set_start_method(mine, force=True)
 
 
+def test_what_cannot_be_started_early_is_told_when_it_is_needed(monkeypatch: pytest.MonkeyPatch):
+    def refuse() -> None:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(workers, "process_start_method", lambda: "forkserver")
+    monkeypatch.setattr(workers.forkserver, "ensure_running", refuse)
+    workers.preload_workers()
+
+
 @pytest.mark.skipif(workers.process_start_method() != "forkserver", reason="workers are copies only there")
 def test_a_worker_looks_for_no_garbage_among_what_it_is_a_copy_of():
     with interrupts_stay_here(), script_stays_here(), ProcessPoolExecutor(1, workers.process_context()) as pool:
