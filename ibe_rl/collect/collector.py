@@ -185,7 +185,7 @@ class Batches:
         self._thread = Thread(target=_collect, args=args, daemon=self._apart)  # a hung worker keeps no program alive
 
     def collect_next(self) -> None:
-        """Collect the next batch with the current weights while the caller goes on, if other processes collect."""
+        """Let the workers, if there are any, collect the next batch with the current weights, and do not wait."""
         if self._apart and not self._ahead:
             self._ask()
 

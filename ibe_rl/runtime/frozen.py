@@ -1,6 +1,7 @@
-"""Importing it leaves all objects of now out of garbage collection: imported last where processes are copied.
+"""Importing this module takes all that was imported before it out of garbage collection.
 
-Looking through what was imported costs a worker more than it can ever find there, and copies the memory.
+The process that workers are copies of imports it last. None of that is ever garbage, so a worker neither searches it
+nor copies its memory for the search.
 """
 
 import gc

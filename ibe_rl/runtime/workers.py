@@ -24,9 +24,9 @@ ANSWER_S = 3.0
 START_S = 60.0
 """Least start-up limit of workers in seconds: they import much."""
 PRELOADED = ["ibe_rl.collect.collector", "ibe_rl.runtime.frozen"]
-"""What the process has imported that workers are copies of; last, that these are nobody's garbage."""
+"""Modules that the process imports that workers are copies of, in this order."""
 WITHOUT_WORKERS = ("collect.processes=1", "collect.engine=ray")
-"""Settings of runs that start no workers here; options, such as --help or --multirun, start none either."""
+"""Settings of runs that start no workers on this machine, or start them in another way."""
 
 
 class LostWorkerError(RuntimeError):
@@ -44,7 +44,8 @@ def preload_workers(arguments: Sequence[str] = ()) -> None:
     """Start the process that workers are copies of; it imports ``PRELOADED`` while this one goes on.
 
     Args:
-        arguments: the command line; nothing is started if it says that there will be no workers.
+        arguments: the command line. Nothing is started where it has one of ``WITHOUT_WORKERS``, or an option: after
+            --help or --multirun no worker starts here. A run that needs workers all the same calls this again.
     """
     if any(one in WITHOUT_WORKERS or one.startswith("-") for one in arguments):
         return

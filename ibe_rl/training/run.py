@@ -74,7 +74,7 @@ class Run:
         say: prints a line to the terminal.
         tell: all listeners.
         batches: endless batches ``[N, T]``.
-        collect_next: lets other processes collect the next batch meanwhile, if there are any.
+        collect_next: lets the workers, if there are any, collect the next batch while this process goes on.
         partial_episodes: the unfinished episodes of a resumed run.
         last: whether the batch just logged is the last one.
         notes: what the trial and the first episodes found, already printed; kept in summary.json.
